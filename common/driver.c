@@ -1,0 +1,405 @@
+// The only main: reads a scene, times the phase it is linked to, writes the picture and the record.
+#include <errno.h>
+#include <getopt.h>
+#include <glob.h>
+#include <gnu/libc-version.h>
+#include <jansson.h>
+#include <math.h>
+#include <sched.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "phase.h"
+#include "phase_info.h"
+#include "timer.h"
+
+enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
+enum { LARGEST_SIDE = 32768, LARGEST_PIXELS = 1 << 28, SCHEMA = 1 };
+
+#ifdef __clang__
+#define COMPILER "clang " __clang_version__
+#else
+#define COMPILER "gcc " __VERSION__
+#endif
+
+struct options {
+    const char *scene, *out;
+    int height, width, threads, reps, warmup;
+    bool aov, json, jsonl;
+    struct scene_overrides overrides;
+};
+
+// What the operating system says of this process and machine, to be taken as differences.
+struct conditions {
+    long steal_ticks, ctx_voluntary, ctx_involuntary, faults_minor, faults_major, max_rss_kib;
+};
+
+static const char USAGE[] =
+    "usage: render SCENE.json -n HEIGHT [options]\n"
+    "  -n HEIGHT, --height   picture height in pixels\n"
+    "  -w WIDTH, --width     default: round(HEIGHT*16/9)\n"
+    "  -o FILE.exr           write the picture of the exact camera (float, linear RGB)\n"
+    "  --aov                 with depth, shape id, normal and evaluation count per pixel\n"
+    "  --threads T           default 1\n"
+    "  --reps R              timed frames, default 1; all but the first are moved by a hair\n"
+    "  --warmup K            frames before those, marked as warm-up, default 0\n"
+    "  --hit-distance X      in place of the scene's own (recorded)\n"
+    "  --max-steps K         in place of the scene's own (recorded)\n"
+    "  --json | --jsonl      one JSON object, or one JSON line per frame, on standard output\n"
+    "  --list                the phases and what they are\n"
+    "exit status: 0 done; 2 bad argument, scene or output; 3 the CPU lacks the instruction set;\n"
+    "             4 the phase does not support this scene or option; 5 out of memory\n";
+
+static int complain(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));
+static int complain(int status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    fputs("render: ", stderr);
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+    return status;
+}
+
+static bool whole_number(const char *text, long least, long most, int *out) {
+    char *end;
+    errno = 0;
+    long value = strtol(text, &end, 10);
+    if (errno || end == text || *end || value < least || value > most)
+        return false;
+    *out = (int)value;
+    return true;
+}
+
+// Parses into `o`; returns OK, or the status to exit with (−1: --help or --list was served).
+static int list_phases(void);
+static int parse(int argc, char **argv, struct options *o) {
+    enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST };
+    static const struct option known[] = {{"height", required_argument, 0, 'n'},
+                                          {"width", required_argument, 0, 'w'},
+                                          {"output", required_argument, 0, 'o'},
+                                          {"aov", no_argument, 0, AOV},
+                                          {"threads", required_argument, 0, THREADS},
+                                          {"reps", required_argument, 0, REPS},
+                                          {"warmup", required_argument, 0, WARMUP},
+                                          {"hit-distance", required_argument, 0, HIT},
+                                          {"max-steps", required_argument, 0, STEPS},
+                                          {"json", no_argument, 0, JSON},
+                                          {"jsonl", no_argument, 0, JSONL},
+                                          {"list", no_argument, 0, LIST},
+                                          {"help", no_argument, 0, 'h'},
+                                          {0, 0, 0, 0}};
+    *o = (struct options){.threads = 1, .reps = 1};
+    opterr = 0;
+    for (int c; (c = getopt_long(argc, argv, ":n:w:o:h", known, NULL)) != -1;) {
+        bool good = true;
+        const char *wanted = "";
+        char *end;
+        switch (c) {
+        case 'n':
+            good = whole_number(optarg, 1, LARGEST_SIDE, &o->height);
+            wanted = "-n: a height of 1 to 32768 pixels";
+            break;
+        case 'w':
+            good = whole_number(optarg, 1, LARGEST_SIDE, &o->width);
+            wanted = "-w: a width of 1 to 32768 pixels";
+            break;
+        case 'o': o->out = optarg; break;
+        case AOV: o->aov = true; break;
+        case THREADS:
+            good = whole_number(optarg, 1, 4096, &o->threads);
+            wanted = "--threads: 1 to 4096";
+            break;
+        case REPS:
+            good = whole_number(optarg, 1, 1000000, &o->reps);
+            wanted = "--reps: 1 to 1000000";
+            break;
+        case WARMUP:
+            good = whole_number(optarg, 0, 1000000, &o->warmup);
+            wanted = "--warmup: 0 to 1000000";
+            break;
+        case HIT:
+            o->overrides.hit_distance = strtod(optarg, &end);
+            good = end != optarg && !*end && o->overrides.hit_distance > 0 &&
+                   o->overrides.hit_distance <= 1e9;
+            wanted = "--hit-distance: a length > 0 and <= 1e9";
+            break;
+        case STEPS:
+            good = whole_number(optarg, 1, 1000000000, &o->overrides.max_steps);
+            wanted = "--max-steps: 1 to 1000000000";
+            break;
+        case JSON: o->json = true; break;
+        case JSONL: o->jsonl = true; break;
+        case LIST: return list_phases();
+        case 'h': fputs(USAGE, stdout); return -1;
+        case ':': return complain(BAD_INPUT, "%s: a value is required", argv[optind - 1]);
+        default: return complain(BAD_INPUT, "%s: unknown option; see render -h", argv[optind - 1]);
+        }
+        if (!good)
+            return complain(BAD_INPUT, "%s is required, not \"%s\"", wanted, optarg);
+    }
+    if (optind + 1 != argc)
+        return complain(BAD_INPUT, "exactly one SCENE.json is required; see render -h");
+    o->scene = argv[optind];
+    if (o->height == 0)
+        return complain(BAD_INPUT, "-n HEIGHT is required; see render -h");
+    if (o->json && o->jsonl)
+        return complain(BAD_INPUT, "--json and --jsonl exclude each other");
+    if (o->width == 0)
+        o->width = (int)lround(o->height * 16.0 / 9.0);
+    if ((long)o->width * o->height > LARGEST_PIXELS)
+        return complain(BAD_INPUT, "%d x %d pixels; at most %d pixels are allowed", o->width,
+                        o->height, LARGEST_PIXELS);
+    return OK;
+}
+
+static int by_order(const void *a, const void *b) {
+    const json_t *const *x = a, *const *y = b;
+    json_int_t p = json_integer_value(json_object_get(*x, "order"));
+    json_int_t q = json_integer_value(json_object_get(*y, "order"));
+    return (p > q) - (p < q);
+}
+
+// The phases lie beside the build folder: this program is ROOT/build/NAME/render.
+static int list_phases(void) {
+    char path[4096];
+    ssize_t length = readlink("/proc/self/exe", path, sizeof path - 64);
+    for (int up = 0; up < 3 && length > 0; up++)
+        while (length > 0 && path[--length] != '/')
+            continue;
+    strcpy(path + (length > 0 ? length : 0), "/phases/*/phase.json");
+    enum { MOST = 256 };
+    json_t *phases[MOST];
+    size_t count = 0;
+    glob_t found;
+    if (glob(path, 0, NULL, &found) == 0) {
+        for (size_t i = 0; i < found.gl_pathc && count < MOST; i++)
+            if ((phases[count] = json_load_file(found.gl_pathv[i], 0, NULL)))
+                count++;
+        globfree(&found);
+    }
+    if (count == 0)
+        return complain(BAD_INPUT, "%s: no phase found", path);
+    qsort(phases, count, sizeof *phases, by_order);
+    for (size_t i = 0; i < count; i++) {
+        const char *name = json_string_value(json_object_get(phases[i], "name"));
+        const char *title = json_string_value(json_object_get(phases[i], "title"));
+        const char *idea = json_string_value(json_object_get(phases[i], "idea"));
+        printf("%-10s %s: %s\n", name ? name : "?", title ? title : "?", idea ? idea : "?");
+        json_decref(phases[i]);
+    }
+    return -1;
+}
+
+static struct conditions conditions_now(void) {
+    struct conditions now = {0};
+    FILE *stat = fopen("/proc/stat", "r");
+    if (stat) { // user nice system idle iowait irq softirq steal
+        if (fscanf(stat, "cpu %*d %*d %*d %*d %*d %*d %*d %ld", &now.steal_ticks) != 1)
+            now.steal_ticks = 0;
+        fclose(stat);
+    }
+    struct rusage usage;
+    if (getrusage(RUSAGE_SELF, &usage) == 0) {
+        now.ctx_voluntary = usage.ru_nvcsw;
+        now.ctx_involuntary = usage.ru_nivcsw;
+        now.faults_minor = usage.ru_minflt;
+        now.faults_major = usage.ru_majflt;
+        now.max_rss_kib = usage.ru_maxrss;
+    }
+    return now;
+}
+
+static const char *missing_isa(void) {
+    const char *limit = getenv("STEPWISE_ISA_LIMIT");
+    bool pretend_none = limit && strcmp(limit, "none") == 0;
+    __builtin_cpu_init();
+#define NEED(feature)                                                                              \
+    if (pretend_none || !__builtin_cpu_supports(feature))                                          \
+        return feature;
+    PHASE_NEEDS(NEED)
+#undef NEED
+    (void)pretend_none;
+    return NULL;
+}
+
+static int vector_bits(void) {
+    int bits = PHASE_LANES * (strcmp(PHASE_PRECISION, "float") == 0 ? 32 : 64);
+    return PHASE_LANES == 1 ? 0 : bits > 512 ? 512 : bits;
+}
+
+static int pinned_cpu(void) {
+    cpu_set_t set;
+    if (sched_getaffinity(0, sizeof set, &set) != 0 || CPU_COUNT(&set) != 1)
+        return -1;
+    for (int cpu = 0; cpu < CPU_SETSIZE; cpu++)
+        if (CPU_ISSET(cpu, &set))
+            return cpu;
+    return -1;
+}
+
+struct session {
+    struct options options;
+    struct scene scene;
+    struct prepared *prepared;
+    struct frame frame;
+    struct presenter *presenter;
+    uint8_t *rgb8;
+    double tsc_hz, core_hz_load;
+    uint64_t overhead, prepare_ns;
+    json_t *frames;
+};
+
+static json_t *header(const struct session *s) {
+    const struct limits *march = &s->scene.model.march;
+    const struct scene_overrides *over = &s->options.overrides;
+    return json_pack(
+        "{s:i, s:s, s:s, s:s, s:s, s:i, s:i, s:i, s:s, s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:b, "
+        "s:I, s:I, s:f, s:f, s:i, s:s?}",
+        "schema", SCHEMA, "phase", PHASE_NAME, "flags_from", PHASE_FLAGS_FROM, "scene",
+        s->scene.name, "scene_hash", s->scene.hash, "width", s->options.width, "height",
+        s->options.height, "threads", s->options.threads, "isa", PHASE_ISA, "precision",
+        PHASE_PRECISION, "lanes", PHASE_LANES, "flags", PHASE_FLAGS, "compiler", COMPILER, "libc",
+        gnu_get_libc_version(), "hit_distance", march->hit_distance, "max_steps", march->max_steps,
+        "overridden", over->hit_distance > 0 || over->max_steps > 0, "prepare_ns",
+        (json_int_t)s->prepare_ns, "timer_overhead_cycles", (json_int_t)s->overhead, "tsc_hz",
+        s->tsc_hz, "core_hz_load", s->core_hz_load, "cpu", pinned_cpu(), "image", s->options.out);
+}
+
+static bool print_json(json_t *object) {
+    bool ok = object && json_dumpf(object, stdout, JSON_REAL_PRECISION(15)) == 0 &&
+              fputc('\n', stdout) != EOF && fflush(stdout) == 0;
+    json_decref(object);
+    return ok;
+}
+
+// A hair: a millionth of a scene unit per frame, so that nothing of the last frame can be kept.
+static struct view moved(const struct view *exact, int hairs) {
+    struct view view = *exact;
+    for (int i = 0; i < 3; i++)
+        view.position[i] += 1e-6 * hairs * (view.right[i] + view.up[i]);
+    return view;
+}
+
+static int one_frame(struct session *s, int index, bool first) {
+    bool warmup = index < 0;
+    struct view view = moved(&s->scene.view, index);
+    double core_before = timer_core_hz(s->tsc_hz, 8);
+    struct conditions before = conditions_now();
+    uint64_t ns = timer_ns();
+    uint64_t tsc = timer_tsc_begin();
+    bool done = phase_render(s->prepared, &view, &s->frame);
+    tsc = timer_tsc_end() - tsc;
+    ns = timer_ns() - ns;
+    struct conditions after = conditions_now();
+    double core_after = timer_core_hz(s->tsc_hz, 8);
+    if (!done)
+        return complain(NO_MEMORY, "out of memory while rendering");
+    uint64_t present_ns = timer_ns();
+    frame_present(s->presenter, &s->frame, s->rgb8);
+    present_ns = timer_ns() - present_ns;
+    if (index == 0 && s->options.out) {
+        char error[512];
+        if (!frame_write_exr(&s->frame, s->options.out, error))
+            return complain(BAD_INPUT, "%s", error);
+    }
+    json_t *record = json_pack(
+        "{s:i, s:b, s:b, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "frame",
+        index, "warmup", warmup, "first", first, "ns", (json_int_t)ns, "tsc_cycles",
+        (json_int_t)tsc, "core_cycles", round((double)ns * (core_before + core_after) / 2e9),
+        "tsc_hz", s->tsc_hz, "core_hz_before", core_before, "core_hz_after", core_after,
+        "present_ns", (json_int_t)present_ns, "steal_ticks",
+        (json_int_t)(after.steal_ticks - before.steal_ticks), "ctx_voluntary",
+        (json_int_t)(after.ctx_voluntary - before.ctx_voluntary), "ctx_involuntary",
+        (json_int_t)(after.ctx_involuntary - before.ctx_involuntary), "faults_minor",
+        (json_int_t)(after.faults_minor - before.faults_minor), "faults_major",
+        (json_int_t)(after.faults_major - before.faults_major), "max_rss_kib",
+        (json_int_t)after.max_rss_kib);
+    if (s->options.jsonl) {
+        json_t *line = header(s);
+        if (!line || !record || json_object_update(line, record) != 0)
+            return complain(NO_MEMORY, "out of memory");
+        json_decref(record);
+        if (!print_json(line))
+            return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
+    } else if (s->options.json) {
+        if (!record || json_array_append_new(s->frames, record) != 0)
+            return complain(NO_MEMORY, "out of memory");
+    } else {
+        json_decref(record);
+        double pixels = (double)s->frame.width * s->frame.height;
+        printf("%s %s %dx%d: %.3f ms, %.1f ns/pixel, %.3g TSC cycles at %.3f GHz, core clock "
+               "%.2f GHz%s\n",
+               PHASE_NAME, s->scene.name, s->frame.width, s->frame.height, (double)ns / 1e6,
+               (double)ns / pixels, (double)tsc, s->tsc_hz / 1e9, (core_before + core_after) / 2e9,
+               warmup ? " (warm-up)" : "");
+    }
+    return OK;
+}
+
+static int run(struct session *s) {
+    const struct options *o = &s->options;
+    if (!frame_create(&s->frame, o->width, o->height, o->aov) ||
+        !(s->presenter = presenter_create()) ||
+        !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
+        !(s->frames = json_array()))
+        return complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
+    s->tsc_hz = timer_tsc_hz(20);
+    s->overhead = timer_overhead_cycles();
+    s->core_hz_load = vector_bits() ? timer_core_hz_under_load(s->tsc_hz, 8, vector_bits()) : 0;
+    uint64_t begin = timer_ns();
+    s->prepared = phase_prepare(&s->scene.model);
+    s->prepare_ns = timer_ns() - begin;
+    if (!s->prepared)
+        return complain(NO_MEMORY, "out of memory while preparing the scene");
+    for (int i = -o->warmup; i < o->reps; i++) {
+        int status = one_frame(s, i, i == -o->warmup);
+        if (status != OK)
+            return status;
+    }
+    if (o->json) {
+        json_t *object = header(s);
+        if (!object || json_object_set(object, "frames", s->frames) != 0)
+            return complain(NO_MEMORY, "out of memory");
+        if (!print_json(object))
+            return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
+    }
+    if (fflush(stdout) != 0)
+        return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
+    return OK;
+}
+
+int main(int argc, char **argv) {
+    struct session s = {0};
+    int status = parse(argc, argv, &s.options);
+    if (status != OK)
+        return status < 0 ? OK : status;
+    const char *missing = missing_isa();
+    if (missing)
+        return complain(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);
+    if (s.options.threads > 1 && !PHASE_THREADS)
+        return complain(UNSUPPORTED, "%s runs on one thread; --threads 1 is all it takes",
+                        PHASE_NAME);
+    char error[SCENE_ERROR_SIZE];
+    if (!scene_load(s.options.scene, &s.options.overrides, &s.scene, error))
+        return complain(BAD_INPUT, "%s", error);
+    const char *unsupported = phase_unsupported(&s.scene);
+    if (unsupported)
+        status = complain(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
+    else if (s.options.out && !frame_writable(s.options.out, error))
+        status = complain(BAD_INPUT, "%s", error); // before a long render, not after
+    else
+        status = run(&s);
+    if (s.prepared)
+        phase_release(s.prepared);
+    json_decref(s.frames);
+    free(s.rgb8);
+    presenter_free(s.presenter);
+    frame_free(&s.frame);
+    scene_free(&s.scene);
+    return status;
+}

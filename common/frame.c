@@ -1,0 +1,237 @@
+// The frame: memory, float EXR through OpenEXR's C library, gamma and 8 bits.
+#include "frame.h"
+
+#include <errno.h>
+#include <math.h>
+#include <openexr.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { ERROR_SIZE = 512 };
+
+static float *plane(size_t samples, bool wanted, bool *ok) {
+    if (!wanted)
+        return NULL;
+    // 64: a cache line, and the widest vector.
+    float *memory = aligned_alloc(64, (samples * sizeof(float) + 63) / 64 * 64);
+    if (!memory) {
+        *ok = false;
+        return NULL;
+    }
+    for (size_t i = 0; i < samples; i++)
+        memory[i] = NAN;
+    return memory;
+}
+
+bool frame_create(struct frame *frame, int width, int height, bool aov) {
+    size_t pixels = (size_t)width * (size_t)height;
+    bool ok = true;
+    *frame = (struct frame){.width = width, .height = height};
+    frame->rgb = plane(3 * pixels, true, &ok);
+    frame->depth = plane(pixels, aov, &ok);
+    frame->id = plane(pixels, aov, &ok);
+    frame->normal = plane(3 * pixels, aov, &ok);
+    frame->evals = plane(pixels, aov, &ok);
+    if (!ok)
+        frame_free(frame);
+    return ok;
+}
+
+void frame_free(struct frame *frame) {
+    free(frame->rgb);
+    free(frame->depth);
+    free(frame->id);
+    free(frame->normal);
+    free(frame->evals);
+    *frame = (struct frame){0};
+}
+
+struct channel {
+    const char *name; // EXR stores channels sorted by name
+    const float *samples;
+    int stride; // in floats
+};
+
+static void quiet(exr_const_context_t context, exr_result_t code, const char *message) {
+    (void)context;
+    (void)code;
+    (void)message; // the caller turns the returned code into its own one line
+}
+
+static exr_result_t write_chunk(exr_context_t context, int part, const struct frame *frame, int y,
+                                const struct channel *channels, exr_encode_pipeline_t *encoder,
+                                bool first) {
+    exr_chunk_info_t chunk;
+    exr_result_t result = exr_write_scanline_chunk_info(context, part, y, &chunk);
+    if (result == EXR_ERR_SUCCESS)
+        result = first ? exr_encoding_initialize(context, part, &chunk, encoder)
+                       : exr_encoding_update(context, part, &chunk, encoder);
+    if (result != EXR_ERR_SUCCESS)
+        return result;
+    for (int c = 0; c < encoder->channel_count; c++) {
+        exr_coding_channel_info_t *info = &encoder->channels[c];
+        for (const struct channel *from = channels; from->name; from++) {
+            if (strcmp(from->name, info->channel_name) != 0)
+                continue;
+            const float *row =
+                from->samples + (size_t)y * (size_t)frame->width * (size_t)from->stride;
+            info->encode_from_ptr = (const uint8_t *)row;
+            info->user_data_type = EXR_PIXEL_FLOAT;
+            info->user_bytes_per_element = sizeof(float);
+            info->user_pixel_stride = from->stride * (int)sizeof(float);
+            info->user_line_stride = frame->width * from->stride * (int)sizeof(float);
+        }
+    }
+    if (first)
+        result = exr_encoding_choose_default_routines(context, part, encoder);
+    return result == EXR_ERR_SUCCESS ? exr_encoding_run(context, part, encoder) : result;
+}
+
+static exr_result_t write_image(exr_context_t context, const struct frame *frame,
+                                const struct channel *channels) {
+    int part;
+    exr_result_t result = exr_add_part(context, "stepwise", EXR_STORAGE_SCANLINE, &part);
+    if (result == EXR_ERR_SUCCESS)
+        result = exr_initialize_required_attr_simple(context, part, frame->width, frame->height,
+                                                     EXR_COMPRESSION_ZIP);
+    for (const struct channel *c = channels; c->name && result == EXR_ERR_SUCCESS; c++)
+        result =
+            exr_add_channel(context, part, c->name, EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LINEAR, 1, 1);
+    if (result == EXR_ERR_SUCCESS)
+        result = exr_write_header(context);
+    int32_t lines = 0;
+    if (result == EXR_ERR_SUCCESS)
+        result = exr_get_scanlines_per_chunk(context, part, &lines);
+    exr_encode_pipeline_t encoder = EXR_ENCODE_PIPELINE_INITIALIZER;
+    bool begun = false;
+    for (int y = 0; y < frame->height && result == EXR_ERR_SUCCESS; y += lines) {
+        result = write_chunk(context, part, frame, y, channels, &encoder, !begun);
+        begun = true;
+    }
+    if (begun)
+        exr_encoding_destroy(context, &encoder);
+    return result;
+}
+
+static bool temporary_name(const char *path, char name[4096], char *error) {
+    int length = snprintf(name, 4096, "%s.%ld.tmp", path, (long)getpid());
+    if (length > 0 && length < 4096)
+        return true;
+    snprintf(error, ERROR_SIZE, "the output's path is longer than 4,000 characters");
+    return false;
+}
+
+static bool unwritable(const char *path, const char *reason, char *error) {
+    snprintf(error, ERROR_SIZE, "%.300s: cannot be written: %s", path, reason);
+    return false;
+}
+
+bool frame_writable(const char *path, char *error) {
+    char temporary[4096];
+    if (!temporary_name(path, temporary, error))
+        return false;
+    FILE *probe = fopen(temporary, "wb");
+    if (!probe)
+        return unwritable(path, strerror(errno), error);
+    fclose(probe);
+    unlink(temporary);
+    struct stat existing;
+    if (stat(path, &existing) == 0 && !S_ISREG(existing.st_mode))
+        return unwritable(path, "it exists and is no regular file", error);
+    return true;
+}
+
+bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
+    // The finished file takes its name in one step: no reader ever sees half of it.
+    char temporary[4096];
+    if (!temporary_name(path, temporary, error))
+        return false;
+    struct channel channels[] = {{"B", frame->rgb + 2, 3},      {"G", frame->rgb + 1, 3},
+                                 {"N.x", frame->normal, 3},     {"N.y", frame->normal + 1, 3},
+                                 {"N.z", frame->normal + 2, 3}, {"R", frame->rgb, 3},
+                                 {"Z", frame->depth, 1},        {"evals", frame->evals, 1},
+                                 {"id", frame->id, 1},          {NULL, NULL, 0}};
+    if (!frame->depth)
+        memcpy(channels, (struct channel[]){channels[0], channels[1], channels[5], {0}},
+               4 * sizeof *channels);
+    exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    setup.error_handler_fn = quiet;
+    exr_context_t context = NULL;
+    errno = 0;
+    exr_result_t result = exr_start_write(&context, temporary, EXR_WRITE_FILE_DIRECTLY, &setup);
+    if (result == EXR_ERR_SUCCESS)
+        result = write_image(context, frame, channels);
+    int reason = errno;
+    exr_result_t finished = context ? exr_finish(&context) : EXR_ERR_SUCCESS;
+    if (result == EXR_ERR_SUCCESS)
+        result = finished;
+    if (result == EXR_ERR_SUCCESS && rename(temporary, path) == 0)
+        return true;
+    if (result == EXR_ERR_SUCCESS)
+        reason = errno;
+    unlink(temporary);
+    return unwritable(path, reason ? strerror(reason) : exr_get_default_error_message(result),
+                      error);
+}
+
+// c^0.4545 in 8 bits has 256 values, so a float is shown by finding its place among 255 thresholds.
+// The bits of a positive float grow with its value: their top 17 give the place to within one
+// (at most 81 levels per octave against 256 table entries), one comparison settles it.
+enum { LUT_SHIFT = 15, LUT_SIZE = (0x3f800000 >> LUT_SHIFT) + 1 };
+
+struct presenter {
+    float threshold[257]; // smallest float that shows as k
+    uint8_t lowest[LUT_SIZE];
+};
+
+static int level(float c) {
+    return (int)(fmin(1.0, pow((double)c, 0.4545)) * 255.0);
+}
+
+static float from_bits(uint32_t bits) {
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+struct presenter *presenter_create(void) {
+    struct presenter *p = malloc(sizeof *p);
+    if (!p)
+        return NULL;
+    p->threshold[0] = 0;
+    p->threshold[256] = INFINITY;
+    for (int k = 1; k < 256; k++) {
+        uint32_t lo = 0, hi = 0x3f800000; // level(lo) < k <= level(hi)
+        while (hi - lo > 1) {
+            uint32_t middle = lo + (hi - lo) / 2;
+            if (level(from_bits(middle)) >= k)
+                hi = middle;
+            else
+                lo = middle;
+        }
+        p->threshold[k] = from_bits(hi);
+    }
+    for (uint32_t i = 0; i < LUT_SIZE; i++)
+        p->lowest[i] = (uint8_t)level(from_bits(i << LUT_SHIFT));
+    return p;
+}
+
+void presenter_free(struct presenter *presenter) {
+    free(presenter);
+}
+
+void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8) {
+    size_t samples = 3 * (size_t)frame->width * (size_t)frame->height;
+    for (size_t i = 0; i < samples; i++) {
+        float c = frame->rgb[i];
+        c = c > 0.0f ? c : 0.0f; // NaN too
+        c = c < 1.0f ? c : 1.0f;
+        uint32_t bits;
+        memcpy(&bits, &c, sizeof bits);
+        int k = presenter->lowest[bits >> LUT_SHIFT];
+        rgb8[i] = (uint8_t)(k + (c >= presenter->threshold[k + 1]));
+    }
+}

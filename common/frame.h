@@ -1,0 +1,37 @@
+// The frame: what a phase writes, how it is stored, and how it is shown.
+#ifndef STEPWISE_FRAME_H
+#define STEPWISE_FRAME_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+// Row-major, top row first. `rgb` is linear, neither clamped nor gamma-corrected. The other planes
+// are NULL unless asked for: a phase writes those that are not.
+struct frame {
+    int width, height;
+    float *rgb;    // 3 per pixel
+    float *depth;  // hit distance t along the camera ray, +inf on a miss
+    float *id;     // index of the shape hit, −1 on a miss
+    float *normal; // 3 per pixel, unit length, towards the ray; 0 on a miss
+    float *evals;  // distance evaluations (of the whole scene) of the camera ray's march
+};
+
+// Every sample is preset to NaN, so that a pixel a phase forgot cannot pass for a colour.
+bool frame_create(struct frame *frame, int width, int height, bool aov);
+void frame_free(struct frame *frame);
+
+// Writes float channels R G B [Z id N.x N.y N.z evals] with ZIP compression under a temporary name,
+// then renames it. Returns false with one line in `error` (at least 512 bytes).
+bool frame_write_exr(const struct frame *frame, const char *path, char *error);
+
+// Whether `path` could be written: asked before a long render.
+bool frame_writable(const char *path, char *error);
+
+// Gamma and 8 bits: trunc(255·min(1, c^0.4545)) of each linear value, 0 for negatives and NaN, in
+// exact agreement with that formula evaluated in double (a table of its 256 thresholds).
+struct presenter;
+struct presenter *presenter_create(void);
+void presenter_free(struct presenter *presenter);
+void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8);
+
+#endif

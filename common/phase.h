@@ -1,0 +1,38 @@
+// The only interface between a phase and the house. A phase is a folder phases/NAME that defines
+// these functions; common/driver.c is the only main.
+//
+// The rule: code inside the timed region belongs to the phase; code outside it, or that must be the
+// same for a fair comparison, belongs to common/. A phase includes nothing of another phase.
+#ifndef STEPWISE_PHASE_H
+#define STEPWISE_PHASE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "frame.h"
+#include "scene.h"
+
+struct prepared; // the phase's own
+
+// NULL if the phase renders this scene, else the reason in one sentence; the driver then refuses.
+const char *phase_unsupported(const struct scene *scene);
+
+// What may be worked out once per scene from shapes, materials and limits. Timed apart as set-up.
+// NULL when memory is short.
+struct prepared *phase_prepare(const struct model *model);
+
+// The timed region. Camera and light are new for each frame: what depends on them is paid for here.
+// Writes every plane of the frame that is not NULL. Returns false when memory is short.
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
+
+// Moved shapes: same counts and types as at phase_prepare. Timed with the frame.
+bool phase_update(struct prepared *prepared, const struct model *model);
+
+void phase_release(struct prepared *prepared);
+
+// Not timed, for tests: the phase's own signed distance to the scene at each point (xyz triples),
+// in the arithmetic that its march uses, and the index of the nearest shape.
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest);
+
+#endif

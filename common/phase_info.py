@@ -1,0 +1,62 @@
+#!/usr/bin/env python3
+"""Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
+
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER. Standard library only: it runs before anything is installed.
+The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (the same phase, as a rule).
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+PHASES = Path(__file__).resolve().parent.parent / "phases"
+KEYS = {"name": str, "title": str, "isa": list, "precision": str, "lanes": int, "threads": bool, "cflags": str}
+
+
+def load(name: str) -> dict:
+    path = PHASES / name / "phase.json"
+    if not path.is_file():
+        known = ", ".join(sorted(p.parent.name for p in PHASES.glob("*/phase.json")))
+        sys.exit(f"phase_info: there is no phase {name!r}; there are {known}")
+    try:
+        info = json.loads(path.read_text())
+    except ValueError as error:
+        sys.exit(f"phase_info: {path}: {error}")
+    for key, kind in KEYS.items():
+        if not isinstance(info.get(key), kind):
+            sys.exit(f"phase_info: {path}: $.{key}: {kind.__name__} required")
+    if info["name"] != name:
+        sys.exit(f"phase_info: {path}: $.name: {info['name']!r} is not the folder's name")
+    return info
+
+
+def replace(path: Path, text: str) -> None:
+    """Write only what changed, so that make rebuilds only what must be."""
+    if not path.is_file() or path.read_text() != text:
+        temporary = path.with_suffix(f".{os.getpid()}.tmp")
+        temporary.write_text(text)
+        temporary.rename(path)
+
+
+def main() -> None:
+    name, flags_from, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+    phase, flags = load(name), load(flags_from)
+    isa = sorted(set(phase["isa"]) | set(flags["isa"]))
+    folder.mkdir(parents=True, exist_ok=True)
+    replace(folder / "flags.mk", f"PHASE_CFLAGS := {flags['cflags']}\n")
+    lines = [
+        f"#define PHASE_NAME {json.dumps(name)}",
+        f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
+        f"#define PHASE_FLAGS {json.dumps(flags['cflags'])}",
+        f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
+        f"#define PHASE_NEEDS(need) {' '.join(f'need({json.dumps(i)})' for i in isa)}",
+        f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
+        f"#define PHASE_LANES {phase['lanes']}",
+        f"#define PHASE_THREADS {int(phase['threads'])}",
+    ]
+    replace(folder / "phase_info.h", "\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+// The scene: what a JSON file says, checked, in double precision.
+//
+// A scene falls into two parts, and the type system keeps them apart: `struct model` (shapes,
+// materials, limits) is what phase_prepare() may look at and keep; `struct view` (camera, light) is
+// what only the timed phase_render() gets, anew for each frame. Angles are degrees, lengths scene
+// units, colours linear RGB. The format is in common/scenes/README.md.
+#ifndef STEPWISE_SCENE_H
+#define STEPWISE_SCENE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SCENE_MAX_SHAPES = 4096, SCENE_ERROR_SIZE = 1024 };
+
+enum shape_type {
+    SHAPE_SPHERE,
+    SHAPE_BOX,
+    SHAPE_TORUS,
+    SHAPE_CONE,
+    SHAPE_OCTAHEDRON,
+    SHAPE_PLANE,
+    SHAPE_MANDELBULB,
+    SHAPE_TYPES
+};
+
+enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT };
+
+struct shape {
+    enum shape_type type;
+    int material;               // index into model.materials
+    double position[3];         // of the shape's frame
+    double rotation_degrees[3]; // about x, then y, then z
+    double repeat[3];           // cell size per axis, 0 = not repeated
+    union {
+        struct {
+            double radius;
+        } sphere;
+        struct {
+            double half_size[3];
+        } box;
+        struct {
+            double major_radius, minor_radius; // about the y axis
+        } torus;
+        struct {
+            double bottom_radius, top_radius, half_height; // along the y axis, capped
+        } cone;
+        struct {
+            double radius; // from the centre to a vertex
+        } octahedron;
+        struct {
+            double normal[3], offset; // n·p = offset, n of unit length; solid below
+        } plane;
+        struct {
+            double power, bailout; // power is 8
+            int iterations;
+        } mandelbulb;
+    };
+};
+
+struct material {
+    double color[3];
+    double reflectivity; // 0 = not a mirror
+    double shininess;
+};
+
+struct limits {
+    int max_steps;         // evaluations in one march
+    double hit_distance;   // a smaller distance is a hit
+    double bounds_radius;  // a ray further than this from the origin has missed
+    int max_bounces;       // mirror bounces
+    double normal_step;    // of the finite difference
+    double surface_offset; // where a secondary ray starts
+};
+
+// What the scene uses, so that nothing else is evaluated, counted or drawn.
+struct features {
+    bool rotation, repetition, mirrors, fog;
+    int count[SHAPE_TYPES]; // shapes of each type
+};
+
+struct model {
+    int shape_count, material_count;
+    struct shape *shapes;
+    struct material *materials;
+    struct limits march;
+    double background[3];
+    double fog; // k in colour·exp(−k·|p|³)
+    enum shadows shadows;
+    double shadow_strength;
+    struct features features;
+};
+
+struct view {
+    double position[3];
+    double right[3], up[3], forward[3]; // orthonormal camera frame
+    double tan_half_fov;                // of the vertical angle
+    double light_position[3];
+    double light_emission[3];
+};
+
+struct scene {
+    struct model model;
+    struct view view;
+    char name[64]; // the file's name without folder and ending
+    char hash[17]; // 64-bit FNV-1a of the canonical JSON, hexadecimal; overrides change it
+};
+
+struct scene_overrides {
+    double hit_distance; // 0 = the scene's own
+    int max_steps;       // 0 = the scene's own
+};
+
+// Reads and checks the file. Returns false with one line in `error` (at least SCENE_ERROR_SIZE
+// bytes): `file:line:column: what` for broken JSON, `file: $.path: what` for anything else.
+bool scene_load(const char *path, const struct scene_overrides *overrides, struct scene *scene,
+                char *error);
+void scene_free(struct scene *scene);
+
+const char *shape_type_name(enum shape_type type);
+const char *shadows_name(enum shadows shadows);
+
+#endif

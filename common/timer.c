@@ -1,0 +1,108 @@
+// Clocks and their calibration. See timer.h.
+#include "timer.h"
+
+#include <immintrin.h>
+#include <time.h>
+
+uint64_t timer_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC_RAW, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+// A (ns, TSC) pair read together: of several tries the one with the narrowest TSC bracket.
+static void read_pair(uint64_t *ns, uint64_t *tsc) {
+    uint64_t narrowest = UINT64_MAX;
+    for (int i = 0; i < 10; i++) {
+        uint64_t a = timer_tsc_begin();
+        uint64_t now = timer_ns();
+        uint64_t b = timer_tsc_end();
+        if (b - a < narrowest) {
+            narrowest = b - a;
+            *ns = now;
+            *tsc = a + (b - a) / 2;
+        }
+    }
+}
+
+double timer_tsc_hz(int milliseconds) {
+    uint64_t ns0 = 0, tsc0 = 0, ns1 = 0, tsc1 = 0;
+    read_pair(&ns0, &tsc0);
+    while (timer_ns() - ns0 < (uint64_t)milliseconds * 1000000u)
+        continue;
+    read_pair(&ns1, &tsc1);
+    return (double)(tsc1 - tsc0) * 1e9 / (double)(ns1 - ns0);
+}
+
+uint64_t timer_overhead_cycles(void) {
+    uint64_t least = UINT64_MAX;
+    for (int i = 0; i < 1000; i++) {
+        uint64_t begin = timer_tsc_begin();
+        uint64_t end = timer_tsc_end();
+        if (end - begin < least)
+            least = end - begin;
+    }
+    return least;
+}
+
+enum { CHAIN = 100000 }; // 25 µs at 4 GHz, 100 µs at 1 GHz: well under 0.25 ms
+
+#define ADD8                                                                                       \
+    "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"                                     \
+    "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"
+
+static uint64_t chain(void) {
+    uint64_t x = 1, one = 1;
+    uint64_t begin = timer_tsc_begin();
+    for (int i = 0; i < CHAIN / 40; i++)
+        __asm__ volatile(ADD8 ADD8 ADD8 ADD8 ADD8 : "+r"(x) : "r"(one) : "cc");
+    return timer_tsc_end() - begin;
+}
+
+// Eight adds of the chain, then two independent vector FMAs: the FMAs fill ports beside the chain,
+// which stays the critical path.
+#define LOADED_CHAIN(NAME, TARGET, TYPE, REGISTER)                                                 \
+    __attribute__((target(TARGET))) static uint64_t NAME(int links) {                              \
+        uint64_t x = 1, one = 1;                                                                   \
+        TYPE a = {0}, b = {0}, c = {0};                                                            \
+        uint64_t begin = timer_tsc_begin();                                                        \
+        for (int i = 0; i < links / 8; i++)                                                        \
+            __asm__ volatile(ADD8 "vfmadd231ps %4, %4, %2\n\tvfmadd231ps %4, %4, %3\n\t"           \
+                             : "+r"(x)                                                             \
+                             : "r"(one), REGISTER(a), REGISTER(b), REGISTER(c)                     \
+                             : "cc");                                                              \
+        return timer_tsc_end() - begin;                                                            \
+    }
+
+LOADED_CHAIN(chain_128, "fma", __m128, "x")
+LOADED_CHAIN(chain_256, "avx2,fma", __m256, "x")
+LOADED_CHAIN(chain_512, "avx512f", __m512, "v")
+
+static double fastest(uint64_t (*loaded)(int), double tsc_hz, int samples) {
+    uint64_t least = UINT64_MAX;
+    for (int i = 0; i < samples; i++) {
+        uint64_t cycles = loaded ? loaded(CHAIN) : chain();
+        if (cycles < least)
+            least = cycles;
+    }
+    return CHAIN * tsc_hz / (double)least;
+}
+
+double timer_core_hz(double tsc_hz, int samples) {
+    return fastest(0, tsc_hz, samples);
+}
+
+double timer_core_hz_under_load(double tsc_hz, int samples, int bits) {
+    uint64_t (*loaded)(int) = 0;
+    __builtin_cpu_init();
+    if (bits == 128 && __builtin_cpu_supports("fma"))
+        loaded = chain_128;
+    else if (bits == 256 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+        loaded = chain_256;
+    else if (bits == 512 && __builtin_cpu_supports("avx512f"))
+        loaded = chain_512;
+    if (!loaded)
+        return 0;
+    loaded(80 * CHAIN); // about 2 ms, for the clock to settle
+    return fastest(loaded, tsc_hz, samples);
+}

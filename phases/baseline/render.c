@@ -1,0 +1,76 @@
+// The phase's entry points and its loop over pixels: one ray through the middle of each.
+#include <stdlib.h>
+
+#include "phase.h"
+#include "sdf.h"
+#include "trace.h"
+
+struct prepared {
+    struct model model;
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+struct prepared *phase_prepare(const struct model *model) {
+    struct prepared *prepared = malloc(sizeof *prepared);
+    if (prepared)
+        prepared->model = *model;
+    return prepared;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    return true;
+}
+
+void phase_release(struct prepared *prepared) {
+    free(prepared);
+}
+
+static struct vec3 get_direction(int column, int row, int width, int height, struct view view) {
+    double x = (2.0 * (column + 0.5) / width - 1.0) * width / height * view.tan_half_fov;
+    double y = (1.0 - 2.0 * (row + 0.5) / height) * view.tan_half_fov;
+    struct vec3 d = vec_from(view.forward);
+    d = vec_add(d, vec_scale(vec_from(view.right), x));
+    d = vec_add(d, vec_scale(vec_from(view.up), y));
+    return vec_normalize(d);
+}
+
+static void store(struct frame *frame, size_t pixel, struct shaded seen) {
+    frame->rgb[3 * pixel] = (float)seen.color.x;
+    frame->rgb[3 * pixel + 1] = (float)seen.color.y;
+    frame->rgb[3 * pixel + 2] = (float)seen.color.z;
+    if (!frame->depth)
+        return;
+    frame->depth[pixel] = seen.hit.found ? (float)seen.hit.t : INFINITY;
+    frame->id[pixel] = (float)seen.hit.shape;
+    frame->normal[3 * pixel] = (float)seen.normal.x;
+    frame->normal[3 * pixel + 1] = (float)seen.normal.y;
+    frame->normal[3 * pixel + 2] = (float)seen.normal.z;
+    frame->evals[pixel] = (float)seen.hit.evals;
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    struct world world = {prepared->model, *view};
+    struct vec3 origin = vec_from(view->position);
+    for (int row = 0; row < frame->height; row++) {
+        for (int column = 0; column < frame->width; column++) {
+            struct vec3 direction = get_direction(column, row, frame->width, frame->height, *view);
+            store(frame, (size_t)row * (size_t)frame->width + (size_t)column,
+                  trace(origin, direction, 0, world));
+        }
+    }
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    for (size_t i = 0; i < count; i++) {
+        nearest[i] = -1;
+        distance[i] = sdf(vec_from(points + 3 * i), prepared->model, &nearest[i]);
+    }
+    return true;
+}

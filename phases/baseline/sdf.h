@@ -1,0 +1,142 @@
+// Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
+// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
+// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+//
+// On purpose: shapes by value, angles to radians and their sines and cosines at every evaluation.
+#ifndef BASELINE_SDF_H
+#define BASELINE_SDF_H
+
+#include "scene.h"
+#include "vec.h"
+
+CALL double clamp(double x, double low, double high) {
+    return x < low ? low : x > high ? high : x;
+}
+
+// (u, v) turned by the angle: (c·u − s·v, s·u + c·v) on (y,z), then (x,z), then (x,y).
+CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
+    struct vec3 a = vec_scale(degrees, M_PI / 180.0);
+    double cx = cos(a.x), sx = sin(a.x);
+    p = new_vector(p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z);
+    double cy = cos(a.y), sy = sin(a.y);
+    p = new_vector(cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z);
+    double cz = cos(a.z), sz = sin(a.z);
+    return new_vector(cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z);
+}
+
+CALL double wrap(double x, double cell) {
+    return cell > 0 ? x - cell * floor(x / cell + 0.5) : x;
+}
+
+// The point in the shape's own frame.
+CALL struct vec3 apply_transform(struct vec3 p, struct shape shape) {
+    p = vec_sub(p, vec_from(shape.position));
+    p = rotate_point(p, vec_from(shape.rotation_degrees));
+    return new_vector(wrap(p.x, shape.repeat[0]), wrap(p.y, shape.repeat[1]),
+                      wrap(p.z, shape.repeat[2]));
+}
+
+CALL double sdf_sphere(struct vec3 p, struct shape shape) {
+    return vec_norm(p) - shape.sphere.radius;
+}
+
+CALL double sdf_plane(struct vec3 p, struct shape shape) {
+    return vec_dot(p, vec_from(shape.plane.normal)) - shape.plane.offset;
+}
+
+CALL double sdf_box(struct vec3 p, struct shape shape) {
+    struct vec3 q = vec_sub(vec_abs(p), vec_from(shape.box.half_size));
+    struct vec3 outside = new_vector(fmax(q.x, 0.0), fmax(q.y, 0.0), fmax(q.z, 0.0));
+    return vec_norm(outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
+}
+
+CALL double sdf_torus(struct vec3 p, struct shape shape) {
+    double ring = vec_norm(new_vector(p.x, 0.0, p.z)) - shape.torus.major_radius;
+    return vec_norm(new_vector(ring, p.y, 0.0)) - shape.torus.minor_radius;
+}
+
+CALL double sdf_cone(struct vec3 p, struct shape shape) {
+    double r1 = shape.cone.bottom_radius, r2 = shape.cone.top_radius, h = shape.cone.half_height;
+    struct vec3 q = new_vector(vec_norm(new_vector(p.x, 0.0, p.z)), p.y, 0.0);
+    struct vec3 k1 = new_vector(r2, h, 0.0);
+    struct vec3 k2 = new_vector(r2 - r1, 2.0 * h, 0.0);
+    struct vec3 ca = new_vector(q.x - fmin(q.x, q.y < 0.0 ? r1 : r2), fabs(q.y) - h, 0.0);
+    double along = clamp(vec_dot(vec_sub(k1, q), k2) / vec_dot(k2, k2), 0.0, 1.0);
+    struct vec3 cb = vec_add(vec_sub(q, k1), vec_scale(k2, along));
+    double sign = cb.x < 0.0 && ca.y < 0.0 ? -1.0 : 1.0;
+    return sign * sqrt(fmin(vec_dot(ca, ca), vec_dot(cb, cb)));
+}
+
+CALL double sdf_octahedron(struct vec3 p, struct shape shape) {
+    double s = shape.octahedron.radius;
+    struct vec3 q;
+    p = vec_abs(p);
+    double m = p.x + p.y + p.z - s;
+    if (3.0 * p.x < m)
+        q = p;
+    else if (3.0 * p.y < m)
+        q = new_vector(p.y, p.z, p.x);
+    else if (3.0 * p.z < m)
+        q = new_vector(p.z, p.x, p.y);
+    else
+        return m * 0.57735026918962576451; // 1/√3: above a face
+    double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
+    return vec_norm(new_vector(q.x, q.y - s + k, q.z - k));
+}
+
+CALL double sdf_mandelbulb(struct vec3 p, struct shape shape) {
+    struct vec3 w = p;
+    double m = vec_dot(w, w);
+    double dz = 1.5;
+    for (int i = 0; i < shape.mandelbulb.iterations; i++) {
+        dz = 8.0 * sqrt(m * m * m * m * m * m * m) * dz + 1.0;
+        double x = w.x, x2 = x * x, x4 = x2 * x2;
+        double y = w.y, y2 = y * y, y4 = y2 * y2;
+        double z = w.z, z2 = z * z, z4 = z2 * z2;
+        double k3 = x2 + z2;
+        double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
+        double k2 = k7 > 0.0 ? 1.0 / sqrt(k7) : 0.0; // on the axis the azimuth's part is zero
+        double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
+        double k4 = x2 - y2 + z2;
+        w = vec_add(
+            p, new_vector(64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2,
+                          -16.0 * y2 * k3 * k4 * k4 + k1 * k1,
+                          -8.0 * y * k4 *
+                              (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 -
+                               28.0 * x2 * z2 * z4 + z4 * z4) *
+                              k1 * k2));
+        m = vec_dot(w, w);
+        if (m > shape.mandelbulb.bailout)
+            break;
+    }
+    return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
+}
+
+CALL double distance_to_shape(struct vec3 p, struct shape shape) {
+    p = apply_transform(p, shape);
+    switch (shape.type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, shape);
+    case SHAPE_BOX: return sdf_box(p, shape);
+    case SHAPE_TORUS: return sdf_torus(p, shape);
+    case SHAPE_CONE: return sdf_cone(p, shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, shape);
+    case SHAPE_PLANE: return sdf_plane(p, shape);
+    default: return sdf_mandelbulb(p, shape);
+    }
+}
+
+// Distance to the nearest shape, and which one it is (the first of equals).
+CALL double sdf(struct vec3 p, struct model model, int *nearest) {
+    double least = INFINITY;
+    for (int i = 0; i < model.shape_count; i++) {
+        double distance = distance_to_shape(p, model.shapes[i]);
+        if (distance < least) {
+            least = distance;
+            *nearest = i;
+        }
+    }
+    return least;
+}
+
+#endif

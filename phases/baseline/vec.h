@@ -1,0 +1,69 @@
+// Vectors as the baseline has them: a struct of three doubles, passed and returned by value through
+// calls that are not inlined.
+#ifndef BASELINE_VEC_H
+#define BASELINE_VEC_H
+
+#include <math.h>
+
+// A call must stay a call: that is what makes this the baseline. gcc would otherwise still clone a
+// noinline function for its arguments (noipa forbids it); clang has no such attribute and no need.
+#ifdef __clang__
+#define CALL __attribute__((noinline, unused)) static
+#else
+#define CALL __attribute__((noipa, unused)) static
+#endif
+
+struct vec3 {
+    double x, y, z;
+};
+
+CALL struct vec3 new_vector(double x, double y, double z) {
+    struct vec3 v;
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    return v;
+}
+
+CALL struct vec3 vec_from(const double a[3]) {
+    return new_vector(a[0], a[1], a[2]);
+}
+
+CALL struct vec3 vec_add(struct vec3 a, struct vec3 b) {
+    return new_vector(a.x + b.x, a.y + b.y, a.z + b.z);
+}
+
+CALL struct vec3 vec_sub(struct vec3 a, struct vec3 b) {
+    return new_vector(a.x - b.x, a.y - b.y, a.z - b.z);
+}
+
+CALL struct vec3 vec_mult(struct vec3 a, struct vec3 b) {
+    return new_vector(a.x * b.x, a.y * b.y, a.z * b.z);
+}
+
+CALL struct vec3 vec_scale(struct vec3 a, double s) {
+    return new_vector(a.x * s, a.y * s, a.z * s);
+}
+
+CALL struct vec3 vec_abs(struct vec3 a) {
+    return new_vector(fabs(a.x), fabs(a.y), fabs(a.z));
+}
+
+CALL double vec_dot(struct vec3 a, struct vec3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+CALL double vec_norm(struct vec3 a) {
+    return sqrt(vec_dot(a, a));
+}
+
+CALL struct vec3 vec_normalize(struct vec3 a) {
+    return vec_scale(a, 1.0 / vec_norm(a));
+}
+
+// d mirrored at the plane with unit normal n.
+CALL struct vec3 vec_reflect(struct vec3 d, struct vec3 n) {
+    return vec_sub(d, vec_scale(n, 2.0 * vec_dot(d, n)));
+}
+
+#endif
