@@ -1,0 +1,180 @@
+// Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
+// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
+// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+//
+// Sines and cosines come from prepare(); a rotation or repetition that is not there is not
+// evaluated.
+#ifndef OPT1_SDF_H
+#define OPT1_SDF_H
+
+#include "scene.h"
+#include "vec.h"
+
+CALL double clamp(double x, double low, double high) {
+    return x < low ? low : x > high ? high : x;
+}
+
+// A shape and what prepare() works out once: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z), then
+// (x,z), then (x,y).
+struct placed {
+    struct shape shape;
+    struct vec3 position;
+    double cosine[3], sine[3];
+    bool turned[3], repeated;
+};
+
+struct prepared {
+    struct model model;
+    struct placed *placed; // one per shape
+};
+
+static inline double wrap(double x, double cell) {
+    return cell > 0 ? x - cell * floor(x / cell + 0.5) : x;
+}
+
+// The point in the shape's own frame.
+static inline void apply_transform(const struct vec3 *point, const struct placed *placed,
+                                   struct vec3 *p) {
+    const double *c = placed->cosine, *s = placed->sine;
+    p->x = point->x - placed->position.x;
+    p->y = point->y - placed->position.y;
+    p->z = point->z - placed->position.z;
+    if (placed->turned[0]) {
+        double y = p->y;
+        p->y = c[0] * y - s[0] * p->z;
+        p->z = s[0] * y + c[0] * p->z;
+    }
+    if (placed->turned[1]) {
+        double x = p->x;
+        p->x = c[1] * x - s[1] * p->z;
+        p->z = s[1] * x + c[1] * p->z;
+    }
+    if (placed->turned[2]) {
+        double x = p->x;
+        p->x = c[2] * x - s[2] * p->y;
+        p->y = s[2] * x + c[2] * p->y;
+    }
+    if (placed->repeated) {
+        p->x = wrap(p->x, placed->shape.repeat[0]);
+        p->y = wrap(p->y, placed->shape.repeat[1]);
+        p->z = wrap(p->z, placed->shape.repeat[2]);
+    }
+}
+
+CALL double sdf_sphere(const struct vec3 *p, const struct shape *shape) {
+    return vec_norm(p) - shape->sphere.radius;
+}
+
+CALL double sdf_plane(const struct vec3 *p, const struct shape *shape) {
+    const double *n = shape->plane.normal;
+    return p->x * n[0] + p->y * n[1] + p->z * n[2] - shape->plane.offset;
+}
+
+CALL double sdf_box(const struct vec3 *p, const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    struct vec3 q;
+    vec_abs(p, &q);
+    q.x -= half[0];
+    q.y -= half[1];
+    q.z -= half[2];
+    struct vec3 outside = {fmax(q.x, 0.0), fmax(q.y, 0.0), fmax(q.z, 0.0)};
+    return vec_norm(&outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
+}
+
+CALL double sdf_torus(const struct vec3 *p, const struct shape *shape) {
+    struct vec3 flat = {p->x, 0.0, p->z};
+    struct vec3 section = {vec_norm(&flat) - shape->torus.major_radius, p->y, 0.0};
+    return vec_norm(&section) - shape->torus.minor_radius;
+}
+
+CALL double sdf_cone(const struct vec3 *p, const struct shape *shape) {
+    double r1 = shape->cone.bottom_radius, r2 = shape->cone.top_radius;
+    double h = shape->cone.half_height;
+    struct vec3 flat = {p->x, 0.0, p->z};
+    struct vec3 q = {vec_norm(&flat), p->y, 0.0};
+    struct vec3 k1 = {r2, h, 0.0};
+    struct vec3 k2 = {r2 - r1, 2.0 * h, 0.0};
+    struct vec3 ca = {q.x - fmin(q.x, q.y < 0.0 ? r1 : r2), fabs(q.y) - h, 0.0};
+    struct vec3 from, back, cb;
+    vec_sub(&k1, &q, &from);
+    vec_sub(&q, &k1, &back);
+    vec_along(&back, &k2, clamp(vec_dot(&from, &k2) / vec_dot(&k2, &k2), 0.0, 1.0), &cb);
+    double sign = cb.x < 0.0 && ca.y < 0.0 ? -1.0 : 1.0;
+    return sign * sqrt(fmin(vec_dot(&ca, &ca), vec_dot(&cb, &cb)));
+}
+
+CALL double sdf_octahedron(const struct vec3 *point, const struct shape *shape) {
+    double s = shape->octahedron.radius;
+    struct vec3 p, q;
+    vec_abs(point, &p);
+    double m = p.x + p.y + p.z - s;
+    if (3.0 * p.x < m)
+        q = p;
+    else if (3.0 * p.y < m)
+        q = (struct vec3){p.y, p.z, p.x};
+    else if (3.0 * p.z < m)
+        q = (struct vec3){p.z, p.x, p.y};
+    else
+        return m * 0.57735026918962576451; // 1/√3: above a face
+    double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
+    struct vec3 edge = {q.x, q.y - s + k, q.z - k};
+    return vec_norm(&edge);
+}
+
+CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
+    struct vec3 w = *p;
+    double m = vec_dot(&w, &w);
+    double dz = 1.5;
+    for (int i = 0; i < shape->mandelbulb.iterations; i++) {
+        dz = 8.0 * sqrt(m * m * m * m * m * m * m) * dz + 1.0;
+        double x = w.x, x2 = x * x, x4 = x2 * x2;
+        double y = w.y, y2 = y * y, y4 = y2 * y2;
+        double z = w.z, z2 = z * z, z4 = z2 * z2;
+        double k3 = x2 + z2;
+        double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
+        double k2 = k7 > 0.0 ? 1.0 / sqrt(k7) : 0.0; // on the axis the azimuth's part is zero
+        double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
+        double k4 = x2 - y2 + z2;
+        struct vec3 raised = {
+            64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2,
+            -16.0 * y2 * k3 * k4 * k4 + k1 * k1,
+            -8.0 * y * k4 *
+                (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 - 28.0 * x2 * z2 * z4 + z4 * z4) *
+                k1 * k2};
+        vec_add(p, &raised, &w);
+        m = vec_dot(&w, &w);
+        if (m > shape->mandelbulb.bailout)
+            break;
+    }
+    return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
+}
+
+CALL double distance_to_shape(const struct vec3 *point, const struct placed *placed) {
+    struct vec3 p;
+    apply_transform(point, placed, &p);
+    switch (placed->shape.type) {
+    case SHAPE_SPHERE: return sdf_sphere(&p, &placed->shape);
+    case SHAPE_BOX: return sdf_box(&p, &placed->shape);
+    case SHAPE_TORUS: return sdf_torus(&p, &placed->shape);
+    case SHAPE_CONE: return sdf_cone(&p, &placed->shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &placed->shape);
+    case SHAPE_PLANE: return sdf_plane(&p, &placed->shape);
+    default: return sdf_mandelbulb(&p, &placed->shape);
+    }
+}
+
+// Distance to the nearest shape, and which one it is (the first of equals).
+CALL double sdf(const struct vec3 *p, const struct prepared *scene, int *nearest) {
+    double least = INFINITY;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        double distance = distance_to_shape(p, &scene->placed[i]);
+        if (distance < least) {
+            least = distance;
+            *nearest = i;
+        }
+    }
+    return least;
+}
+
+#endif

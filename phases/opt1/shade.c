@@ -1,0 +1,78 @@
+// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), mirror by recursion, fog.
+#include "trace.h"
+
+// Forward differences of the scene's distance, towards the side the ray comes from.
+static void normal_at(const struct vec3 *p, const struct vec3 *direction,
+                      const struct prepared *scene, struct vec3 *n) {
+    int nearest;
+    double step = scene->model.march.normal_step;
+    double here = sdf(p, scene, &nearest);
+    struct vec3 px = {p->x + step, p->y, p->z};
+    struct vec3 py = {p->x, p->y + step, p->z};
+    struct vec3 pz = {p->x, p->y, p->z + step};
+    struct vec3 gradient = {sdf(&px, scene, &nearest) - here, sdf(&py, scene, &nearest) - here,
+                            sdf(&pz, scene, &nearest) - here};
+    if (!(vec_norm(&gradient) > 0.0)) { // no direction, as at a centre: towards the ray
+        vec_scale(direction, -1.0, n);
+        return;
+    }
+    vec_normalize(&gradient, n);
+    if (vec_dot(direction, n) > 0.0)
+        vec_scale(n, -1.0, n);
+}
+
+static void light_at(const struct vec3 *p, const struct vec3 *n, const struct vec3 *direction,
+                     const struct material *material, const struct world *world,
+                     struct vec3 *color) {
+    struct vec3 base = {material->color[0], material->color[1], material->color[2]};
+    const double *light = world->view->light_position;
+    struct vec3 to_light = {light[0] - p->x, light[1] - p->y, light[2] - p->z};
+    double distance = vec_norm(&to_light);
+    vec_scale(&base, 0.01, color); // ambient
+    if (!(distance > 0.0))         // the light lies on the surface: no direction to it
+        return;
+    vec_scale(&to_light, 1.0 / distance, &to_light);
+    double reach = shadow(p, &to_light, distance, world->scene) / distance;
+    double facing = vec_dot(n, &to_light);
+    const double *e = world->view->light_emission;
+    struct vec3 emission = {e[0], e[1], e[2]}, diffuse;
+    vec_mult(&emission, &base, &diffuse);
+    vec_scale(&diffuse, fmax(facing, 0.0) * reach, &diffuse);
+    vec_add(color, &diffuse, color);
+    if (facing > 0.0) {
+        struct vec3 from_light, mirrored, specular;
+        vec_scale(&to_light, -1.0, &from_light);
+        vec_reflect(&from_light, n, &mirrored);
+        double shine = fmax(-vec_dot(&mirrored, direction), 0.0);
+        vec_scale(&emission, 0.2 * pow(shine, material->shininess) * reach, &specular);
+        vec_add(color, &specular, color);
+    }
+}
+
+void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
+           const struct world *world, struct shaded *result) {
+    const struct model *model = &world->scene->model;
+    const double *b = model->background;
+    *result = (struct shaded){.color = {b[0], b[1], b[2]}};
+    ray_march(origin, direction, world->scene, &result->hit);
+    if (!result->hit.found)
+        return;
+    const struct vec3 *p = &result->hit.point;
+    struct vec3 *n = &result->normal, *color = &result->color;
+    normal_at(p, direction, world->scene, n);
+    const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
+    light_at(p, n, direction, material, world, color);
+    if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
+        struct vec3 start, mirrored;
+        vec_along(p, n, model->march.surface_offset, &start);
+        vec_reflect(direction, n, &mirrored);
+        struct shaded seen;
+        trace(&start, &mirrored, bounce + 1, world, &seen);
+        vec_along(color, &seen.color, material->reflectivity * 0.1, color);
+    }
+    if (model->features.fog) {
+        double far = vec_norm(p);
+        vec_scale(color, exp(-model->fog * far * far * far), color);
+    }
+}

@@ -1,0 +1,35 @@
+// What render.c, march.c and shade.c call of each other.
+#ifndef OPT1_TRACE_H
+#define OPT1_TRACE_H
+
+#include <stdbool.h>
+
+#include "sdf.h"
+
+struct world {
+    const struct prepared *scene;
+    const struct view *view;
+};
+
+struct hit {
+    bool found;
+    double t; // distance along the ray
+    struct vec3 point;
+    int shape;
+    int evals; // evaluations of the scene's distance
+};
+
+struct shaded {
+    struct vec3 color;
+    struct vec3 normal; // 0 on a miss
+    struct hit hit;
+};
+
+void ray_march(const struct vec3 *origin, const struct vec3 *direction,
+               const struct prepared *scene, struct hit *hit);
+double shadow(const struct vec3 *point, const struct vec3 *to_light, double distance,
+              const struct prepared *scene);
+void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
+           const struct world *world, struct shaded *result);
+
+#endif
