@@ -1,0 +1,71 @@
+// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), mirror by recursion, fog.
+#include "trace.h"
+
+// Forward differences of the scene's distance, towards the side the ray comes from.
+static void normal_at(const double *p, const double *direction, const struct prepared *scene,
+                      double *n) {
+    int nearest;
+    double here = sdf(p, scene, &nearest), gradient[3];
+    for (int i = 0; i < 3; i++) {
+        double moved[3] = {p[0], p[1], p[2]};
+        moved[i] += scene->model.march.normal_step;
+        gradient[i] = sdf(moved, scene, &nearest) - here;
+    }
+    double length = vec_norm(gradient);
+    if (!(length > 0.0)) { // no direction, as at a centre: towards the ray
+        vec_scale(direction, -1.0, n);
+        return;
+    }
+    double sign = 1.0 - 2.0 * (vec_dot(direction, gradient) > 0.0);
+    vec_scale(gradient, sign / length, n);
+}
+
+static void light_at(const double *p, const double *n, const double *direction,
+                     const struct material *material, const struct world *world, double *color) {
+    const double *base = material->color, *emission = world->view->light_emission;
+    vec_scale(base, 0.01, color); // ambient
+    double to_light[3];
+    vec_along(world->view->light_position, p, -1.0, to_light);
+    double distance = vec_norm(to_light);
+    if (!(distance > 0.0)) // the light lies on the surface: no direction to it
+        return;
+    vec_scale(to_light, 1.0 / distance, to_light);
+    double facing = vec_dot(n, to_light);
+    if (!(facing > 0.0)) // turned away: both terms are zero whatever the shadow
+        return;
+    double reach = shadow(p, to_light, distance, world->scene) / distance;
+    double mirrored[3];
+    vec_reflect(to_light, n, mirrored); // of the light's direction: minus the paper's R
+    double shine = vec_dot(mirrored, direction);
+    double specular = shine > 0.0 ? 0.2 * pow(shine, material->shininess) : 0.0;
+    for (int i = 0; i < 3; i++)
+        color[i] += emission[i] * (base[i] * facing + specular) * reach;
+}
+
+void trace(const double *origin, const double *direction, int bounce, const struct world *world,
+           struct shaded *result) {
+    const struct model *model = &world->scene->model;
+    *result = (struct shaded){.color = {0}};
+    vec_set(model->background, result->color);
+    ray_march(origin, direction, world->scene, &result->hit);
+    if (!result->hit.found)
+        return;
+    const double *p = result->hit.point;
+    double *n = result->normal, *color = result->color;
+    normal_at(p, direction, world->scene, n);
+    const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
+    light_at(p, n, direction, material, world, color);
+    if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
+        double start[3], mirrored[3];
+        vec_along(p, n, model->march.surface_offset, start);
+        vec_reflect(direction, n, mirrored);
+        struct shaded seen;
+        trace(start, mirrored, bounce + 1, world, &seen);
+        vec_along(color, seen.color, material->reflectivity * 0.1, color);
+    }
+    if (model->features.fog) {
+        double far_sq = vec_norm_sq(p);
+        vec_scale(color, exp(-model->fog * far_sq * sqrt(far_sq)), color);
+    }
+}

@@ -1,0 +1,35 @@
+// What render.c, march.c and shade.c call of each other.
+#ifndef OPT2_TRACE_H
+#define OPT2_TRACE_H
+
+#include <stdbool.h>
+
+#include "sdf.h"
+
+struct world {
+    const struct prepared *scene;
+    const struct view *view;
+};
+
+struct hit {
+    bool found;
+    double t; // distance along the ray
+    double point[3];
+    int shape;
+    int evals; // evaluations of the scene's distance
+};
+
+struct shaded {
+    double color[3];
+    double normal[3]; // 0 on a miss
+    struct hit hit;
+};
+
+void ray_march(const double *origin, const double *direction, const struct prepared *scene,
+               struct hit *hit);
+double shadow(const double *point, const double *to_light, double distance,
+              const struct prepared *scene);
+void trace(const double *origin, const double *direction, int bounce, const struct world *world,
+           struct shaded *result);
+
+#endif
