@@ -106,20 +106,20 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
     return vec_norm(edge);
 }
 
-// One step of the map. With k1, k3, k4 as Quilez has them, (x² − z², 2xz) is the azimuth's double
-// angle and squaring it twice more gives the eighth: sin8 and cos8 below replace his products.
+// One step of the map. With k1, k3, k4 as Quilez has them, (x² − z², 2xz)/k3 is the unit phasor of
+// twice the azimuth, and squaring it twice more that of eight times: sin8 and cos8 stand for his
+// products of ninth degree.
 #define BULB_STEP                                                                                  \
     root = sqrt(m);                                                                                \
     dz = 8.0 * (m * m * m * root) * dz + 1.0;                                                      \
     x2 = x * x, y2 = y * y, z2 = z * z;                                                            \
-    k3 = x2 + z2;                                                                                  \
-    k4 = k3 - y2;                                                                                  \
+    k3 = x2 + z2, k4 = k3 - y2;                                                                    \
+    per_k3 = k3 > 1e-300 ? 1.0 / k3 : 0.0; /* 0 on the axis */                                     \
     k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);                                                           \
-    cos2 = x2 - z2, sin2 = 2.0 * x * z;                                                            \
+    cos2 = (x2 - z2) * per_k3, sin2 = 2.0 * x * z * per_k3;                                        \
     cos4 = cos2 * cos2 - sin2 * sin2, sin4 = 2.0 * cos2 * sin2;                                    \
     cos8 = cos4 * cos4 - sin4 * sin4, sin8 = 2.0 * cos4 * sin4;                                    \
-    k7 = k3 * k3 * k3 * sqrt(k3);                                                                  \
-    k2 = k7 > 0.0 ? 8.0 * y * k4 * k1 / k7 : 0.0; /* 0 on the axis */                              \
+    k2 = 8.0 * y * k4 * k1 * sqrt(k3);                                                             \
     x = p[0] + k2 * sin8;                                                                          \
     y = p[1] + k1 * k1 - 16.0 * y2 * k3 * (k4 * k4);                                               \
     z = p[2] - k2 * cos8;                                                                          \
@@ -127,7 +127,7 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
 
 static inline double sdf_mandelbulb(const double *p, const struct placed *s) {
     double x = p[0], y = p[1], z = p[2], m = x * x + y * y + z * z, dz = 1.5;
-    double root, x2, y2, z2, k1, k2, k3, k4, k7, cos2, sin2, cos4, sin4, cos8, sin8;
+    double root, x2, y2, z2, k1, k2, k3, k4, per_k3, cos2, sin2, cos4, sin4, cos8, sin8;
     for (int i = s->iterations;; i -= 4) { // unrolled by four, the paper's number of iterations
         BULB_STEP
         if (m > s->bailout || i == 1)
@@ -142,7 +142,7 @@ static inline double sdf_mandelbulb(const double *p, const struct placed *s) {
         if (m > s->bailout || i == 4)
             break;
     }
-    return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
+    return m > 0.0 ? 0.25 * sqrt(m) / dz * log(m) : 0.0; // √m·ln m → 0 at the centre
 }
 
 static inline double distance_to_shape(const double *point, const struct placed *placed) {

@@ -8,24 +8,27 @@ void ray_march(struct vec origin, struct vec direction, mask active, const struc
                struct hit *hit) {
     mask every = _mm256_castsi256_pd(_mm256_set1_epi64x(-1)), done = but_not(active, every);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
-    *hit = (struct hit){.found = set(0.0), .t = set(0.0), .point = origin, .shape = set(-1.0)};
+    mask found = set(0.0);
+    real t = set(0.0), shape = set(-1.0), evals = set(0.0);
+    struct vec point = origin;
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         real nearest = set(-1.0);
-        real distance = sdf(hit->point, scene, done, &nearest);
-        hit->evals = hit->evals + but_not(done, set(1.0));
-        hit->t = hit->t + but_not(done, distance);
-        hit->point = vec_along(origin, direction, hit->t);
+        real distance = sdf(point, scene, done, &nearest);
+        evals = evals + but_not(done, set(1.0));
+        t = t + but_not(done, distance);
+        point = vec_along(origin, direction, t);
         mask reached = but_not(done, less(distance, hit_distance));
-        mask outside = but_not(done, greater(vec_dot(hit->point, hit->point), bounds_sq));
+        mask outside = but_not(done, greater(vec_dot(point, point), bounds_sq));
         mask ended = either(reached, outside);
         if (bits(ended)) {
-            hit->found = either(hit->found, reached);
-            hit->shape = choose(reached, nearest, hit->shape);
+            found = either(found, reached);
+            shape = choose(reached, nearest, shape);
             done = either(done, ended);
             if (bits(done) == ALL)
                 break;
         }
     }
+    *hit = (struct hit){found, t, point, shape, evals};
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/

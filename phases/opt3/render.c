@@ -26,8 +26,8 @@ static void rotation_matrix(const double *degrees, double m[3][3]) {
     }
 }
 
-static struct placed place_shape(const struct shape *shape) {
-    struct placed p = {.type = shape->type};
+static struct placed place_shape(int index, const struct shape *shape) {
+    struct placed p = {.type = shape->type, .index = index};
     memcpy(p.position, shape->position, sizeof p.position);
     rotation_matrix(shape->rotation_degrees, p.turn);
     for (int i = 0; i < 3; i++) {
@@ -68,7 +68,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
     for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = place_shape(&model->shapes[i]);
+        prepared->placed[i] = place_shape(i, &model->shapes[i]);
     return true;
 }
 

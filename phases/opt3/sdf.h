@@ -15,6 +15,7 @@
 struct placed {
     enum shape_type type;
     bool turned, repeated;
+    double index; // in the scene
     double position[3];
     double turn[3][3]; // rows: the three rotations as one matrix
     double cell[3], per_cell[3];
@@ -114,18 +115,18 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
     mask escaped = done;
     for (int i = 0; i < s->iterations; i++) {
         real x2 = x * x, y2 = y * y, z2 = z * z;
-        real slope = mul_add(set(8.0) * (m * m * m * root(m)), dz, set(1.0));
-        real k3 = x2 + z2, k4 = k3 - y2;
+        real k3 = x2 + z2, k4 = k3 - y2, per_k3 = set(1.0) / k3;
         real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0), k3, y2));
-        real cos2 = x2 - z2, sin2 = set(2.0) * x * z;
+        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0) * x * z * per_k3;
         real cos4 = mul_sub(cos2, cos2, sin2 * sin2), sin4 = set(2.0) * cos2 * sin2;
         real cos8 = mul_sub(cos4, cos4, sin4 * sin4), sin8 = set(2.0) * cos4 * sin4;
-        real k7 = k3 * k3 * k3 * root(k3);
-        real k2 = set(8.0) * y * k4 * k1 / k7;
-        k2 = both(k2, greater(k7, set(0.0))); // 0 on the axis
-        x = mul_add(k2, sin8, p.x);
-        z = neg_mul_add(k2, cos8, p.z);
+        mask off_axis = greater(k3, set(1e-300));
+        real k2 = set(8.0) * y * k4 * k1 * root(k3);
+        x = p.x + both(k2 * sin8, off_axis);
+        z = p.z - both(k2 * cos8, off_axis);
         y = mul_add(k1, k1, neg_mul_add(set(16.0) * y2 * k3, k4 * k4, p.y));
+        real slope =
+            mul_add(set(8.0) * (m * m * m * root(m)), dz, set(1.0)); // last: its root can wait
         real grown = mul_add(x, x, mul_add(y, y, z * z));
         m = choose(escaped, m, grown);
         dz = choose(escaped, dz, slope);
@@ -133,8 +134,8 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         if (bits(escaped) == (1 << LANES) - 1)
             break;
     }
-    real distance = set(0.25) * log_of(m) * root(m) / dz;
-    return both(distance, greater(m, set(0.0))); // √m·ln m → 0 at the centre
+    real distance = set(0.25) * root(m) / dz * log_of(m); // the division beside the logarithm
+    return both(distance, greater(m, set(0.0)));          // √m·ln m → 0 at the centre
 }
 
 static inline real distance_to_shape(struct vec point, const struct placed *placed, mask done) {
@@ -158,7 +159,7 @@ static inline real sdf(struct vec p, const struct prepared *scene, mask done, re
         real distance = distance_to_shape(p, &scene->placed[i], done);
         mask closer = less(distance, least);
         least = choose(closer, distance, least);
-        *nearest = choose(closer, set(i), *nearest);
+        *nearest = choose(closer, set(scene->placed[i].index), *nearest);
     }
     return least;
 }

@@ -29,12 +29,13 @@ static struct vec normal_at(struct vec p, struct vec direction, mask found,
                             const struct prepared *scene) {
     real step = set(scene->model.march.normal_step), nearest = set(0.0);
     mask done = but_not(found, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)));
-    real here = sdf(p, scene, done, &nearest);
-    struct vec px = {p.x + step, p.y, p.z}, py = {p.x, p.y + step, p.z},
-               pz = {p.x, p.y, p.z + step};
-    struct vec gradient = {sdf(px, scene, done, &nearest) - here,
-                           sdf(py, scene, done, &nearest) - here,
-                           sdf(pz, scene, done, &nearest) - here};
+    real values[4]; // at p, and moved along x, y, z
+    for (int i = 0; i < 4; i++) {
+        struct vec moved = {p.x + (i == 1 ? step : set(0.0)), p.y + (i == 2 ? step : set(0.0)),
+                            p.z + (i == 3 ? step : set(0.0))};
+        values[i] = sdf(moved, scene, done, &nearest);
+    }
+    struct vec gradient = {values[1] - values[0], values[2] - values[0], values[3] - values[0]};
     real length = vec_norm(gradient);
     mask away = greater(vec_dot(direction, gradient), set(0.0));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0) / length));

@@ -134,12 +134,12 @@ static inline real log_of(real a) {
     m = choose(high, m * set(0.5), m);
     e = e + both(high, set(1.0));
     real s = (m - set(1.0)) / (m + set(1.0)), u = s * s;
-    real p = mul_add(u, set(0.1461644968504340586), set(0.15331721600556041269));
-    p = mul_add(u, p, set(0.1818288912526172208));
-    p = mul_add(u, p, set(0.22222211134795079855));
-    p = mul_add(u, p, set(0.28571428625975484921));
-    p = mul_add(u, p, set(0.3999999999989950449));
-    p = mul_add(u, p, set(0.66666666666666696862));
+    // Estrin's order: four short chains in place of one long
+    real u2 = u * u, low = mul_add(u, set(0.3999999999989950449), set(0.66666666666666696862));
+    real mid = mul_add(u, set(0.22222211134795079855), set(0.28571428625975484921));
+    real high4 = mul_add(u, set(0.15331721600556041269), set(0.1818288912526172208));
+    high4 = mul_add(u2, set(0.1461644968504340586), high4);
+    real p = mul_add(u2 * u2, high4, mul_add(u2, mid, low));
     real tail = mul_add(e, set(7.440617110012397e-11), s * (u * p)); // ln 2 in two parts, the
     return mul_add(e, set(0.6931471804855391), s + (s + tail));      // first exact times e
 }
