@@ -40,7 +40,7 @@ static struct vec normal_at(struct vec p, struct vec direction, mask found,
     mask away = greater(vec_dot(direction, gradient), set(0.0));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0) / length));
     // No direction, as at a centre: towards the ray.
-    return vec_select(greater(length, set(0.0)), n, vec_scale(direction, set(-1.0)));
+    return vec_choose(greater(length, set(0.0)), n, vec_scale(direction, set(-1.0)));
 }
 
 static struct vec light_at(struct vec p, struct vec n, struct vec direction, mask found,
@@ -65,7 +65,7 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, mas
     struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
                          mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
                          mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
-    return vec_select(lit, bright, color);
+    return vec_choose(lit, bright, color);
 }
 
 void trace(struct vec origin, struct vec direction, mask active, int bounce,
@@ -89,14 +89,14 @@ void trace(struct vec origin, struct vec direction, mask active, int bounce,
             struct shaded seen;
             trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
             real share = both(mirror, surface.reflectivity * set(0.1));
-            color = vec_along(color, vec_select(mirror, seen.color, color), share);
+            color = vec_along(color, vec_choose(mirror, seen.color, color), share);
         }
     }
     if (model->features.fog) {
         real far_sq = vec_dot(p, p);
         color = vec_scale(color, exp_of(set(-model->fog) * far_sq * root(far_sq)));
     }
-    result->color = vec_select(found, color, background);
+    result->color = vec_choose(found, color, background);
     struct vec zero = {set(0.0), set(0.0), set(0.0)};
-    result->normal = vec_select(found, n, zero);
+    result->normal = vec_choose(found, n, zero);
 }

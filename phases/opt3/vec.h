@@ -107,7 +107,7 @@ static inline struct vec vec_along(struct vec origin, struct vec direction, real
                         mul_add(direction.z, t, origin.z)};
 }
 
-static inline struct vec vec_select(mask m, struct vec yes, struct vec no) {
+static inline struct vec vec_choose(mask m, struct vec yes, struct vec no) {
     return (struct vec){choose(m, yes.x, no.x), choose(m, yes.y, no.y), choose(m, yes.z, no.z)};
 }
 

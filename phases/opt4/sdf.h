@@ -1,0 +1,215 @@
+// Signed distances of eight points at once. Sphere, box, torus, capped cone, octahedron: I. Quilez,
+// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
+// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
+// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+//
+// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated
+// in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
+// own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
+// shape. Branches that differ between lanes are evaluated for all and chosen by mask.
+#ifndef OPT4_SDF_H
+#define OPT4_SDF_H
+
+#include "scene.h"
+#include "vec.h"
+
+// A shape as the march wants it: what is evaluated, and nothing else.
+struct placed {
+    enum shape_type type;
+    bool turned, repeated;
+    float index; // in the scene
+    float position[3], position_lo[3];
+    float turn[3][3]; // rows: the three rotations as one matrix
+    float cell[3], per_cell[3];
+    float a, b, c;                // sizes: see place_shape() in render.c
+    float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
+    float size[3];                // box: half size; plane: normal
+    float bailout;
+    int iterations;
+};
+
+struct prepared {
+    struct model model;
+    struct placed *placed; // one per shape
+};
+
+// Eight rays in the frame of one shape. A plane that is not repeated needs no point: its distance
+// is linear along the ray, origin.x + t·direction.x.
+struct approach {
+    struct vec origin, direction;
+};
+
+static inline struct vec turned(const struct placed *placed, struct vec v) {
+    if (!placed->turned)
+        return v;
+    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
+                        vec_dot(vec_set(placed->turn[2]), v)};
+}
+
+// Back from the shape's frame: the matrix is orthogonal, so its transpose.
+static inline struct vec turned_back(const struct placed *placed, struct vec v) {
+    if (!placed->turned)
+        return v;
+    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
+    out = vec_along(out, vec_set(placed->turn[1]), v.y);
+    return vec_along(out, vec_set(placed->turn[2]), v.z);
+}
+
+static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not repeated
+    return neg_mul_add(set(cell), _mm256_floor_ps(mul_add(x, set(per_cell), set(0.5f))), x);
+}
+
+static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
+    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
+                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
+                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+}
+
+static inline bool is_linear(const struct placed *placed) {
+    return placed->type == SHAPE_PLANE && !placed->repeated;
+}
+
+// Fills one approach per shape.
+static inline void approach_shapes(struct place origin, struct vec direction,
+                                   const struct prepared *scene, struct approach *approach) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *placed = &scene->placed[i];
+        struct vec o = turned(placed, place_sub(origin, placed->position, placed->position_lo));
+        struct vec d = turned(placed, direction);
+        if (is_linear(placed)) {
+            struct vec n = vec_set(placed->size);
+            o.x = vec_dot(n, o) - set(placed->a);
+            d.x = vec_dot(n, d);
+        } else if (placed->repeated)
+            o = vec_wrapped(placed, o);
+        approach[i] = (struct approach){o, d};
+    }
+}
+
+static inline real sdf_sphere(struct vec p, const struct placed *s) {
+    return vec_norm(p) - set(s->a);
+}
+
+static inline real sdf_plane(struct vec p, const struct placed *s) {
+    return vec_dot(p, vec_set(s->size)) - set(s->a);
+}
+
+static inline real sdf_box(struct vec p, const struct placed *s) {
+    real zero = set(0.0f);
+    real x = absolute(p.x) - set(s->size[0]);
+    real y = absolute(p.y) - set(s->size[1]);
+    real z = absolute(p.z) - set(s->size[2]);
+    struct vec outside = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
+    return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
+}
+
+static inline real sdf_torus(struct vec p, const struct placed *s) {
+    real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
+    return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
+}
+
+static inline real sdf_cone(struct vec p, const struct placed *s) {
+    real zero = set(0.0f), one = set(1.0f);
+    real radius = root(mul_add(p.x, p.x, p.z * p.z));
+    real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
+    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
+    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
+    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1]));
+    real along = least_of(most_of(across * set(-s->per_slope_sq), zero), one);
+    real side_x = mul_add(set(s->slope[0]), along, x);
+    real side_y = mul_add(set(s->slope[1]), along, y);
+    mask inside = both(side_x, cap_y); // only the sign bit counts
+    real square =
+        least_of(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
+    return negate_where(inside, root(square));
+}
+
+static inline real sdf_octahedron(struct vec point, const struct placed *s) {
+    real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
+    real zero = set(0.0f), radius = set(s->a);
+    real m = x + y + z - radius, third = m * set(1.0f / 3.0f);
+    mask over_yz = less(x, third), over_zx = less(y, third), over_xy = less(z, third);
+    real face = m * set(0.57735026918962576451f); // 1/√3
+    mask edges = either(over_yz, either(over_zx, over_xy));
+    if (bits(edges) == 0)
+        return face;
+    real a = choose(over_yz, x, choose(over_zx, y, z));
+    real b = choose(over_yz, y, choose(over_zx, z, x));
+    real c = choose(over_yz, z, choose(over_zx, x, y));
+    real k = least_of(most_of(set(0.5f) * (c - b + radius), zero), radius);
+    real beside = b - radius + k, above = c - k;
+    real edge = root(mul_add(a, a, mul_add(beside, beside, above * above)));
+    return choose(edges, edge, face);
+}
+
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
+// have (the paper's Fig. 5).
+static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+    real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
+    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
+    // to a float's precision, after the one iteration that escapes.
+    mask far = greater(m, set(1024.0f)), escaped = either(done, far);
+    for (int i = 0; i < s->iterations; i++) {
+        real x2 = x * x, y2 = y * y, z2 = z * z;
+        real k3 = x2 + z2, k4 = k3 - y2, per_k3 = set(1.0f) / k3;
+        real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
+        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * x * z * per_k3;
+        real cos4 = mul_sub(cos2, cos2, sin2 * sin2), sin4 = set(2.0f) * cos2 * sin2;
+        real cos8 = mul_sub(cos4, cos4, sin4 * sin4), sin8 = set(2.0f) * cos4 * sin4;
+        mask off_axis = greater(k3, set(1e-36f));
+        real k2 = set(8.0f) * y * k4 * k1 * root(k3);
+        x = p.x + both(k2 * sin8, off_axis);
+        z = p.z - both(k2 * cos8, off_axis);
+        y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
+        real slope =
+            mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
+        real grown = mul_add(x, x, mul_add(y, y, z * z));
+        m = choose(escaped, m, grown);
+        dz = choose(escaped, dz, slope);
+        escaped = either(escaped, greater(m, set(s->bailout)));
+        if (bits(escaped) == (1 << LANES) - 1)
+            break;
+    }
+    real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
+    if (bits(far)) {
+        real r = root(vec_dot(p, p));
+        distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
+    }
+    return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
+}
+
+// Distance to one shape at distance t along the rays.
+static inline real distance_to_shape(const struct approach *a, real t, const struct placed *placed,
+                                     mask done) {
+    if (is_linear(placed))
+        return mul_add(t, a->direction.x, a->origin.x);
+    struct vec p = vec_along(a->origin, a->direction, t);
+    if (placed->repeated)
+        p = vec_wrapped(placed, p);
+    switch (placed->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, placed);
+    case SHAPE_BOX: return sdf_box(p, placed);
+    case SHAPE_TORUS: return sdf_torus(p, placed);
+    case SHAPE_CONE: return sdf_cone(p, placed);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
+    case SHAPE_PLANE: return sdf_plane(p, placed);
+    default: return sdf_mandelbulb(p, placed, done);
+    }
+}
+
+// Distance to the nearest shape, and which one it is (the first of equals). Lanes of `done` may
+// hold anything. Inlined by force: the march keeps its state in registers.
+__attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
+                                                      const struct prepared *scene, mask done,
+                                                      real *nearest) {
+    real least = set(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
+        mask closer = less(distance, least);
+        least = choose(closer, distance, least);
+        *nearest = choose(closer, set(scene->placed[i].index), *nearest);
+    }
+    return least;
+}
+
+#endif

@@ -1,0 +1,192 @@
+// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), mirror by recursion, fog.
+#include "trace.h"
+
+// Materials of eight hits, gathered.
+struct surfaces {
+    struct vec color;
+    real reflectivity, shininess;
+};
+
+static struct surfaces gather(real shape, mask found, const struct model *model) {
+    float id[LANES], values[5][LANES];
+    _mm256_storeu_ps(id, choose(found, shape, set(0.0f)));
+    for (int lane = 0; lane < LANES; lane++) {
+        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
+        for (int i = 0; i < 3; i++)
+            values[i][lane] = (float)m->color[i];
+        values[3][lane] = (float)m->reflectivity;
+        values[4][lane] = (float)m->shininess;
+    }
+    return (struct surfaces){
+        {_mm256_loadu_ps(values[0]), _mm256_loadu_ps(values[1]), _mm256_loadu_ps(values[2])},
+        _mm256_loadu_ps(values[3]),
+        _mm256_loadu_ps(values[4])};
+}
+
+// A difference over 1e-4 in float is noise in the third digit: so the gradient of the shape that
+// was hit, in closed form, in the shape's own frame; only the Mandelbulb has none and is
+// differenced. Gradients need not be of unit length.
+static struct vec box_gradient(struct vec p, const struct placed *s) {
+    real zero = set(0.0f);
+    real x = absolute(p.x) - set(s->size[0]);
+    real y = absolute(p.y) - set(s->size[1]);
+    real z = absolute(p.z) - set(s->size[2]);
+    real most = most_of(x, most_of(y, z));
+    // Outside: away from the nearest point. Inside: along the axis of the nearest face.
+    mask outside = greater(most, zero), on_x = not_less(x, most), on_y = not_less(y, most);
+    real one = set(1.0f);
+    struct vec face = {both(on_x, one), both(but_not(on_x, on_y), one),
+                       but_not(either(on_x, on_y), one)};
+    struct vec away = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
+    struct vec g = vec_choose(outside, away, face);
+    return (struct vec){with_sign_of(p.x, g.x), with_sign_of(p.y, g.y), with_sign_of(p.z, g.z)};
+}
+
+static struct vec torus_gradient(struct vec p, const struct placed *s) {
+    real radius = root(mul_add(p.x, p.x, p.z * p.z));
+    real outward = set(1.0f) - set(s->a) / most_of(radius, set(1e-30f));
+    return (struct vec){p.x * outward, p.y, p.z * outward};
+}
+
+static struct vec cone_gradient(struct vec p, const struct placed *s) {
+    real zero = set(0.0f);
+    real radius = root(mul_add(p.x, p.x, p.z * p.z));
+    real x = radius - set(s->b), y = p.y - set(s->c);
+    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
+    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
+    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1])) * set(-s->per_slope_sq);
+    real along = least_of(most_of(across, zero), set(1.0f));
+    real side_x = mul_add(set(s->slope[0]), along, x);
+    real side_y = mul_add(set(s->slope[1]), along, y);
+    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
+    mask beside = both(greater(across, zero), less(across, set(1.0f)));
+    real out = choose(beside, set(s->slope[1]), side_x),
+         up = choose(beside, set(-s->slope[0]), side_y);
+    mask cap = less(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
+    real cap_up = choose(greater(cap_x, zero), cap_y, set(1.0f)); // over the cap: straight up
+    out = choose(cap, cap_x, out);
+    up = choose(cap, with_sign_of(p.y, cap_up), up);
+    real per_radius = out / most_of(radius, set(1e-30f));
+    return (struct vec){p.x * per_radius, up, p.z * per_radius};
+}
+
+static struct vec octahedron_gradient(struct vec p) {
+    real one = set(1.0f);
+    return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
+}
+
+// Forward differences as in the other phases, over the step that float really took.
+static struct vec bulb_gradient(struct vec p, const struct placed *s, mask done, float step) {
+    real here = sdf_mandelbulb(p, s, done);
+    struct vec q = {p.x + set(step), p.y + set(step), p.z + set(step)};
+    struct vec px = {q.x, p.y, p.z}, py = {p.x, q.y, p.z}, pz = {p.x, p.y, q.z};
+    return (struct vec){(sdf_mandelbulb(px, s, done) - here) / (q.x - p.x),
+                        (sdf_mandelbulb(py, s, done) - here) / (q.y - p.y),
+                        (sdf_mandelbulb(pz, s, done) - here) / (q.z - p.z)};
+}
+
+static struct vec gradient_of(const struct placed *placed, const struct approach *approach, real t,
+                              real dt, mask found, float step) {
+    struct vec p =
+        vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
+    if (placed->repeated)
+        p = vec_wrapped(placed, p);
+    switch (placed->type) {
+    case SHAPE_SPHERE: return p;
+    case SHAPE_BOX: return box_gradient(p, placed);
+    case SHAPE_TORUS: return torus_gradient(p, placed);
+    case SHAPE_CONE: return cone_gradient(p, placed);
+    case SHAPE_OCTAHEDRON: return octahedron_gradient(p);
+    case SHAPE_PLANE: return vec_set(placed->size);
+    default: return bulb_gradient(p, placed, but_not(found, less(set(0.0f), set(1.0f))), step);
+    }
+}
+
+// Towards the side the ray comes from. Once for each shape that the packet hit.
+struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
+                     const struct world *world) {
+    float id[LANES], step = (float)world->scene->model.march.normal_step;
+    _mm256_storeu_ps(id, shape);
+    struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
+    for (int rest = bits(found); rest;) {
+        int i = (int)id[__builtin_ctz((unsigned)rest)];
+        mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
+        const struct placed *placed = &world->scene->placed[i];
+        struct vec g = gradient_of(placed, &world->approach[i], t, dt, same, step);
+        gradient = vec_choose(same, turned_back(placed, g), gradient);
+        rest &= ~bits(same);
+    }
+    real length = vec_norm(gradient);
+    mask away = greater(vec_dot(direction, gradient), set(0.0f));
+    struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
+    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
+    mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));
+    n = vec_choose(clear, n, vec_scale(direction, set(-1.0f)));
+    return (struct vec){both(found, n.x), both(found, n.y), both(found, n.z)};
+}
+
+static struct vec from_to(struct place from, const double to[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(to[i], &hi[i], &lo[i]);
+    return vec_scale(place_sub(from, hi, lo), set(-1.0f));
+}
+
+static struct vec light_at(struct place p, struct vec n, struct vec direction, mask found,
+                           const struct surfaces *surface, const struct world *world) {
+    real zero = set(0.0f);
+    struct vec base = surface->color;
+    struct vec to_light = from_to(p, world->view->light_position);
+    real distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, set(1.0f) / distance);
+    real facing = vec_dot(n, to_light);
+    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
+    struct vec color = vec_scale(base, set(0.01f)); // ambient
+    if (!bits(lit))
+        return color;
+    real reach = shadow(p, to_light, distance, lit, world) / distance;
+    // Of the light's direction: minus the paper's R.
+    real shine = vec_dot(vec_reflect(to_light, n), direction);
+    real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
+    specular = both(specular, greater(shine, zero));
+    const double *e = world->view->light_emission;
+    struct vec emission = {set((float)e[0]), set((float)e[1]), set((float)e[2])};
+    struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
+                         mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
+                         mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
+    return vec_choose(lit, bright, color);
+}
+
+void trace(struct place origin, struct vec direction, mask active, int bounce,
+           const struct world *world, struct shaded *result) {
+    const struct model *model = &world->scene->model;
+    const double *b = model->background;
+    struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
+    *result = (struct shaded){.color = background};
+    ray_march(origin, direction, active, world, &result->hit);
+    mask found = result->hit.found;
+    if (!bits(found))
+        return;
+    struct place p = result->hit.point;
+    struct vec n = result->hit.normal;
+    struct surfaces surface = gather(result->hit.shape, found, model);
+    struct vec color = light_at(p, n, direction, found, &surface, world);
+    if (model->features.mirrors && bounce < model->march.max_bounces) {
+        // One reflective ray makes the call; the others are masked out of it and of its colour.
+        mask mirror = both(found, greater(surface.reflectivity, set(0.0f)));
+        if (bits(mirror)) {
+            struct place start = place_at(p, n, set((float)model->march.surface_offset), set(0.0f));
+            struct shaded seen;
+            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
+            real share = both(mirror, surface.reflectivity * set(0.1f));
+            color = vec_along(color, vec_choose(mirror, seen.color, color), share);
+        }
+    }
+    if (model->features.fog) {
+        real far_sq = vec_dot(p.hi, p.hi);
+        color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
+    }
+    result->color = vec_choose(found, color, background);
+}
