@@ -138,7 +138,8 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
     return both(distance, greater(m, set(0.0)));          // √m·ln m → 0 at the centre
 }
 
-static inline real distance_to_shape(struct vec point, const struct placed *placed, mask done) {
+__attribute__((always_inline)) static inline real
+distance_to_shape(struct vec point, const struct placed *placed, mask done) {
     struct vec p = apply_transform(point, placed);
     switch (placed->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
@@ -158,7 +159,7 @@ static inline real sdf(struct vec p, const struct prepared *scene, mask done, re
     for (int i = 0; i < scene->model.shape_count; i++) {
         real distance = distance_to_shape(p, &scene->placed[i], done);
         mask closer = less(distance, least);
-        least = choose(closer, distance, least);
+        least = least_of(distance, least); // beside the choice below, not after it
         *nearest = choose(closer, set(scene->placed[i].index), *nearest);
     }
     return least;

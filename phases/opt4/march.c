@@ -25,10 +25,6 @@ static inline mask reaches(real distance, real t, real hit_distance) {
     return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
 }
 
-static inline mask not_in(mask active) {
-    return but_not(active, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
-}
-
 void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
                struct hit *hit) {
     const struct prepared *scene = world->scene;

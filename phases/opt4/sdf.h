@@ -178,14 +178,9 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
     return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
 }
 
-// Distance to one shape at distance t along the rays.
-static inline real distance_to_shape(const struct approach *a, real t, const struct placed *placed,
-                                     mask done) {
-    if (is_linear(placed))
-        return mul_add(t, a->direction.x, a->origin.x);
-    struct vec p = vec_along(a->origin, a->direction, t);
-    if (placed->repeated)
-        p = vec_wrapped(placed, p);
+// At a point of the shape's own frame, wrapped if it is repeated.
+__attribute__((always_inline)) static inline real
+distance_at(struct vec p, const struct placed *placed, mask done) {
     switch (placed->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
@@ -197,6 +192,17 @@ static inline real distance_to_shape(const struct approach *a, real t, const str
     }
 }
 
+// Distance to one shape at distance t along the rays.
+__attribute__((always_inline)) static inline real
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
+    if (is_linear(placed))
+        return mul_add(t, a->direction.x, a->origin.x);
+    struct vec p = vec_along(a->origin, a->direction, t);
+    if (placed->repeated)
+        p = vec_wrapped(placed, p);
+    return distance_at(p, placed, done);
+}
+
 // Distance to the nearest shape, and which one it is (the first of equals). Lanes of `done` may
 // hold anything. Inlined by force: the march keeps its state in registers.
 __attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
@@ -206,7 +212,7 @@ __attribute__((always_inline)) static inline real sdf(const struct approach *app
     for (int i = 0; i < scene->model.shape_count; i++) {
         real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
         mask closer = less(distance, least);
-        least = choose(closer, distance, least);
+        least = least_of(distance, least); // beside the choice below, not after it
         *nearest = choose(closer, set(scene->placed[i].index), *nearest);
     }
     return least;

@@ -24,9 +24,11 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
         _mm256_loadu_ps(values[4])};
 }
 
-// A difference over 1e-4 in float is noise in the third digit: so the gradient of the shape that
-// was hit, in closed form, in the shape's own frame; only the Mandelbulb has none and is
-// differenced. Gradients need not be of unit length.
+// Normals. The scene asks for forward differences over normal_step; in float they are noise in the
+// third digit (an ulp of the point over 1e-4). So the gradient of the shape that was hit, in closed
+// form, stands wherever the two agree to that noise, and the difference where they do not: within a
+// step of an edge, where it is rounded and the closed form is not. The Mandelbulb has only the
+// difference. Gradients are in the shape's own frame and need not be of unit length.
 static struct vec box_gradient(struct vec p, const struct placed *s) {
     real zero = set(0.0f);
     real x = absolute(p.x) - set(s->size[0]);
@@ -76,14 +78,18 @@ static struct vec octahedron_gradient(struct vec p) {
     return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
 }
 
-// Forward differences as in the other phases, over the step that float really took.
-static struct vec bulb_gradient(struct vec p, const struct placed *s, mask done, float step) {
-    real here = sdf_mandelbulb(p, s, done);
-    struct vec q = {p.x + set(step), p.y + set(step), p.z + set(step)};
-    struct vec px = {q.x, p.y, p.z}, py = {p.x, q.y, p.z}, pz = {p.x, p.y, q.z};
-    return (struct vec){(sdf_mandelbulb(px, s, done) - here) / (q.x - p.x),
-                        (sdf_mandelbulb(py, s, done) - here) / (q.y - p.y),
-                        (sdf_mandelbulb(pz, s, done) - here) / (q.z - p.z)};
+// In the world's axes, each of which is a column of the shape's matrix.
+static struct vec difference(struct vec p, const struct placed *s, mask done, float step) {
+    real f[4];
+    for (int i = 0; i < 4; i++) {
+        struct vec q = p;
+        if (i > 0)
+            q = (struct vec){p.x + set(step * s->turn[0][i - 1]),
+                             p.y + set(step * s->turn[1][i - 1]),
+                             p.z + set(step * s->turn[2][i - 1])};
+        f[i] = distance_at(q, s, done);
+    }
+    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
 static struct vec gradient_of(const struct placed *placed, const struct approach *approach, real t,
@@ -92,15 +98,25 @@ static struct vec gradient_of(const struct placed *placed, const struct approach
         vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
     if (placed->repeated)
         p = vec_wrapped(placed, p);
+    mask done = not_in(found);
+    struct vec exact;
     switch (placed->type) {
-    case SHAPE_SPHERE: return p;
-    case SHAPE_BOX: return box_gradient(p, placed);
-    case SHAPE_TORUS: return torus_gradient(p, placed);
-    case SHAPE_CONE: return cone_gradient(p, placed);
-    case SHAPE_OCTAHEDRON: return octahedron_gradient(p);
-    case SHAPE_PLANE: return vec_set(placed->size);
-    default: return bulb_gradient(p, placed, but_not(found, less(set(0.0f), set(1.0f))), step);
+    case SHAPE_SPHERE: exact = p; break;
+    case SHAPE_BOX: exact = box_gradient(p, placed); break;
+    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
+    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
+    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
+    case SHAPE_PLANE: return turned_back(placed, vec_set(placed->size));
+    default: return difference(p, placed, done, step);
     }
+    exact = turned_back(placed, exact);
+    exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
+    struct vec rounded = vec_scale(difference(p, placed, done, step), set(1.0f / step));
+    struct vec apart = vec_along(rounded, exact, set(-1.0f));
+    real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
+    real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
+    mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
+    return vec_choose(edge, rounded, exact);
 }
 
 // Towards the side the ray comes from. Once for each shape that the packet hit.
@@ -112,9 +128,9 @@ struct vec normal_at(real t, real dt, struct vec direction, mask found, real sha
     for (int rest = bits(found); rest;) {
         int i = (int)id[__builtin_ctz((unsigned)rest)];
         mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
-        const struct placed *placed = &world->scene->placed[i];
-        struct vec g = gradient_of(placed, &world->approach[i], t, dt, same, step);
-        gradient = vec_choose(same, turned_back(placed, g), gradient);
+        struct vec g =
+            gradient_of(&world->scene->placed[i], &world->approach[i], t, dt, same, step);
+        gradient = vec_choose(same, g, gradient);
         rest &= ~bits(same);
     }
     real length = vec_norm(gradient);

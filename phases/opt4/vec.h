@@ -48,6 +48,10 @@ static inline mask but_not(mask a, mask b) {
     return _mm256_andnot_ps(a, b);
 }
 
+static inline mask not_in(mask a) {
+    return _mm256_xor_ps(a, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
+}
+
 static inline int bits(mask a) {
     return _mm256_movemask_ps(a);
 }
