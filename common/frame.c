@@ -149,11 +149,12 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
     char temporary[4096];
     if (!temporary_name(path, temporary, error))
         return false;
-    struct channel channels[] = {{"B", frame->rgb + 2, 3},      {"G", frame->rgb + 1, 3},
-                                 {"N.x", frame->normal, 3},     {"N.y", frame->normal + 1, 3},
-                                 {"N.z", frame->normal + 2, 3}, {"R", frame->rgb, 3},
-                                 {"Z", frame->depth, 1},        {"evals", frame->evals, 1},
-                                 {"id", frame->id, 1},          {NULL, NULL, 0}};
+    const float *normal = frame->normal ? frame->normal : frame->rgb; // no offsets from NULL
+    struct channel channels[] = {{"B", frame->rgb + 2, 3}, {"G", frame->rgb + 1, 3},
+                                 {"N.x", normal, 3},       {"N.y", normal + 1, 3},
+                                 {"N.z", normal + 2, 3},   {"R", frame->rgb, 3},
+                                 {"Z", frame->depth, 1},   {"evals", frame->evals, 1},
+                                 {"id", frame->id, 1},     {NULL, NULL, 0}};
     if (!frame->depth)
         memcpy(channels, (struct channel[]){channels[0], channels[1], channels[5], {0}},
                4 * sizeof *channels);

@@ -36,6 +36,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
 	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D)
+.PHONY: FORCE
 FORCE:
 
 $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk

@@ -32,6 +32,13 @@ const char *shadows_name(enum shadows shadows) {
     return SHADOW_NAMES[shadows];
 }
 
+// What a message repeats of the file cannot break its one line, nor steer a terminal.
+static void keep_one_line(char *message) {
+    for (char *c = message; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == 0x7f)
+            *c = '?';
+}
+
 __attribute__((format(printf, 3, 4))) static void fail(struct reader *r, const char *key,
                                                        const char *format, ...) {
     if (r->failed)
@@ -45,6 +52,7 @@ __attribute__((format(printf, 3, 4))) static void fail(struct reader *r, const c
     va_start(arguments, format);
     vsnprintf(r->error + used, (size_t)(SCENE_ERROR_SIZE - used), format, arguments);
     va_end(arguments);
+    keep_one_line(r->error);
 }
 
 // Paths grow and shrink as the reader walks down and up; enter returns the length to go back to.
@@ -506,6 +514,7 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
         else
             snprintf(error, SCENE_ERROR_SIZE, "%s:%d:%d: %s", path, broken.line, broken.column,
                      broken.text);
+        keep_one_line(error);
         return false;
     }
     struct model *model = &scene->model;

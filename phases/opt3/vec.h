@@ -133,15 +133,16 @@ static inline real log_of(real a) {
     mask high = greater(m, set(1.4142135623730951));
     m = choose(high, m * set(0.5), m);
     e = e + both(high, set(1.0));
-    real s = (m - set(1.0)) / (m + set(1.0)), u = s * s;
+    real f = m - set(1.0), s = f / (m + set(1.0)), u = s * s;
     // Estrin's order: four short chains in place of one long
     real u2 = u * u, low = mul_add(u, set(0.3999999999989950449), set(0.66666666666666696862));
     real mid = mul_add(u, set(0.22222211134795079855), set(0.28571428625975484921));
     real high4 = mul_add(u, set(0.15331721600556041269), set(0.1818288912526172208));
     high4 = mul_add(u2, set(0.1461644968504340586), high4);
     real p = mul_add(u2 * u2, high4, mul_add(u2, mid, low));
-    real tail = mul_add(e, set(7.440617110012397e-11), s * (u * p)); // ln 2 in two parts, the
-    return mul_add(e, set(0.6931471804855391), s + (s + tail));      // first exact times e
+    // 2s = f − s·f, and f is exact; ln 2 in two parts, the first exact times e
+    real low_part = mul_sub(e, set(7.440617110012397e-11), s * neg_mul_add(u, p, f));
+    return mul_add(e, set(0.6931471804855391), f + low_part);
 }
 
 // exp a; below −708 it stays at exp(−708) = 3e-308, above 709 at exp(709).

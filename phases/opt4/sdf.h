@@ -151,15 +151,14 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
     mask far = greater(m, set(1024.0f)), escaped = either(done, far);
     for (int i = 0; i < s->iterations; i++) {
         real x2 = x * x, y2 = y * y, z2 = z * z;
-        real k3 = x2 + z2, k4 = k3 - y2, per_k3 = set(1.0f) / k3;
+        real k3 = x2 + z2, k4 = k3 - y2;
+        real per_k3 = both(set(1.0f) / k3, greater(k3, set(1e-36f))); // 0 on the axis
         real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * x * z * per_k3;
-        real cos4 = mul_sub(cos2, cos2, sin2 * sin2), sin4 = set(2.0f) * cos2 * sin2;
-        real cos8 = mul_sub(cos4, cos4, sin4 * sin4), sin8 = set(2.0f) * cos4 * sin4;
-        mask off_axis = greater(k3, set(1e-36f));
-        real k2 = set(8.0f) * y * k4 * k1 * root(k3);
-        x = p.x + both(k2 * sin8, off_axis);
-        z = p.z - both(k2 * cos8, off_axis);
+        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
+        real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
+        real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
+        x = mul_add(k2_sin4, cos4, p.x);      // p.x + k2·sin8
+        z = mul_add(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
         y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
         real slope =
             mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait

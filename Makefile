@@ -1,0 +1,56 @@
+# Stepwise. Two commands do everything: `make study` and `make test`. `make help` explains the rest.
+.DEFAULT_GOAL := help
+include common/rules.mk
+
+PY := .venv/bin/python
+PHASE ?= $(PHASES)
+N ?= 720
+ARGS ?=
+# Ladder positions of the paper: phase0 is its baseline.
+LADDER := baseline opt1 opt2 opt3 opt4
+
+.PHONY: help setup setup-test study demo test verify sweep report new-phase format clean phases
+
+help: ## this list
+	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
+
+study: setup ## install what is needed, build, sweep, verify, write report/out/index.html (10 minutes; FULL=1: the paper's sweep, hours)
+	@$(PY) scripts/run_study.py $(if $(FULL),--full) $(ARGS)
+
+demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
+	@$(PY) scripts/demo.py $(ARGS)
+
+test: setup-test ## install what is needed and run every test
+	@$(MAKE) --no-print-directory check
+
+phase0 phase1 phase2 phase3 phase4: phase%: ## build the paper's baseline (phase0) … opt4 (phase4)
+	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
+
+phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
+
+phases: $(PHASES:%=$(BUILD)/%/render) ## build every phase
+
+verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=720, judged by each phase's tolerance
+	@$(PY) scripts/verify.py -n $(N) --phase $(filter-out baseline,$(PHASE)) $(ARGS)
+
+sweep: setup ## time PHASE=… (default: all), e.g. make sweep PHASE=opt4 N=360
+	@$(PY) scripts/sweep.py -n $(N) --phase $(PHASE) $(ARGS)
+
+report: setup ## the page, tables and figures of the newest run again, from its files alone
+	@$(PY) scripts/report.py $(ARGS)
+
+new-phase: setup ## NAME=opt4b FROM=opt4: copy a phase to start one of your own
+	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM))
+
+format: setup-test ## rewrite C and Python in the house style
+	@.venv/bin/clang-format -i $(wildcard common/*.[ch] phases/*/*.[ch] tests/c/*.[ch])
+	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
+
+setup:
+	@scripts/setup.sh study
+
+setup-test:
+	@scripts/setup.sh test
+
+clean: ## remove what was built; results and .venv stay
+	rm -rf build report/out

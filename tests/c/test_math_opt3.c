@@ -1,0 +1,85 @@
+// flags: -mavx2 -mfma -ffp-contract=off
+// opt3's log and exp against the C library's long double ones, on stratified samples.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../../phases/opt3/vec.h"
+
+static double ulps(double got, long double exact) {
+    int exponent;
+    frexpl(exact, &exponent);
+    long double error = fabsl((long double)got - exact);
+    return (double)(error / ldexpl(1.0L, (exponent < -1021 ? -1021 : exponent) - 53));
+}
+
+static double lane0(real a) {
+    return _mm256_cvtsd_f64(a);
+}
+
+// A fixed sequence in [0, 1): Weyl's, by the golden ratio.
+static double weyl(uint32_t i) {
+    double x = i * 0.61803398874989484820;
+    return x - floor(x);
+}
+
+enum { SAMPLES = 2000000 };
+
+static void test_log(void **state) {
+    (void)state;
+    double near_one = 0, all = 0;
+    for (uint32_t i = 0; i < SAMPLES; i++) {
+        double x = 0.5 + 1.5 * weyl(i); // 0.5 … 2: cancellation
+        double error = ulps(lane0(log_of(set(x))), logl((long double)x));
+        if (!(error <= near_one))
+            near_one = error;
+        double y = ldexp(1.0 + weyl(i), (int)(i % 2045) - 1022); // all normal doubles
+        error = ulps(lane0(log_of(set(y))), logl((long double)y));
+        if (!(error <= all))
+            all = error;
+    }
+    print_message("opt3 log: %.3f ulp in 0.5 to 2, %.3f ulp over all normal doubles\n", near_one,
+                  all);
+    assert_true(near_one <= 2);
+    assert_true(all <= 2);
+}
+
+static void test_exp(void **state) {
+    (void)state;
+    double worst = 0, small = 0;
+    for (uint32_t i = 0; i < SAMPLES; i++) {
+        double x = -708.0 + 1417.0 * weyl(i), tiny = ldexp(weyl(i) - 0.5, -(int)(i % 60));
+        double error = ulps(lane0(exp_of(set(x))), expl((long double)x));
+        if (!(error <= worst))
+            worst = error;
+        error = ulps(lane0(exp_of(set(tiny))), expl((long double)tiny));
+        if (!(error <= small))
+            small = error;
+    }
+    print_message("opt3 exp: %.3f ulp in -708 to 709, %.3f ulp near 0\n", worst, small);
+    assert_true(worst <= 2);
+    assert_true(small <= 2);
+}
+
+static void test_ends(void **state) {
+    (void)state;
+    const double inputs[] = {0.0, 4.9e-324, 2.3e-308, 1.7e308, -1e300, 1e300};
+    for (size_t i = 0; i < sizeof inputs / sizeof *inputs; i++) {
+        assert_true(isfinite(lane0(exp_of(set(inputs[i])))));
+        if (inputs[i] >= 0)
+            assert_true(isfinite(lane0(log_of(set(inputs[i])))));
+    }
+    assert_true(lane0(exp_of(set(0.0))) == 1.0);
+    assert_true(lane0(log_of(set(1.0))) == 0.0);
+    assert_true(fabs(lane0(power_of(set(0.5), set(15.0))) * 32768.0 - 1) < 1e-14);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_log), cmocka_unit_test(test_exp),
+                                       cmocka_unit_test(test_ends)};
+    return cmocka_run_group_tests_name("math of opt3", tests, NULL, NULL);
+}
