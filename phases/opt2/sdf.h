@@ -92,13 +92,14 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
     double x = fabs(point[0]), y = fabs(point[1]), z = fabs(point[2]);
     double m = x + y + z - s->a, third = m * (1.0 / 3.0);
     double q[3];
-    // By frequency on scene0: most points lie over an edge with y in it, few over a face.
-    if (x < third)
+    // In the order of how often they hold on scene0: y 1.63, x 0.97, z 0.40, none 0.05 million
+    // times at n = 120. Where two hold the nearest point is a vertex, and either serves.
+    if (y < third)
+        q[0] = y, q[1] = z, q[2] = x;
+    else if (x < third)
         q[0] = x, q[1] = y, q[2] = z;
     else if (z < third)
         q[0] = z, q[1] = x, q[2] = y;
-    else if (y < third)
-        q[0] = y, q[1] = z, q[2] = x;
     else
         return m * 0.57735026918962576451; // 1/√3: above a face
     double k = clamp(0.5 * (q[2] - q[1] + s->a), 0.0, s->a);

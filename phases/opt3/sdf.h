@@ -152,8 +152,10 @@ distance_to_shape(struct vec point, const struct placed *placed, mask done) {
 }
 
 // Distance to the nearest shape, and which one it is (the first of equals). Lanes of `done` may
-// hold anything.
-static inline real sdf(struct vec p, const struct prepared *scene, mask done, real *nearest) {
+// hold anything. Inlined by force: a call passes the three vectors through memory at every step,
+// which cost 28 % of scene0's time and 24 % of the Mandelbulb's (n = 180).
+__attribute__((always_inline)) static inline real sdf(struct vec p, const struct prepared *scene,
+                                                      mask done, real *nearest) {
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         real distance = distance_to_shape(p, &scene->placed[i], done);
