@@ -1,0 +1,62 @@
+"""Synthetic pictures whose errors are known, and a way to write them as the driver does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+Picture = dict[str, np.ndarray]
+
+
+@pytest.fixture
+def blank() -> Callable[..., Picture]:
+    """Picture factory: a plane at t = 10 that fills the picture (shape 0, facing the camera), mid grey."""
+
+    def make(height: int = 10, width: int = 10, grey: float = 0.5) -> Picture:
+        values = {
+            "R": grey,
+            "G": grey,
+            "B": grey,
+            "Z": 10,
+            "id": 0,
+            "N.x": 0,
+            "N.y": 0,
+            "N.z": -1,
+            "evals": 7,
+        }
+        return {name: np.full((height, width), value, np.float32) for name, value in values.items()}
+
+    return make
+
+
+@pytest.fixture
+def miss() -> Callable[..., None]:
+    """Turns the pixels of a picture at `where` into misses."""
+
+    def apply(picture: Picture, where: object = ...) -> None:
+        values = {"R": 0, "G": 0, "B": 0, "Z": np.inf, "id": -1, "N.x": 0, "N.y": 0, "N.z": 0}
+        for name, value in values.items():
+            picture[name][where] = value
+
+    return apply
+
+
+@pytest.fixture
+def write_exr() -> Callable[..., Path]:
+    """Writes planes as an EXR, channels in the order given."""
+
+    def write(path: Path, picture: Picture, kind: str = "float") -> Path:
+        height, width = next(iter(picture.values())).shape
+        spec = oiio.ImageSpec(width, height, len(picture), kind)
+        spec.channelnames = tuple(picture)
+        file = oiio.ImageOutput.create(str(path))
+        assert file.open(str(path), spec), file.geterror()
+        assert file.write_image(np.stack(list(picture.values()), -1)), file.geterror()
+        assert file.close(), file.geterror()
+        return path
+
+    return write

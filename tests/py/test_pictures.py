@@ -1,0 +1,209 @@
+"""Figures of study.panels, scripts/pictures.py and scripts/demo.py: what must be seen in them is there."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import demo
+import pictures
+from study import images, panels
+from study.cli import StudyError
+from study.registry import ROOT, Spec
+
+
+def pixels(path) -> np.ndarray:
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
+
+
+def share_of(shown: np.ndarray, colour: tuple[int, int, int]) -> float:
+    return float((shown == colour).all(axis=-1).mean())
+
+
+# --- heat maps
+
+
+@given(st.integers(1, 40), st.integers(1, 40), st.integers(1, 9), st.data())
+def test_no_wrong_pixel_is_lost_when_a_heat_map_is_made_smaller(height, width, factor, data):
+    plane = np.zeros((height, width), np.float32)
+    y, x = data.draw(st.integers(0, height - 1)), data.draw(st.integers(0, width - 1))
+    plane[y, x] = 1
+    small = panels.block_max(plane, factor)
+    assert small.shape == (math.ceil(height / factor), math.ceil(width / factor))
+    assert small.sum() == 1 and small[y // factor, x // factor] == 1
+
+
+def pair_figure(reference, image):
+    metrics = images.compare(reference, image)
+    return panels.pair((reference, image), ("baseline", "opt4"), "a title", metrics, ("one", "two", "three"))
+
+
+def test_a_single_wrong_pixel_of_a_large_picture_is_seen(tmp_path, blank):
+    wrong = blank(1080, 1920, grey=0)
+    same = pixels(panels.save(pair_figure(blank(1080, 1920, grey=0), wrong), tmp_path / "same.png"))
+    for name in "RGB":
+        wrong[name][543, 1231] = 1  # of the brightest colour, at the right of the third panel
+    shown = pixels(panels.save(pair_figure(blank(1080, 1920, grey=0), wrong), tmp_path / "wrong.png"))
+    third = np.s_[: shown.shape[0] * 3 // 4, shown.shape[1] * 64 // 100 : shown.shape[1] * 92 // 100]
+    assert (shown[third].astype(int) - same[third]).max() > 200
+
+
+def test_samples_that_are_not_finite_are_cyan(tmp_path, blank):
+    broken = blank(90, 160)
+    broken["G"][40:50, 70:90] = math.nan
+    broken["B"][10:20, 10:30] = math.inf
+    shown = pixels(panels.save(pair_figure(blank(90, 160), broken), tmp_path / "a.png"))
+    third_of_figure, of_picture = 0.2, 400 / (90 * 160)
+    assert share_of(shown, (0, 255, 255)) == pytest.approx(third_of_figure * of_picture, rel=0.3)
+    assert (
+        share_of(pixels(panels.save(pair_figure(broken, broken), tmp_path / "b.png")), (0, 255, 255)) > 0.004
+    )
+
+
+def test_evaluations_share_one_scale(tmp_path):
+    planes = {"few": np.full((9, 16), 10.0), "many": np.full((9, 16), 1000.0)}
+    figure = panels.evaluations(planes, "baseline")
+    limits = {panel.images[0].get_clim() for panel in figure.axes if panel.images}
+    assert limits == {(1, 1000)}
+    assert "distance evaluations of the camera ray" in figure.axes[-1].get_ylabel()
+    panels.save(figure, tmp_path / "a.png")
+    assert pixels(tmp_path / "a.png").shape[2] == 3
+
+
+# --- contact sheet
+
+
+@pytest.fixture
+def run_folder(tmp_path, write_exr, blank):
+    """A verified run: two scenes, opt4 outside its tolerance on one, alien skipped."""
+    (tmp_path / "images").mkdir()
+    for name, grey in (("a", 0.2), ("b", 0.8)):
+        write_exr(tmp_path / "images" / f"{name}.exr", blank(45, 80, grey))
+    pairs = [
+        {
+            "phase": phase,
+            "reference": "baseline",
+            "scene": scene,
+            "width": 80,
+            "height": 45,
+            "non_finite": 0,
+            "identical": phase == "opt1",
+            "psnr_db": None if phase == "opt1" else 47.25,
+            "within_tolerance": (phase, scene) != ("opt4", "trio"),
+            "reference_image": "images/a.exr",
+            "image": "images/b.exr",
+        }
+        for scene in ("trio", "mandelbulb")
+        for phase in ("opt1", "opt4")
+    ]
+    pairs[3]["antialiased"] = {"psnr_db": 51.0}
+    skipped = [{"phase": "opt9", "scene": None, "reason": "this CPU lacks sve2"}]
+    verified = {"schema": 1, "reference": "baseline", "pairs": pairs, "skipped": skipped}
+    (tmp_path / "verify.json").write_text(json.dumps(verified))
+    return tmp_path
+
+
+def test_captions_of_the_contact_sheet(run_folder):
+    verified = json.loads((run_folder / "verify.json").read_text())
+    axes = pictures.contact_sheet(run_folder, verified).axes
+    assert [a.get_title().partition(":")[0] for a in axes[:4]] == ["baseline", "opt1", "opt4", "opt9"]
+    assert [a.get_ylabel() for a in axes[::4]] == ["trio\n80×45", "mandelbulb\n80×45"]
+    captions = [a.get_xlabel() for a in axes]
+    assert captions[:3] == ["reference", "identical", "PSNR 47.2 dB\noutside its tolerance"]
+    assert captions[6] == "PSNR 47.2 dB\n4×4 averaged 51.0 dB"
+    assert captions[3].replace("\n", " ") == "skipped: this CPU lacks sve2"
+    colours = [a.xaxis.label.get_color() for a in axes]
+    assert [i for i, colour in enumerate(colours) if colour == panels.BAD] == [2]
+
+
+@pytest.mark.parametrize(
+    "pair, text",
+    [
+        ({"within_tolerance": False, "failed": ["render"]}, "could not be rendered"),
+        ({"within_tolerance": False, "non_finite": 3, "psnr_db": None}, "3 samples not finite"),
+        ({"within_tolerance": True, "non_finite": 0, "identical": False, "psnr_db": None}, "PSNR ∞ dB"),
+    ],
+)
+def test_caption_of_what_has_no_number(pair, text):
+    assert pictures.caption(pair)[0] == text
+
+
+def test_thumbnails_are_averaged_in_linear_light(tmp_path, write_exr, blank):
+    board = blank(720, 1280)
+    for name in "RGB":
+        board[name][...] = np.indices((720, 1280)).sum(0) % 2
+    shown = pictures.thumbnail(write_exr(tmp_path / "a.exr", board))
+    assert shown.shape == (180, 320, 3)
+    assert np.unique(shown).tolist() == [math.trunc(255 * 0.5**0.4545)]
+
+
+def test_the_command_writes_both_figures(run_folder):
+    done = subprocess.run(
+        [sys.executable, ROOT / "scripts/pictures.py", "--run", run_folder, "--json"],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    assert made.keys() == {"contact_sheet", "evaluations"}
+    for path in made.values():
+        assert pixels(path).std() > 10
+    assert sorted(p.name for p in (run_folder / "figures").iterdir()) == [
+        "contact-sheet.png",
+        "evaluations.png",
+    ]
+
+
+def test_a_run_that_is_not_verified_is_told_what_to_do(tmp_path):
+    done = subprocess.run(
+        [sys.executable, ROOT / "scripts/pictures.py", "--run", tmp_path], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "make it with scripts/verify.py --run" in done.stderr
+
+
+# --- demo
+
+
+@pytest.mark.parametrize(
+    "ns_per_pixel, seconds, height",
+    [
+        (17000, 1280 * 720 * 17000 / 1e9, 720),
+        (17000, 1e4, 720),
+        (17000, 640 * 360 * 17000 / 1e9 + 1e-6, 360),
+        (17000, 640 * 360 * 17000 / 1e9 - 1e-3, 324),
+        (17000, 1e-3, 36),
+        (17000, -1, 36),
+    ],
+)
+def test_demo_size_fits_the_time(ns_per_pixel, seconds, height):
+    assert demo.height_for(ns_per_pixel, seconds) == height
+
+
+def test_demo_takes_the_furthest_phase_that_runs_here(monkeypatch, capsys):
+    monkeypatch.setenv("STEPWISE_ISA_LIMIT", "none")
+    assert demo.able(Spec.parse("opt4")) == Spec.parse("opt2")
+    assert "skipped opt4: this CPU lacks avx2 fma; here is opt2 instead" in capsys.readouterr().err
+    assert demo.able(Spec.parse("opt1")) == Spec.parse("opt1")
+    with pytest.raises(StudyError, match="opt1@opt4 cannot run"):
+        demo.able(Spec.parse("opt1@opt4"))
+
+
+def test_demo_with_the_real_driver(tmp_path):
+    words = ["--phase", "opt1", "--seconds", "0.01", "-o", tmp_path / "demo.png", "--json"]
+    done = subprocess.run([sys.executable, ROOT / "scripts/demo.py", *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["identical"] and found["psnr_db"] is None and found["max_abs"] == 0
+    assert found["reference"]["ns_per_pixel"] == found["reference"]["ns"] / (64 * 36)
+    assert found["speedup"] == found["reference"]["ns"] / found["phase"]["ns"] > 1
+    shown = pixels(tmp_path / "demo.png")
+    assert shown.shape[1] > 1500 and shown.std() > 30

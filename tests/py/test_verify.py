@@ -1,0 +1,388 @@
+"""The gate (study.gate), the pictures it looks at (study.gallery) and scripts/verify.py."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import verify
+from study import build, gallery, gate, images, registry
+from study.cli import StudyError
+from study.gallery import Gallery, size_of
+from study.registry import ROOT, Phase, Scene, Spec
+from study.run import DriverError
+
+SMOOTH = Scene("trio", ROOT / "common/scenes/trio.json", {}, False)
+FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)
+
+
+def phase(tolerance: dict, name: str = "opt9", isa: tuple[str, ...] = ()) -> Phase:
+    return dataclasses.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
+
+
+def bound(reason: str = "measured", **bounds: object) -> dict:
+    return {**bounds, "reason": reason}
+
+
+# --- tolerances
+
+
+def test_a_scene_by_name_wins_over_its_class():
+    declared = {"smooth": bound(psnr_db=50), "trio": bound(psnr_db=60), "fractal": bound(psnr_db=30)}
+    assert gate.tolerance(phase(declared), SMOOTH)["psnr_db"] == 60
+    assert gate.tolerance(phase(declared), FRACTAL)["psnr_db"] == 30
+    del declared["trio"]
+    assert gate.tolerance(phase(declared), SMOOTH)["psnr_db"] == 50
+
+
+def test_a_class_without_tolerance_fails(blank):
+    none = gate.tolerance(phase({"smooth": bound(psnr_db=50)}), FRACTAL)
+    assert none is None
+    assert list(gate.failures(images.compare(blank(), blank()), none)) == ["tolerance"]
+
+
+@pytest.mark.parametrize(
+    "declared, message",
+    [
+        (bound(psnr=50), "smooth.psnr: no such metric"),
+        (bound(antialiased={"flip_mean": 1}), "antialiased.flip_mean: no such metric"),
+        ({"psnr_db": 50}, "lacks its reason"),
+        (bound(reason=" ", psnr_db=50), "lacks its reason"),
+        (bound(), "bounds no metric"),
+        (bound(psnr_db=math.nan), "should be a finite number"),
+        (bound(psnr_db="50"), "should be a finite number"),
+        (bound(psnr_db=True), "should be a finite number"),
+        (bound(identical=False), "should be true"),
+        (bound(identical=1), "should be true"),
+        (50, "should be an object"),
+    ],
+)
+def test_a_tolerance_that_says_nothing_clear_is_refused(declared, message):
+    with pytest.raises(StudyError, match=message):
+        gate.check(phase({"smooth": declared}))
+
+
+def test_a_tolerance_for_what_is_no_scene_is_refused():
+    with pytest.raises(StudyError, match=r"tolerance\.smoth: no such scene or class"):
+        gate.check(phase({"smoth": bound(psnr_db=50)}))
+
+
+@pytest.mark.parametrize("name", registry.phases())
+def test_what_the_phases_declare_is_understood(name):
+    gate.check(registry.find_phase(name))
+
+
+# --- judging
+
+
+def outside(bounds: dict, **metrics: object) -> list[str]:
+    return list(gate.failures({"non_finite": 0, **metrics}, bounds))
+
+
+@pytest.mark.parametrize("name", ["psnr_db", "psnr_display_db", "depth_agree_fraction"])
+def test_lower_bounds(name):
+    values = [50, 50.1, math.inf, 49.9, math.nan]
+    assert [outside({name: 50}, **{name: value}) for value in values] == [[], [], [], [name], [name]]
+
+
+@pytest.mark.parametrize(
+    "name", ["dt_p99", "max_abs", "flip_mean", "mask_mismatch_ppm", "normal_p99_degrees"]
+)
+def test_upper_bounds(name):
+    values = [0.5, 0.1, 0.6, math.nan, math.inf]
+    assert [outside({name: 0.5}, **{name: value}) for value in values] == [[], [], [name], [name], [name]]
+
+
+def test_what_was_not_measured_is_outside():
+    assert outside({"dt_p99": 1}) == ["dt_p99"]
+    assert list(gate.failures({"psnr_db": 99}, {"psnr_db": 50})) == ["non_finite"]
+
+
+def test_bounds_of_the_antialiased_picture():
+    bounds = {"antialiased": {"psnr_db": 30, "fraction_over_1_255": 0.1}}
+    assert outside(bounds, antialiased={"psnr_db": 31, "fraction_over_1_255": 0.1}) == []
+    both = ["antialiased.psnr_db", "antialiased.fraction_over_1_255"]
+    assert outside(bounds, antialiased={"psnr_db": 29, "fraction_over_1_255": 0.2}) == both
+    assert outside(bounds, psnr_db=99) == both
+
+
+def test_no_tolerance_lets_a_sample_pass_that_is_not_finite(blank):
+    picture = blank()
+    picture["R"][0, 0] = math.nan
+    found = gate.failures(images.compare(picture, picture), bound(identical=True, mask_mismatch_ppm=1e6))
+    assert list(found) == ["non_finite"]
+    found = gate.failures(
+        images.compare(picture, picture), bound(psnr_db=0, fraction_over_1_255=1, max_abs=1e9)
+    )
+    assert list(found) == ["non_finite", "psnr_db", "fraction_over_1_255", "max_abs"]
+    large = images.compare(blank(), blank(), (picture, picture))
+    assert list(gate.failures(large, bound(psnr_db=50))) == ["antialiased.non_finite"]
+
+
+def test_failures_come_in_the_order_of_the_gate_with_value_and_bound():
+    metrics = {"psnr_db": 47.3, "mask_mismatch_ppm": 30.0, "identical": False, "non_finite": 0}
+    found = gate.failures(metrics, {"psnr_db": 55, "mask_mismatch_ppm": 20, "identical": True})
+    assert list(found) == ["identical", "mask_mismatch_ppm", "psnr_db"]
+    assert found["psnr_db"] == "47.3, should be at least 55"
+    assert found["mask_mismatch_ppm"] == "30, should be at most 20"
+
+
+def test_identical_pictures_pass_every_bound(blank):
+    metrics = images.compare(blank(), blank(), (blank(40, 40), blank(40, 40)))
+    bounds = {name: 1000 if name in gate.AT_LEAST else 0 for name in gate.METRICS}
+    assert not gate.failures(metrics, {**bounds, "depth_agree_fraction": 1, "identical": True})
+
+
+# --- pictures on disk, with a driver that copies a prepared EXR
+
+
+class FakeDriver:
+    """Stands for build and render: a program is a file, its picture is made by `pictures[spec]`."""
+
+    def __init__(self, folder: Path, write_exr, pictures: dict[str, object]) -> None:
+        self.folder, self.write_exr, self.pictures, self.calls = folder, write_exr, pictures, []
+        folder.mkdir()
+
+    def build(self, spec: Spec) -> Path:
+        path = self.folder / str(spec)
+        if not path.exists():
+            path.write_text(str(spec))
+        return path
+
+    def render(self, spec: Spec, scene: Path, height: int, width: int, *, aov: bool, out: Path) -> dict:
+        assert aov
+        self.calls.append((str(spec), scene.stem, width, height))
+        time.sleep(0.02)  # so that a picture wanted twice would be begun twice
+        made = self.pictures[str(spec)]
+        if isinstance(made, Exception):
+            raise made
+        self.write_exr(out, made(height, width))
+        return {}
+
+
+@pytest.fixture
+def driver(tmp_path, monkeypatch, write_exr, blank):
+    def off(height, width):
+        picture = blank(height, width)
+        picture["R"] += np.float32(0.01)
+        return picture
+
+    fake = FakeDriver(tmp_path / "bin", write_exr, {"baseline": blank, "opt1": blank, "opt4": off})
+    monkeypatch.setattr(gallery, "build", fake.build)
+    monkeypatch.setattr(gallery, "render", fake.render)
+    monkeypatch.delenv("STEPWISE_ISA_LIMIT", raising=False)
+    declared = {"smooth": bound(psnr_db=55), "fractal": bound(antialiased={"psnr_db": 30})}
+    known = {
+        "baseline": phase({}, "baseline"),
+        "opt1": phase({"smooth": bound(identical=True), "fractal": bound(identical=True)}, "opt1"),
+        "opt4": phase(declared, "opt4"),
+        "alien": phase(declared, "alien", ("sve2",)),
+    }
+    known["baseline"] = dataclasses.replace(known["baseline"], parent=None)
+    monkeypatch.setattr(registry, "phases", lambda root=ROOT: known)
+    return fake
+
+
+def test_a_picture_is_rendered_once_until_program_scene_or_size_change(tmp_path, driver):
+    opt1, folder = Spec("opt1", "opt1"), tmp_path / "images"
+    scene = dataclasses.replace(SMOOTH, path=tmp_path / "trio.json")
+    scene.path.write_text("{}")
+
+    def take(size=(4, 3)):
+        made = Gallery(folder, [opt1])
+        assert made.render_all([(opt1, scene, size)] * 2, jobs=2) == {}
+        return made.path(opt1, scene, size).name
+
+    first = take()
+    assert take() == first and len(driver.calls) == 1
+    driver.build(opt1).write_text("another program")
+    second = take()
+    assert second != first and len(driver.calls) == 2
+    scene.path.write_text("{ }")
+    third = take()
+    assert len(driver.calls) == 3
+    fourth = take((5, 3))
+    assert len(driver.calls) == 4
+    assert sorted(p.name for p in folder.iterdir()) == sorted([third, fourth])  # what is out of date is gone
+
+
+def test_a_program_that_changes_while_it_renders_is_noticed(tmp_path, driver, monkeypatch):
+    opt1, made = Spec("opt1", "opt1"), None
+    made = Gallery(tmp_path / "images", [opt1])
+
+    def render(*args, out, **options):
+        driver.build(opt1).write_text("another program")
+        return driver.render(*args, out=out, **options)
+
+    monkeypatch.setattr(gallery, "render", render)
+    with pytest.raises(StudyError, match="has changed meanwhile"):
+        made.render_all([(opt1, SMOOTH, (4, 3))], jobs=1)
+    assert not list((tmp_path / "images").iterdir())
+
+
+def test_size_is_the_drivers_and_square_for_two_spheres():
+    assert [size_of(SMOOTH, n)[0] for n in (1, 2, 9, 90, 720)] == [2, 4, 16, 160, 1280]
+    assert size_of(SMOOTH, 90, 33) == (33, 90)
+    assert size_of(registry.find_scene("two_spheres"), 800) == (800, 800)
+
+
+# --- the command
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """Runs verify in this process: exit status, standard output, standard error."""
+
+    def call(*words: str) -> tuple[int, str, str]:
+        words = ("--run", str(tmp_path / "run"), "-n", "9", "--antialias-n", "4", "--jobs", "2", *words)
+        monkeypatch.setattr(sys, "argv", ["verify.py", *words])
+        status = verify.run()
+        return status, *capsys.readouterr()
+
+    return call
+
+
+def test_one_pair_is_one_flat_object(driver, command):
+    status, out, err = command("--phase", "opt4", "--scene", "trio", "--json")
+    found = json.loads(out)
+    assert status == 1
+    wanted = {"psnr_db", "max_abs", "fraction_over_1_255", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99"}
+    assert wanted | {"dt_max", "flip_mean", "non_finite", "within_tolerance"} <= found.keys()
+    assert found["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)
+    assert found["fraction_over_1_255"] == 1
+    assert found["failed"] == ["psnr_db"] and found["within_tolerance"] is False
+    assert "flip-evaluator" in found["flip_tool"]
+    assert "FAIL opt4 on trio: psnr_db: 44.7712, should be at least 55" in err
+
+
+def test_infinite_psnr_is_null_and_passes(driver, command):
+    status, out, _ = command("--phase", "opt1", "--scene", "trio", "--json")
+    found = json.loads(out)
+    assert (status, found["psnr_db"], found["within_tolerance"]) == (0, None, True)
+
+
+def test_several_pairs_and_what_is_kept_of_them(driver, command, tmp_path):
+    status, out, err = command("--scene", "trio", "mandelbulb", "--json")
+    found = json.loads(out)
+    assert status == 1
+    kept = json.loads((tmp_path / "run" / "verify.json").read_text())
+    assert kept == found
+    verdicts = {(p["scene"], p["phase"]): p["within_tolerance"] for p in found["pairs"]}
+    assert verdicts == {
+        ("trio", "opt1"): True,
+        ("trio", "opt4"): False,
+        ("mandelbulb", "opt1"): True,
+        ("mandelbulb", "opt4"): True,
+    }
+    assert found["skipped"] == [{"phase": "alien", "scene": None, "reason": "this CPU lacks sve2"}]
+    assert "skipped alien: this CPU lacks sve2" in err
+    for pair in found["pairs"]:
+        assert ("antialiased" in pair) == (pair["scene"] == "mandelbulb")
+        assert ("heatmap" in pair) == (not pair["within_tolerance"])
+        for key in ("image", "png", "reference_image", "reference_png"):
+            assert (tmp_path / "run" / pair[key]).is_file()
+    # The reference once a scene and size: 16:9 of 9, and four times 16:9 of 4 to be averaged.
+    assert sorted(c[1:] for c in driver.calls if c[0] == "baseline") == [
+        ("mandelbulb", 16, 9),
+        ("mandelbulb", 28, 16),
+        ("trio", 16, 9),
+    ]
+
+
+def test_table_has_a_line_a_pair_and_heat_maps_on_request(driver, command, tmp_path):
+    status, out, _ = command("--phase", "opt1", "--scene", "trio", "--heatmaps")
+    assert status == 0
+    head, line, *_ = out.splitlines()
+    assert head.split()[:4] == ["scene", "phase", "size", "verdict"]
+    assert line.split()[:4] == ["trio", "opt1", "16x9", "identical"]
+    maps = [p.name for p in (tmp_path / "run" / "images").glob("*-against-*")]
+    assert maps == ["trio-opt1-16x9-against-baseline.png"]
+
+
+def test_what_cannot_run_here_is_skipped_by_name(driver, command):
+    status, out, err = command("--phase", "alien", "--json")
+    assert status == 3
+    assert json.loads(out)["pairs"] == []
+    assert "skipped alien" in err
+    assert not driver.calls
+
+
+def test_a_refusal_is_skipped_a_crash_fails_and_bad_input_ends_it(driver, command):
+    driver.pictures["opt1"] = DriverError(4, "no planes here")
+    status, _, err = command("--phase", "opt1", "--scene", "trio")
+    assert status == 3 and "skipped opt1 on trio: no planes here" in err
+    driver.pictures["opt1"] = DriverError(-11, "killed by SIGSEGV")
+    status, out, err = command("--phase", "opt1", "--scene", "trio")
+    assert status == 1 and "FAIL" in out and "could not be rendered: killed by SIGSEGV" in err
+    driver.pictures["opt1"] = DriverError(2, "too large")
+    with pytest.raises(DriverError, match="too large"):
+        command("--phase", "opt1", "--scene", "trio")
+
+
+def test_a_wrong_tolerance_ends_it_before_anything_is_rendered(driver, command, monkeypatch):
+    monkeypatch.setitem(registry.phases(), "opt4", phase({"smooth": bound(psnr=3)}, "opt4"))
+    with pytest.raises(StudyError, match="no such metric"):
+        command("--scene", "trio")
+    assert not driver.calls
+
+
+def test_the_reference_is_identical_to_itself(driver, command):
+    assert command("--phase", "baseline", "--scene", "trio")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        (["-n", "0"], "must be a whole number of at least 1"),
+        (["--phase", "opt11"], "no phase 'opt11'; did you mean opt1"),
+        (["--scene", "scene00"], "no scene 'scene00'; did you mean scene0"),
+        (["--reference", "none"], "no phase 'none'"),
+    ],
+)
+def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
+    done = subprocess.run(
+        [sys.executable, ROOT / "scripts/verify.py", *words], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+# --- the real driver
+
+
+def test_end_to_end_with_the_real_driver(tmp_path):
+    words = [
+        "--phase",
+        "opt1",
+        "opt1@opt2",
+        "--scene",
+        "scene0",
+        "mandelbulb",
+        "-n",
+        "18",
+        "--antialias-n",
+        "5",
+    ]
+    command = [sys.executable, ROOT / "scripts/verify.py", *words, "--run", tmp_path, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    pairs = json.loads(done.stdout)["pairs"]
+    assert [(p["phase"], p["scene"]) for p in pairs] == [
+        ("opt1", "scene0"),
+        ("opt1@opt2", "scene0"),
+        ("opt1", "mandelbulb"),
+        ("opt1@opt2", "mandelbulb"),
+    ]
+    assert all(pair["identical"] and pair["non_finite"] == 0 for pair in pairs)
+    shown = images.read(tmp_path / pairs[0]["image"])
+    assert set(images.AOVS) == shown.keys()
+    assert build.build(Spec("opt1", "opt1")).is_file()
