@@ -18,7 +18,7 @@ struct prepared; // the phase's own
 const char *phase_unsupported(const struct scene *scene);
 
 // What may be worked out once per scene from shapes, materials and limits. Timed apart as set-up.
-// NULL when memory is short.
+// The model outlives what is prepared from it. NULL when memory is short.
 struct prepared *phase_prepare(const struct model *model);
 
 // The timed region. Camera and light are new for each frame: what depends on them is paid for here.
