@@ -25,7 +25,7 @@ CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     return new_vector(cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z);
 }
 
-CALL double wrap(double x, double cell) {
+static inline double wrap(double x, double cell) {
     return cell > 0 ? x - cell * floor(x / cell + 0.5) : x;
 }
 

@@ -25,8 +25,9 @@ CALL struct vec3 new_vector(double x, double y, double z) {
     return v;
 }
 
-CALL struct vec3 vec_from(const double a[3]) {
-    return new_vector(a[0], a[1], a[2]);
+// Not a call: common/ keeps vectors as arrays, the paper's program had structs there already.
+static inline struct vec3 vec_from(const double a[3]) {
+    return (struct vec3){a[0], a[1], a[2]};
 }
 
 CALL struct vec3 vec_add(struct vec3 a, struct vec3 b) {
