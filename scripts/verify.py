@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from study import cli, gate, images, panels, registry, store
 from study.cli import StudyError
-from study.gallery import Gallery, Size, size_of
+from study.gallery import Gallery, Size
 from study.registry import Scene, Spec
 from study.run import NO_ISA, UNSUPPORTED
 
@@ -143,9 +143,9 @@ def run() -> int:
     gallery = Gallery(folder / "images", using)
     sizes: dict[str, tuple[Size, Size | None]] = {}  # of a scene's pictures, and of those to be averaged
     for scene in scenes:
-        width, height = size_of(scene, args.antialias_n)
+        width, height = scene.size(args.antialias_n)
         large = (width * FACTOR, height * FACTOR) if scene.fractal else None
-        sizes[scene.name] = size_of(scene, args.n, args.w), large
+        sizes[scene.name] = scene.size(args.n, args.w), large
     tasks = [(who, scene, size) for scene in scenes for who in using for size in sizes[scene.name] if size]
     refused = gallery.render_all(tasks, args.jobs)
 

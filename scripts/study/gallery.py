@@ -15,14 +15,8 @@ from study.cli import BAD_INPUT, StudyError
 from study.registry import Scene, Spec
 from study.run import DriverError, render
 
-SQUARE = {"two_spheres"}  # 800×800 in the paper it is from
 Size = tuple[int, int]  # width, height
 Task = tuple[Spec, Scene, Size]
-
-
-def size_of(scene: Scene, height: int, width: int | None = None) -> Size:
-    """16:9 as the driver has it, unless a width is given or the scene is a square one."""
-    return width or (height if scene.name in SQUARE else max(1, int(height * 16 / 9 + 0.5))), height
 
 
 def sha256(path: Path) -> str:

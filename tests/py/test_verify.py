@@ -16,7 +16,7 @@ import pytest
 import verify
 from study import build, gallery, gate, images, registry
 from study.cli import StudyError
-from study.gallery import Gallery, size_of
+from study.gallery import Gallery
 from study.registry import ROOT, Phase, Scene, Spec
 from study.run import DriverError
 
@@ -229,9 +229,9 @@ def test_a_program_that_changes_while_it_renders_is_noticed(tmp_path, driver, mo
 
 
 def test_size_is_the_drivers_and_square_for_two_spheres():
-    assert [size_of(SMOOTH, n)[0] for n in (1, 2, 9, 90, 720)] == [2, 4, 16, 160, 1280]
-    assert size_of(SMOOTH, 90, 33) == (33, 90)
-    assert size_of(registry.find_scene("two_spheres"), 800) == (800, 800)
+    assert [SMOOTH.size(n)[0] for n in (1, 2, 9, 90, 720)] == [2, 4, 16, 160, 1280]
+    assert SMOOTH.size(90, 33) == (33, 90)
+    assert registry.find_scene("two_spheres").size(800) == (800, 800)
 
 
 # --- the command

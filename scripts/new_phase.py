@@ -1,0 +1,102 @@
+#!/usr/bin/env python3
+"""Starts a new phase as a copy of another: same sources, a phase.json and NOTES.md to be filled in."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from study import cli, registry
+from study.cli import StudyError
+
+NOTES = """\
+# {name}
+
+Copied from `{parent}`. The difference to it, and nothing else, is this phase's lesson:
+`diff -ru phases/{parent} phases/{name}`.
+
+## Bottleneck of {parent}, measured
+
+What bounds {parent}, and the measurement that shows it.
+
+## Change
+
+What is done about it, and in which files.
+
+## Prediction
+
+How much faster, on which scenes, and at what error. Written down before it is measured.
+
+## Outcome
+
+What came out (median, 95 % interval, unit, machine), and why if it is not what was predicted.
+"""
+
+
+def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
+    """Copy phases/PARENT to phases/NAME, visible only when it is whole. Returns the new folder.
+
+    Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise StudyError(f"'{name}' is no phase name; use a-z, 0-9 and _, a letter first, like opt4b")
+    phases = registry.phases(root)
+    target = root / "phases" / name
+    if name in phases or target.exists():
+        raise StudyError(f"phases/{name} exists already; choose another name")
+    base = registry.find_phase(parent, root)
+    described = json.loads((base.path / "phase.json").read_text(encoding="utf-8"))
+    described |= {
+        "name": name,
+        "title": f"FILL IN: what {name} is called in tables, in a few words",
+        "order": 1 + max(phase.order for phase in phases.values() if phase.family == base.family),
+        "parent": parent,
+        "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
+        "paper": None,
+    }
+    temporary = None
+    try:
+        temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
+        shutil.copytree(base.path, temporary, symlinks=True, dirs_exist_ok=True)
+        text = json.dumps(described, indent=4, ensure_ascii=False)
+        (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")
+        (temporary / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
+        os.chmod(temporary, base.path.stat().st_mode)
+        temporary.rename(target)
+    except (OSError, shutil.Error) as error:
+        if temporary:
+            shutil.rmtree(temporary, ignore_errors=True)
+        raise StudyError(f"phases/{name}: {getattr(error, 'strerror', None) or error}") from None
+    registry.phases.cache_clear()
+    return target
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(__doc__)
+    parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
+    parser.add_argument("--from", required=True, dest="parent", metavar="PHASE", help="to copy, like opt4")
+    return parser.parse_args()
+
+
+def main() -> int:
+    options = arguments()
+    folder = create(options.name, options.parent)
+    shown = folder.relative_to(registry.ROOT)
+    if options.json:
+        cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
+        return cli.OK
+    print(f"{shown} is a copy of phases/{options.parent}. Next:")
+    print(f"  1. fill in title and idea in {shown}/phase.json, bottleneck and prediction in {shown}/NOTES.md")
+    print(f"  2. change the code; make phase-{options.name} builds it")
+    print(f"  3. scripts/verify.py --phase {options.name}")
+    print(f"  4. scripts/sweep.py --phase {options.parent} {options.name}")
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(main)

@@ -1,0 +1,1 @@
+"""What the scripts share: registry, build, run, store, statistics, machine, images."""

@@ -1,0 +1,40 @@
+"""Builds by the Makefile: build/SPEC/render and build/SPEC/probe."""
+
+from __future__ import annotations
+
+import functools
+import re
+import subprocess
+from pathlib import Path
+
+from study.cli import CANNOT_RUN, StudyError
+from study.registry import ROOT, Spec
+
+# As make itself, dash and bash say it.
+MISSING = re.compile(
+    r"make(?:\[\d+\])?: (\S+): No such file|sh: (?:line )?(?:\d+: )?(\S+): (?:command )?not found"
+)
+
+
+@functools.cache
+def build(spec: Spec | str, target: str = "render") -> Path:
+    """Path of the binary, brought up to date once per process: what a script runs stays the same.
+
+    StudyError with the compiler's last lines, or the name of the missing tool.
+    """
+    path = ROOT / "build" / str(spec) / target
+    try:
+        done = subprocess.run(
+            ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))], capture_output=True, text=True
+        )
+    except FileNotFoundError:
+        raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None
+    if done.returncode != 0:
+        output = done.stderr + done.stdout
+        if tool := MISSING.search(output):
+            raise StudyError(
+                f"cannot build {spec}: {tool[1] or tool[2]} is missing; run `make setup`", CANNOT_RUN
+            )
+        lines = [line for line in output.splitlines() if line.strip()]
+        raise StudyError(f"cannot build {spec}:\n  " + "\n  ".join(lines[-12:]))
+    return path

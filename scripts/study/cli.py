@@ -1,0 +1,105 @@
+"""Command line of every script: arguments, exit statuses, errors in one line, JSON on stdout.
+
+Importing this needs the standard library alone. When a package of the study is missing, the import
+starts the script again with the Python of ROOT/.venv, or says how to make it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib.util
+import json
+import math
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+OK, FAILED, BAD_INPUT, CANNOT_RUN = 0, 1, 2, 3
+PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "jinja2", "tqdm")
+_GUARD = "STEPWISE_IN_VENV"
+
+
+def _need_packages() -> None:
+    """Go on in the venv if a package is missing here; the guard stops a venv that lacks it too."""
+    missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
+    if sys.version_info >= (3, 11) and not missing:
+        return
+    python = Path(__file__).resolve().parents[2] / ".venv" / "bin" / "python"
+    if python.exists() and not os.environ.get(_GUARD):
+        os.environ[_GUARD] = "1"
+        os.execv(python, [str(python), *sys.orig_argv[1:]])
+    lacking = "Python 3.11 or newer" if sys.version_info < (3, 11) else ", ".join(missing)
+    print(f"{Path(sys.argv[0]).name}: {lacking} missing; run `make setup` first", file=sys.stderr)
+    sys.exit(CANNOT_RUN)
+
+
+_need_packages()
+
+
+class StudyError(Exception):
+    """One line for the user: what is wrong and what would be right. Ends a script with `exit_status`."""
+
+    def __init__(self, message: str, exit_status: int = BAD_INPUT) -> None:
+        super().__init__(message)
+        self.exit_status = exit_status
+
+
+def parser(description: str, statuses: dict[int, str] | None = None) -> argparse.ArgumentParser:
+    """A parser with --json and the exit statuses (the usual ones, then `statuses`) in its help."""
+    meaning = {OK: "done", BAD_INPUT: "bad arguments or input", CANNOT_RUN: "nothing could run here"}
+    meaning |= statuses or {}
+    lines = "\n".join(f"  {status:3d}  {meaning[status]}" for status in sorted(meaning))
+    made = argparse.ArgumentParser(
+        description=description,
+        epilog=f"exit status:\n{lines}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    return made
+
+
+def main(run: Callable[[], int | None]) -> None:
+    """Run a script's main function and exit with its status. Errors are one line on stderr."""
+    name = Path(sys.argv[0]).name
+    try:
+        status = run() or OK
+        sys.stdout.flush()
+    except StudyError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        status = error.exit_status
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        status = 130
+    except BrokenPipeError:
+        # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = OK
+    sys.exit(status)
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON types: dataclasses as objects, NumPy as numbers and lists, NaN and inf as null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = dataclasses.asdict(value)
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def emit(value: Any) -> None:
+    """Write one JSON object to standard output."""
+    print(json.dumps(plain(value), allow_nan=False))
+
+
+def say(text: str) -> None:
+    """Progress and remarks for people: standard error, so that --json stays parseable."""
+    print(text, file=sys.stderr, flush=True)

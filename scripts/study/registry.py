@@ -1,0 +1,168 @@
+"""Phases and scenes, found by their folders and files: there is no list to edit."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import functools
+import json
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from study.cli import StudyError
+
+ROOT = Path(__file__).resolve().parents[2]
+SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phases/NAME/phase.json. `isa` are flag names of /proc/cpuinfo; `path` is the folder."""
+
+    name: str
+    title: str
+    family: str
+    order: int
+    parent: str | None
+    idea: str
+    paper: str | None
+    isa: list[str]
+    precision: str
+    lanes: int
+    threads: bool
+    algorithm: str
+    cflags: str
+    tolerance: dict[str, Any]
+    path: Path
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One common/scenes/NAME.json. `fractal`: it has a mandelbulb, so single samples are chaotic."""
+
+    name: str
+    path: Path
+    data: dict[str, Any]
+    fractal: bool
+
+    def size(self, height: int, width: int | None = None) -> tuple[int, int]:
+        """(width, height) in pixels; without a width 16:9 as the driver has it, or square."""
+        return width or (height if self.name in SQUARE else max(1, int(height * 16 / 9 + 0.5))), height
+
+
+@dataclass(frozen=True, order=True)
+class Spec:
+    """The sources of `phase` built with the cflags of `flags_from`; written opt2 or opt2@opt4."""
+
+    phase: str
+    flags_from: str
+
+    @classmethod
+    def parse(cls, text: str) -> Spec:
+        """Raises StudyError, with the nearest names, if a phase does not exist."""
+        phase, _, flags_from = text.partition("@")
+        find_phase(phase)
+        if "@" in text:
+            find_phase(flags_from)
+        return cls(phase, flags_from or phase)
+
+    def __str__(self) -> str:
+        return self.phase if self.phase == self.flags_from else f"{self.phase}@{self.flags_from}"
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except json.JSONDecodeError as error:
+        raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    if not isinstance(data, dict):
+        raise StudyError(f"{path}: must be a JSON object")
+    return data
+
+
+def _unknown(kind: str, name: str, known: Iterable[str]) -> StudyError:
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known) or 'none'}"
+    return StudyError(f"no {kind} '{name}'; {hint}")
+
+
+@functools.cache
+def phases(root: Path = ROOT) -> dict[str, Phase]:
+    """All phases by name, sorted by family and order. Raises StudyError with the file and the key."""
+    found = []
+    for path in sorted(root.glob("phases/[!.]*/phase.json")):
+        data = _read_json(path)
+        keys = {field.name for field in dataclasses.fields(Phase)} - {"path"}
+        wrong = sorted(keys - data.keys()) + sorted(data.keys() - keys)
+        if wrong:
+            state = (
+                "is missing" if wrong[0] in keys else f"is unknown; the keys are {', '.join(sorted(keys))}"
+            )
+            raise StudyError(f"{path}: key '{wrong[0]}' {state}")
+        if data["name"] != path.parent.name:
+            raise StudyError(f"{path}: name is '{data['name']}', must be the folder's '{path.parent.name}'")
+        found.append(Phase(**data, path=path.parent))
+    try:
+        found.sort(key=lambda phase: (phase.family, phase.order, phase.name))
+    except TypeError:
+        raise StudyError("phases/*/phase.json: family must be a string and order a number") from None
+    return {phase.name: phase for phase in found}
+
+
+@functools.cache
+def scenes(root: Path = ROOT) -> dict[str, Scene]:
+    """All scenes by name, sorted. Raises StudyError for a file that is not a JSON object."""
+    found = {}
+    for path in sorted(root.glob("common/scenes/*.json")):
+        data = _read_json(path)
+        shapes = data.get("shapes")
+        types = [shape.get("type") for shape in shapes if isinstance(shape, dict)] if shapes else []
+        found[path.stem] = Scene(path.stem, path, data, "mandelbulb" in types)
+    return found
+
+
+def find_phase(name: str, root: Path = ROOT) -> Phase:
+    """The phase of that name, or a StudyError that names the nearest ones."""
+    if name not in phases(root):
+        raise _unknown("phase", name, phases(root))
+    return phases(root)[name]
+
+
+def find_scene(name: str, root: Path = ROOT) -> Scene:
+    """The scene of that name, or a StudyError that names the nearest ones."""
+    if name not in scenes(root):
+        raise _unknown("scene", name, scenes(root))
+    return scenes(root)[name]
+
+
+@functools.cache
+def cpu_flags() -> frozenset[str]:
+    """Instruction-set flags of this CPU as /proc/cpuinfo names them."""
+    match = re.search(r"^flags\s*:(.*)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    return frozenset(match[1].split() if match else ())
+
+
+def missing_isa(what: Phase | Spec) -> list[str]:
+    """Flags that `what` needs and this CPU lacks; a Spec needs those of its flags' phase as well.
+
+    STEPWISE_ISA_LIMIT=none stands for a CPU without any of them, as it does for the driver.
+    """
+    need = (
+        what.isa
+        if isinstance(what, Phase)
+        else [flag for name in dict.fromkeys([what.phase, what.flags_from]) for flag in find_phase(name).isa]
+    )
+    have = frozenset() if os.environ.get("STEPWISE_ISA_LIMIT") == "none" else cpu_flags()
+    return [flag for flag in dict.fromkeys(need) if flag not in have]
+
+
+def cpu_supports(what: Phase | Spec) -> bool:
+    """Whether this CPU has every instruction set that the phase (or spec) needs."""
+    return not missing_isa(what)

@@ -1,0 +1,162 @@
+"""Runs the driver: one process, pinned, its JSON parsed, its end looked after."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import json
+import os
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from study.build import build
+from study.cli import BAD_INPUT, CANNOT_RUN, StudyError
+from study.registry import Spec
+
+_LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
+_PR_SET_PDEATHSIG = 1
+USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
+NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
+
+
+class DriverError(StudyError):
+    """The driver ended with `status` (negative: killed by that signal) and said `message`."""
+
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message, CANNOT_RUN if status == NO_ISA else BAD_INPUT)
+        self.status = status
+        self.message = message
+
+
+def cpu_set(cpu: int | None, threads: int) -> set[int] | None:
+    """CPUs to pin to: `cpu` and the next threads - 1 of the usable ones; None: no pinning."""
+    if cpu is None:
+        return None
+    if cpu not in USABLE:
+        raise StudyError(f"CPU {cpu} is not available; there are {', '.join(map(str, USABLE))}")
+    first = USABLE.index(cpu)
+    return set((USABLE[first:] + USABLE[:first])[:threads])
+
+
+def _arguments(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None,
+    *,
+    aov: bool = False,
+    out: Path | None = None,
+    threads: int = 1,
+    reps: int = 1,
+    warmup: int = 0,
+    hit_distance: float | None = None,
+    max_steps: int | None = None,
+) -> list[str]:
+    arguments = [str(build(spec)), str(scene_path), "-n", str(height), "--reps", str(reps)]
+    for option, value in [
+        ("-w", width),
+        ("-o", out),
+        ("--threads", threads if threads != 1 else None),
+        ("--warmup", warmup or None),
+        ("--hit-distance", hit_distance),
+        ("--max-steps", max_steps),
+    ]:
+        if value is not None:
+            arguments += [option, str(value)]
+    return arguments + ["--aov"] * aov
+
+
+def _lines(arguments: list[str], cpus: set[int] | None, env_bytes: int) -> Iterator[str]:
+    """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
+
+    The child dies with its reader: killed when the generator is closed, and by the kernel's
+    parent-death signal when this process is killed outright.
+    """
+    environment = dict(os.environ)
+    if env_bytes:
+        environment["STEPWISE_PADDING"] = "x" * env_bytes
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
+        try:
+            child = subprocess.Popen(
+                arguments,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                stdin=subprocess.DEVNULL,
+                env=environment,
+                text=True,
+                preexec_fn=functools.partial(_in_child, cpus),
+            )
+        except OSError as error:
+            raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
+        try:
+            assert child.stdout
+            for line in child.stdout:
+                if line.endswith("\n"):
+                    yield line
+            status = child.wait()
+        finally:
+            if child.poll() is None:
+                child.kill()
+                child.wait()
+            child.stdout.close()
+        if status:
+            errors.seek(0)
+            said = errors.read().strip().splitlines()
+            how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            raise DriverError(status, said[-1] if said else f"{arguments[0]}: {how}")
+
+
+def _in_child(cpus: set[int] | None) -> None:
+    if cpus:
+        os.sched_setaffinity(0, cpus)
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def render(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    threads: int = 1,
+    **options: Any,
+) -> dict[str, Any]:
+    """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
+
+    Options: aov, out, reps, warmup, hit_distance, max_steps. Raises DriverError(status, message).
+    """
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0))
+    return _parse(text, arguments[0])
+
+
+def frames(
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    threads: int = 1,
+    env_bytes: int = 0,
+    **options: Any,
+) -> Iterator[dict[str, Any]]:
+    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment."""
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
+    for line in _lines(arguments, cpu_set(cpu, threads), env_bytes):
+        yield _parse(line, arguments[0])
+
+
+def _parse(text: str, program: str) -> dict[str, Any]:
+    try:
+        parsed = json.loads(text)
+    except json.JSONDecodeError:
+        parsed = None
+    if not isinstance(parsed, dict):
+        raise DriverError(0, f"{program}: printed no JSON object but {text[:60]!r}")
+    return parsed

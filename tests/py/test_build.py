@@ -1,0 +1,75 @@
+"""Builds: what is built, and what is said when it cannot be."""
+
+import os
+import shutil
+import sys
+
+import pytest
+
+from study import build as module
+from study.cli import CANNOT_RUN, StudyError
+from study.registry import ROOT, Spec
+
+TOOLS = (
+    "make",
+    "sh",
+    "python3",
+    "sed",
+    "mkdir",
+    "rm",
+    "basename",
+    "ld",
+    "pkg-config",
+    "dirname",
+    "mv",
+    "cmp",
+)
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    """A small tree of its own, and no binary remembered."""
+    shutil.copytree(ROOT / "common", tmp_path / "common")
+    shutil.copytree(ROOT / "phases" / "baseline", tmp_path / "phases" / "baseline")
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    module.build.cache_clear()
+    yield tmp_path
+    module.build.cache_clear()
+
+
+def test_render_and_probe_are_built():
+    for target in ("render", "probe"):
+        path = module.build(Spec("baseline", "baseline"), target)
+        assert path == ROOT / "build" / "baseline" / target
+        assert os.access(path, os.X_OK)
+
+
+def test_a_phase_that_does_not_compile_shows_the_compilers_lines(root):
+    with open(root / "phases/baseline/march.c", "a") as source:
+        source.write("int broken(void) { return undeclared_thing; }\n")
+    with pytest.raises(StudyError, match="cannot build baseline:") as error:
+        module.build("baseline")
+    assert "undeclared_thing" in str(error.value)
+    assert error.value.exit_status == 2
+
+
+def test_a_missing_compiler_is_named(root, monkeypatch):
+    tools = root / "tools"
+    tools.mkdir()
+    for name in TOOLS:
+        if found := shutil.which(name):
+            (tools / name).symlink_to(found)
+    (tools / "python3").unlink(missing_ok=True)
+    (tools / "python3").symlink_to(os.path.realpath(sys.executable))
+    monkeypatch.setenv("PATH", str(tools))
+    with pytest.raises(StudyError, match="cannot build baseline: gcc is missing; run `make setup`") as error:
+        module.build("baseline")
+    assert error.value.exit_status == CANNOT_RUN
+
+
+def test_a_missing_make_is_named(root, monkeypatch):
+    monkeypatch.setenv("PATH", str(root))
+    with pytest.raises(StudyError, match="make is missing") as error:
+        module.build("baseline")
+    assert error.value.exit_status == CANNOT_RUN

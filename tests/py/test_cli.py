@@ -1,0 +1,156 @@
+"""Command line of the scripts: statuses, one-line errors, JSON, and the way into the venv."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from study import cli
+from study.registry import ROOT
+
+SCRIPTS = sorted(path for path in (ROOT / "scripts").glob("*.py") if os.access(path, os.X_OK))
+
+
+def status_of(run) -> int:
+    with pytest.raises(SystemExit) as end:
+        cli.main(run)
+    return end.value.code
+
+
+def raising(error):
+    def run():
+        raise error
+
+    return run
+
+
+def test_main_gives_the_status_of_the_function():
+    assert status_of(lambda: 1) == 1
+    assert status_of(lambda: None) == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (cli.StudyError("no such thing"), 2),
+        (cli.StudyError("no such thing", cli.CANNOT_RUN), 3),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_errors_are_one_line_and_a_status(error, status, capsys):
+    assert status_of(raising(error)) == status
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+    assert str(error) in said.err
+
+
+def test_a_bug_is_not_hidden():
+    with pytest.raises(ZeroDivisionError):
+        cli.main(lambda: 1 // 0)
+
+
+def test_emit_writes_what_json_knows(capsys):
+    @dataclass
+    class Interval:
+        value: float
+        low: float
+
+    cli.emit(
+        {
+            "nan": float("nan"),
+            "array": np.array([1.5, np.inf]),
+            "integer": np.int64(3),
+            "interval": Interval(np.float32(0.5), -np.inf),
+            "path": Path("a/b"),
+            1: (True, None),
+        }
+    )
+    assert json.loads(capsys.readouterr().out) == {
+        "nan": None,
+        "array": [1.5, None],
+        "integer": 3,
+        "interval": {"value": 0.5, "low": None},
+        "path": "a/b",
+        "1": [True, None],
+    }
+
+
+def script(folder: Path, body: str) -> Path:
+    """A script beside a copy of study/cli.py, in a tree of its own."""
+    study = folder / "scripts" / "study"
+    study.mkdir(parents=True)
+    (study / "__init__.py").touch()
+    shutil.copy(ROOT / "scripts" / "study" / "cli.py", study)
+    path = folder / "scripts" / "some.py"
+    path.write_text(body)
+    return path
+
+
+def run_bare(path: Path, *arguments: str) -> subprocess.CompletedProcess:
+    """Run without site-packages, as outside the venv."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("STEPWISE")}
+    command = [sys.executable, "-S", str(path), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60)
+
+
+def test_missing_package_goes_on_in_the_venv(tmp_path):
+    path = script(tmp_path, "from study import cli\nprint('not reached')\n")
+    python = tmp_path / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text('#!/bin/sh\necho "venv: $*"\n')
+    python.chmod(0o755)
+    done = run_bare(path, "--phase", "a b")
+    assert done.stdout == f"venv: -S {path} --phase a b\n"
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("venv", [True, False])
+def test_missing_package_without_way_out_is_one_line(tmp_path, venv):
+    path = script(tmp_path, "from study import cli\nprint('not reached')\n")
+    if venv:  # a venv that lacks the package as well: no loop
+        python = tmp_path / ".venv" / "bin" / "python"
+        python.parent.mkdir(parents=True)
+        python.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+        python.chmod(0o755)
+    done = run_bare(path)
+    assert done.returncode == cli.CANNOT_RUN
+    assert done.stdout == ""
+    assert done.stderr.startswith("some.py: numpy, ")
+    assert done.stderr.endswith("missing; run `make setup` first\n")
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path):
+    path = tmp_path / "many.py"
+    path.write_text("from study import cli\ncli.main(lambda: print('x' * 1_000_000))\n")
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    child = subprocess.Popen(
+        [sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+    )
+    child.stdout.read(10)
+    child.stdout.close()
+    assert child.stderr.read() == b""
+    child.stderr.close()
+    assert child.wait() == 0
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_every_script_names_its_exit_statuses(path):
+    done = subprocess.run([sys.executable, path, "-h"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "exit status:" in done.stdout
+    assert "--json" in done.stdout
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_every_script_refuses_an_unknown_option(path):
+    done = subprocess.run([sys.executable, path, "--no-such-option"], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""

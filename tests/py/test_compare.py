@@ -1,0 +1,132 @@
+"""Two runs side by side, made up so that the answer is known."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import compare
+from study import store
+from study.cli import StudyError
+from study.registry import ROOT
+from study.store import Run
+
+CONTEXT = {"cpu": {"model": "Some CPU"}, "git": {"commit": "1" * 40, "dirty": False}, "libc": "glibc 2.36"}
+LINE = {"schema": 1, "scene_hash": "aa", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0}
+LINE |= {"hit_distance": 1e-6, "max_steps": 3000, "flags": "-O3", "compiler": "gcc 12", "libc": "2.36"}
+
+
+def make_run(folder, times, context=None, launches=8, **line) -> Run:
+    """A run with the given milliseconds of each (phase, scene), 1 % of noise and a slow warm-up frame."""
+    made = Run(folder)
+    store.write_json(made.path / "plan.json", {})
+    store.write_json(made.path / "context.json", CONTEXT | (context or {}))
+    noise = 1 + 0.01 * np.random.default_rng(1).standard_normal(launches)
+    for (phase, scene), ms in times.items():
+        for launch in range(launches):
+            for frame in (-1, 0):
+                facts = {"phase": phase, "flags_from": phase, "scene": scene, "config": phase + scene}
+                facts |= {"launch": launch, "frame": frame, "warmup": frame < 0}
+                ns = 1e9 if frame < 0 else ms * 1e6 * noise[launch]
+                made.append_frame(LINE | facts | {"ns": ns} | line)
+    made.close()
+    return made
+
+
+TIMES = {("opt1", "s"): 100, ("opt1", "t"): 50, ("opt2", "s"): 30}
+LATER = {("opt1", "s"): 50, ("opt1", "t"): 100, ("opt2", "s"): 30, ("opt3", "s"): 5}
+
+
+@pytest.fixture
+def two(tmp_path):
+    context = {"libc": "glibc 2.40", "cpu": {"model": "Other CPU"}}
+    a = make_run(tmp_path / "a", TIMES)
+    return a, make_run(tmp_path / "b", LATER, context, compiler="gcc 13", libc="2.40")
+
+
+def run(*arguments) -> subprocess.CompletedProcess:
+    command = [sys.executable, ROOT / "scripts" / "compare.py", *arguments]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_ratios_are_those_of_the_medians(two):
+    rows = {(row["spec"], row["scene"]): row for row in compare.rows(*(each.frames() for each in two))}
+    assert set(rows) == set(TIMES)
+    for key, row in rows.items():
+        assert row["ratio"].value == pytest.approx(TIMES[key] / LATER[key])
+        assert row["ratio"].low <= row["ratio"].value <= row["ratio"].high
+    verdicts = {key: row["verdict"] for key, row in rows.items()}
+    assert verdicts == {
+        ("opt1", "s"): "faster",
+        ("opt1", "t"): "slower",
+        ("opt2", "s"): "the same within noise",
+    }
+    assert rows["opt1", "s"]["a_ms"].value == pytest.approx(100, rel=0.01)
+
+
+def test_swapped_runs_give_the_inverse(two):
+    a, b = (each.frames() for each in two)
+    for there, back in zip(compare.rows(a, b), compare.rows(b, a), strict=True):
+        assert there["ratio"].value * back["ratio"].value == pytest.approx(1)
+
+
+def test_too_few_launches_give_no_verdict(tmp_path):
+    runs = [make_run(tmp_path / name, {("opt1", "s"): ms}, launches=3) for name, ms in [("a", 1), ("b", 9)]]
+    (row,) = compare.rows(*(each.frames() for each in runs))
+    assert row["verdict"] == "unknown (too few launches)"
+    assert not row["ratio"].sufficient
+    assert run(runs[0].path, runs[1].path, "--fail-on-slower").returncode == 0
+
+
+@pytest.mark.parametrize("change", [{"scene_hash": "bb"}, {"hit_distance": 1e-3}, {"max_steps": 10}])
+def test_other_work_is_not_compared(tmp_path, change):
+    a, b = make_run(tmp_path / "a", TIMES), make_run(tmp_path / "b", TIMES, **change)
+    (name,) = change
+    with pytest.raises(StudyError, match=f"s: {name} differs .* only the same work can be compared"):
+        compare.rows(a.frames(), b.frames())
+    done = run(a.path, b.path)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+
+
+def test_json(two):
+    done = run(two[0].path, two[1].path, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert [row["verdict"] for row in said["rows"]] == ["faster", "the same within noise", "slower"]
+    assert said["differences"] == {
+        "libc": ["glibc 2.36", "glibc 2.40"],
+        "cpu.model": ["Some CPU", "Other CPU"],
+        "build of opt1": ["gcc 12, glibc 2.36, -O3", "gcc 13, glibc 2.40, -O3"],
+        "build of opt2": ["gcc 12, glibc 2.36, -O3", "gcc 13, glibc 2.40, -O3"],
+    }
+    assert (said["only_a"], said["only_b"]) == ([], ["s 16 9 1 opt3"])
+
+
+def test_text(two):
+    done = run(two[0].path, two[1].path)
+    assert done.returncode == 0, done.stderr
+    assert "A / B [95 %]" in done.stdout
+    assert "only in B: s 16 9 1 opt3" in done.stdout
+    assert "    A  Some CPU\n    B  Other CPU\n" in done.stdout
+    done = run(two[0].path, two[0].path)
+    assert "machine, compiler and commit are the same" in done.stdout
+
+
+def test_status_tells_of_something_slower(two, tmp_path):
+    a, b = (each.path for each in two)
+    assert run(a, b, "--fail-on-slower").returncode == 1
+    assert run(a, b).returncode == 0
+    quick = make_run(tmp_path / "quick", {key: ms / 2 for key, ms in TIMES.items()})
+    assert run(a, quick.path, "--fail-on-slower").returncode == 0
+
+
+def test_nothing_to_compare_is_an_error(two, tmp_path):
+    other = make_run(tmp_path / "other", {("opt4", "s"): 1})
+    assert "no phase, scene and size in common" in run(two[0].path, other.path).stderr
+    empty = make_run(tmp_path / "empty", {})
+    done = run(two[0].path, empty.path)
+    assert done.returncode == 2
+    assert f"no timed frame; measure with scripts/sweep.py --run {empty.path}" in done.stderr
+    assert "not a run" in run(two[0].path, tmp_path).stderr

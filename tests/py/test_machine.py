@@ -1,0 +1,100 @@
+"""What is said of the machine."""
+
+import json
+import subprocess
+
+import pytest
+
+from study import cli, machine
+
+
+def cpuinfo(name, vendor, family, model, stepping=0):
+    return (
+        f"processor\t: 0\nvendor_id\t: {vendor}\ncpu family\t: {family}\nmodel\t\t: {model}\n"
+        f"model name\t: {name}\nstepping\t: {stepping}\ncpu cores\t: 8\nflags\t\t: fpu sse2 avx2\n\n"
+        f"processor\t: 1\nvendor_id\t: Another\nmodel name\t: another\n"
+    )
+
+
+XEON = cpuinfo("Intel(R) Xeon(R) Processor", "GenuineIntel", 6, 207)
+RYZEN = cpuinfo("AMD Ryzen 9 7950X 16-Core Processor", "AuthenticAMD", 25, 97)
+CORE = cpuinfo("Intel(R) Core(TM) i7-6700K CPU @ 4.00GHz", "GenuineIntel", 6, 94)
+
+
+@pytest.mark.parametrize(
+    ("text", "slug"),
+    [
+        (XEON, "intel-xeon-6-207"),
+        (RYZEN, "amd-ryzen-9-7950x-25-97"),
+        (CORE, "intel-core-i7-6700k-6-94"),
+    ],
+)
+def test_slug_is_made_from_the_cpu(text, slug):
+    assert machine.slug(text) == slug
+
+
+@pytest.mark.parametrize(
+    ("vendor", "family", "model", "stepping", "name"),
+    [
+        ("GenuineIntel", 6, 0xCF, 2, "Emerald Rapids"),
+        ("GenuineIntel", 6, 0x5E, 3, "Skylake"),
+        ("GenuineIntel", 6, 0x55, 4, "Skylake"),
+        ("GenuineIntel", 6, 0x55, 7, "Cascade Lake"),
+        ("GenuineIntel", 6, 0x55, 11, "Cooper Lake"),
+        ("AuthenticAMD", 0x19, 0x61, 2, "Zen 4"),
+        ("AuthenticAMD", 0x19, 0x21, 0, "Zen 3"),
+        ("AuthenticAMD", 0x17, 0x71, 0, "Zen 2"),
+        ("AuthenticAMD", 0x1A, 0x44, 0, "Zen 5"),
+        ("AuthenticAMD", 0x19, 0xFF, 0, None),
+        ("GenuineIntel", 6, 9999, 0, None),
+        (None, 0, 0, 0, None),
+    ],
+)
+def test_microarchitecture(vendor, family, model, stepping, name):
+    assert machine.microarchitecture(vendor, family, model, stepping) == name
+
+
+def test_first_processor_of_cpuinfo():
+    found = machine.cpu(RYZEN)
+    assert (found["vendor"], found["family"], found["model_number"]) == ("AuthenticAMD", 25, 97)
+    assert (found["cores"], found["flags"]) == (8, ["fpu", "sse2", "avx2"])
+    assert machine.cpu("")["flags"] == []  # unreadable: no crash
+
+
+def test_context_is_json_and_says_what_it_must():
+    context = machine.context()
+    assert json.loads(json.dumps(cli.plain(context), allow_nan=False)) == cli.plain(context)
+    needed = {"cpu", "caches", "memory_kib", "kernel", "hypervisor", "governor", "compiler", "libc", "python"}
+    assert needed | {"libraries", "git", "load_average", "steal_ticks", "machine"} <= set(context)
+    assert context["machine"] == machine.slug()
+    assert context["memory_kib"] > 0
+    assert context["libraries"]["numpy"]
+    assert "sse2" in context["cpu"]["flags"]
+
+
+def test_commit_sees_every_change(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "ROOT", tmp_path)
+    assert machine.commit()["commit"] is None or not (tmp_path / ".git").exists()
+
+    def git(*arguments):
+        who = ["-c", "user.name=A", "-c", "user.email=a@example.org"]
+        subprocess.run(["git", "-C", tmp_path, *who, *arguments], check=True, capture_output=True)
+
+    git("init")
+    (tmp_path / "a").write_text("1")
+    before_first = machine.commit()
+    assert before_first["commit"] is None
+    assert before_first["dirty"]
+    git("add", "a")
+    git("commit", "-m", "one")
+    clean = machine.commit()
+    assert len(clean["commit"]) == 40
+    assert (clean["dirty"], clean["diff_sha256"]) == (False, None)
+
+    seen = set()
+    for name, text in [("a", "2"), ("a", "3"), ("new", "4"), ("new", "5")]:
+        (tmp_path / name).write_text(text)
+        state = machine.commit()
+        assert state["dirty"]
+        seen.add(state["diff_sha256"])
+    assert len(seen) == 4

@@ -1,0 +1,130 @@
+"""A phase from another: what is copied, what is filled in, what is refused."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import new_phase
+from study import registry
+from study.cli import StudyError
+from study.registry import ROOT
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A tree of its own with the phases of this one and what builds them."""
+    shutil.copytree(ROOT / "phases", tmp_path / "phases")
+    shutil.copytree(ROOT / "common", tmp_path / "common")
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_sources_are_the_parents_byte_for_byte(root):
+    made = new_phase.create("opt2_b", "opt2", root)
+    new, old = contents(made), contents(root / "phases/opt2")
+    for filled in ("phase.json", "NOTES.md"):
+        new.pop(filled)
+        old.pop(filled, None)
+    assert new == old
+    assert made == root / "phases/opt2_b"
+
+
+def test_phase_json_is_filled(root):
+    before = registry.phases(root)
+    new_phase.create("opt4b", "opt4", root)
+    after = registry.phases(root)
+    made, parent = after["opt4b"], before["opt4"]
+    assert (made.name, made.parent, made.paper) == ("opt4b", "opt4", None)
+    assert made.order == 1 + max(p.order for p in before.values() if p.family == parent.family)
+    assert list(after)[-1] == "opt4b"
+    for same in ("family", "isa", "precision", "lanes", "threads", "algorithm", "cflags", "tolerance"):
+        assert getattr(made, same) == getattr(parent, same)
+    assert made.title.startswith("FILL IN") and made.idea.startswith("FILL IN")
+
+
+def test_notes_are_a_fresh_skeleton(root):
+    (root / "phases/opt2/NOTES.md").write_text("# opt2\nwhat was measured there\n")
+    notes = (new_phase.create("x", "opt2", root) / "NOTES.md").read_text()
+    assert "what was measured there" not in notes
+    headings = [line for line in notes.splitlines() if line.startswith("#")]
+    assert headings == ["# x", "## Bottleneck of opt2, measured", "## Change", "## Prediction", "## Outcome"]
+
+
+@pytest.mark.parametrize(
+    "name", ["", "Opt", "4opt", "opt-4", "opt4@opt2", "../opt", "opt 4", "a/b", "öpt", "a\n"]
+)
+def test_bad_names_are_refused(root, name):
+    with pytest.raises(StudyError, match="is no phase name"):
+        new_phase.create(name, "opt2", root)
+
+
+def test_taken_name_and_unknown_parent_are_refused(root):
+    (root / "phases/half").mkdir()
+    for name in ("opt1", "half"):
+        with pytest.raises(StudyError, match=f"phases/{name} exists already"):
+            new_phase.create(name, "opt2", root)
+    with pytest.raises(StudyError, match="no phase 'op2'; did you mean opt2"):
+        new_phase.create("x", "op2", root)
+
+
+def test_a_failure_leaves_nothing_behind(root, monkeypatch):
+    before = set((root / "phases").iterdir())
+
+    def full(self, target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "rename", full)
+    with pytest.raises(StudyError, match="phases/x: No space left on device"):
+        new_phase.create("x", "opt2", root)
+    assert set((root / "phases").iterdir()) == before
+
+
+def test_the_new_phase_builds_and_renders_as_its_parent(root):
+    new_phase.create("naive2", "baseline", root)
+    for name in ("naive2", "baseline"):
+        subprocess.run(["make", "-s", "-C", root, f"build/{name}/render"], check=True, capture_output=True)
+    command = [root / "build/naive2/render", root / "common/scenes/cubes.json", "-n", "3", "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert json.loads(done.stdout)["phase"] == "naive2"
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess:
+    command = [sys.executable, ROOT / "scripts" / "new_phase.py", *arguments]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--name", "opt1", "--from", "opt2"], "new_phase.py: phases/opt1 exists already"),
+        (["--name", "x", "--from", "op2"], "new_phase.py: no phase 'op2'; did you mean opt2"),
+        (["--from", "opt2"], "the following arguments are required: --name"),
+    ],
+)
+def test_command_refuses(arguments, words):
+    before = set((ROOT / "phases").iterdir())
+    done = run(*arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert words in done.stderr.splitlines()[-1]
+    assert set((ROOT / "phases").iterdir()) == before
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
+    monkeypatch.setattr(new_phase, "create", lambda name, parent: registry.ROOT / "phases" / name)
+    monkeypatch.setattr("sys.argv", ["new_phase.py", "--name", "x", "--from", "opt2", *["--json"] * as_json])
+    assert new_phase.main() == 0
+    said = capsys.readouterr().out
+    if as_json:
+        assert json.loads(said) == {"phase": "x", "parent": "opt2", "folder": "phases/x"}
+    else:
+        assert "fill in title and idea in phases/x/phase.json" in said
+        assert "scripts/sweep.py --phase opt2 x" in said

@@ -1,0 +1,164 @@
+"""Intervals against closed forms and simulated coverage; noise warnings."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from study import stats
+
+TIMES = st.lists(st.floats(0.1, 1e6), min_size=6, max_size=15)
+SCALE = st.floats(1e-3, 1e3)
+
+
+def frames(values, warmup=1, **more) -> pd.DataFrame:
+    """Frames of one configuration. `values`: launch -> ns of its timed frames."""
+    config = {"config": "c", "spec": "opt1", "phase": "opt1", "flags_from": "opt1", "scene": "s"}
+    config |= {"scene_hash": "h", "width": 16, "height": 9, "threads": 1, "steal_ticks": 0} | more
+    rows = [
+        config | {"launch": launch, "frame": number, "warmup": number < 0, "ns": ns}
+        for launch, times in enumerate(values)
+        for number, ns in enumerate([1e9] * warmup + list(times), -warmup)
+    ]
+    return pd.DataFrame(rows)
+
+
+@pytest.mark.parametrize("n", [7, 11, 25])
+def test_ends_are_the_exact_bootstrap_percentiles(n):
+    """The resampled median of odd n is at most the k-th value when at least (n+1)/2 of n draws are:
+
+    P = P(Binomial(n, k/n) >= (n+1)/2), so the percentiles are known without any resampling.
+    """
+    below = 1 - binom.cdf((n - 1) // 2, n, np.arange(1, n + 1) / n)
+    interval = stats.median_interval(np.arange(1, n + 1))
+    assert interval.value == (n + 1) / 2
+    assert interval.low == 1 + np.argmax(below >= 0.025)
+    assert interval.high == 1 + np.argmax(below >= 0.975)
+
+
+def test_median_interval_covers_the_true_median_as_often_as_order_statistics_do():
+    """For 11 launches the ends are the 3rd and the 9th (above), which hold the median with
+
+    P(3 <= Binomial(11, 1/2) < 9) = 0.9346, whatever the distribution.
+    """
+    expected = binom.cdf(8, 11, 0.5) - binom.cdf(2, 11, 0.5)
+    samples = np.random.default_rng(5).exponential(size=(600, 11))
+    intervals = [stats.median_interval(sample) for sample in samples]
+    covered = np.mean([i.low <= np.log(2) <= i.high for i in intervals])
+    assert covered == pytest.approx(expected, abs=3.5 * np.sqrt(expected * (1 - expected) / 600))
+
+
+def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
+    random = np.random.default_rng(6)
+    base, other = random.lognormal(np.log(14), 0.1, (400, 12)), random.lognormal(0, 0.2, (400, 12))
+    intervals = [stats.ratio_interval(a, b) for a, b in zip(base, other, strict=True)]
+    covered = np.mean([i.low <= 14 <= i.high for i in intervals])
+    assert 0.92 <= covered <= 0.985
+
+
+def test_ratio_is_of_medians_not_the_mean_of_ratios():
+    base, other = [10, 20, 30, 40, 50, 600], [1, 1, 2, 2, 2, 100]
+    assert stats.ratio_interval(base, other).value == 35 / 2
+
+
+@settings(max_examples=30, deadline=None)
+@given(TIMES, TIMES, SCALE, SCALE)
+def test_units_do_not_matter(base, other, s, t):
+    plain, scaled = (
+        stats.ratio_interval(base, other),
+        stats.ratio_interval(np.multiply(base, s), np.multiply(other, t)),
+    )
+    for end in ("value", "low", "high"):
+        assert getattr(scaled, end) == pytest.approx(getattr(plain, end) * s / t, rel=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(TIMES)
+def test_an_interval_holds_its_median_and_stays_within_the_sample(values):
+    interval = stats.median_interval(values)
+    assert min(values) <= interval.low <= interval.value <= interval.high <= max(values)
+    assert interval == stats.median_interval(values)  # the seed is fixed
+
+
+@pytest.mark.parametrize("count", range(6))
+def test_under_six_launches_there_is_no_interval(count):
+    enough = np.arange(1.0, 9)
+    for interval in (stats.median_interval(enough[:count]), stats.ratio_interval(enough, enough[:count])):
+        assert not interval.sufficient
+        assert interval.launches == count
+        assert np.isnan(interval.low)
+        assert np.isnan(interval.high)
+        assert "insufficient" in interval.text()
+    assert np.isnan(stats.median_interval([]).value)
+    assert stats.median_interval(enough[:6]).sufficient
+
+
+def test_text_of_an_interval():
+    assert stats.Interval(12.34, 12.1, 12.66, 8, True).text() == "12.3 [12.1, 12.7]"
+    assert stats.Interval(12.34, np.nan, np.nan, 3, False).text(".4g") == "12.34 (insufficient)"
+
+
+def test_a_launch_counts_by_the_median_of_its_timed_frames():
+    table = stats.launch_values(frames([[5, 1, 30], [10, 20]]), "ns")
+    assert table["launch"].tolist() == [0, 1]
+    assert table["value"].tolist() == [5, 15]
+    assert set(stats.CONFIG) < set(table.columns)
+
+
+def test_no_frames_no_values():
+    assert stats.launch_values(pd.DataFrame(), "ns").empty
+    assert stats.launch_values(frames([[]]), "ns").empty  # a warm-up alone
+    assert stats.noise_warnings(pd.DataFrame()) == []
+
+
+def test_what_is_far_apart_is_told_apart():
+    random = np.random.default_rng(7)
+    a = random.normal(100, 1, 10)
+    assert stats.distinguishable(a, a * 1.05)
+    assert not stats.distinguishable(a, a)
+    assert not stats.distinguishable(a[:5], a[:5] * 9)  # too few launches tell nothing
+    assert stats.too_noisy({"a": a, "same": a[::-1], "far": 2 * a}) == [("a", "same")]
+
+
+def test_equal_phases_are_seldom_told_apart():
+    random = np.random.default_rng(8)
+    alarms = [stats.distinguishable(*random.normal(100, 3, (2, 10))) for _ in range(400)]
+    assert np.mean(alarms) <= 0.08
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [100, 101, 99, 100, 102, 100],
+        [100, 100, 100, 100, 100, 104],  # far by the spread of the others, but under 5 %
+        [120, 110, 90, 105, 95, 112],  # over 5 % off, but so are all
+    ],
+)
+def test_a_wobble_is_no_outlier(times):
+    assert stats.noise_warnings(frames([[time] for time in times])) == []
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([150, 100, 101, 99, 100, 101], "first launch took 1.49 times the median"),
+        ([100, 101, 150, 99, 100, 101], "1 of 6 launches are outliers"),
+    ],
+)
+def test_slow_launches_are_named(times, words):
+    (warning,) = stats.noise_warnings(frames([[time] for time in times]))
+    assert warning.startswith("opt1 s n=9 ")
+    assert words in warning
+
+
+def test_stolen_time_is_named():
+    stolen = frames([[1e9]] * 3, warmup=0, steal_ticks=5)  # 0.05 s of 1 s, three times
+    assert stats.noise_warnings(stolen) == ["the hypervisor took 5.0% of the measured time (steal)"]
+
+
+def test_other_processes_on_the_cpu_are_named():
+    busy = frames([[1e9]] * 3, warmup=0, ctx_involuntary=21)
+    assert stats.noise_warnings(busy) == ["other processes took the measured CPU 21 times a second"]
+    assert stats.noise_warnings(frames([[1e9]] * 3, warmup=0, ctx_involuntary=20)) == []

@@ -1,0 +1,193 @@
+"""Files of a run: whole or not at all, also after a kill and on a full disk."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from study import store
+from study.cli import StudyError
+from study.store import Run
+
+FRAME = {"phase": "opt2", "flags_from": "opt4", "config": "c", "launch": 0, "frame": 0, "ns": 12}
+VALUES = st.one_of(st.none(), st.booleans(), st.integers(-(2**53), 2**53), st.floats(), st.text())
+
+
+@pytest.fixture
+def run(tmp_path):
+    made = Run.create(tmp_path / "results", "some-cpu-6-1")
+    store.write_json(made.path / "plan.json", {"schema": 1})
+    store.write_json(made.path / "context.json", {"cpu": {"model": "Some CPU"}})
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 KiB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if os.geteuid() != 0:
+        pytest.skip("mounting a tmpfs of 64 KiB needs root: run as root to test a full disk")
+    command = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", folder]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        pytest.skip(f"mount of a tmpfs is not permitted here (CAP_SYS_ADMIN missing): {done.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", folder], check=True)
+
+
+def test_context_plan_and_folders(run):
+    assert run.plan == {"schema": 1}
+    assert Run.open(run.path).context["cpu"]["model"] == "Some CPU"
+    for folder in (run.images, run.tables, run.figures):
+        assert folder.is_dir() and folder.parent == run.path
+
+
+def test_runs_of_one_second_are_two_folders(tmp_path):
+    runs = [Run.create(tmp_path, "m") for _ in range(3)]
+    assert len({made.path for made in runs}) == 3
+
+
+def test_latest_is_the_newest_of_any_machine(tmp_path):
+    for name in ("a-cpu/20250102-000000-x", "b-cpu/20250101-000000-x", "reference/20990101-000000-x"):
+        store.write_json(tmp_path / name / "plan.json", {})
+    (tmp_path / "a-cpu" / "20980101-000000-empty").mkdir()
+    assert Run.latest(tmp_path).path.name == "20250102-000000-x"
+    assert store.latest(tmp_path).path.name == "20250102-000000-x"
+
+
+def test_what_is_not_there_is_named(tmp_path):
+    with pytest.raises(StudyError, match=r"no run yet; make one with scripts/sweep\.py"):
+        Run.latest(tmp_path)
+    with pytest.raises(StudyError, match=r"not a run \(no plan\.json\)"):
+        Run.open(tmp_path)
+
+
+def test_write_is_all_or_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "plan.json"
+    store.write_text(path, "old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(store.os, "fsync", full)
+    with pytest.raises(StudyError, match=r"plan\.json: No space left on device"):
+        store.write_text(path, "new")
+    assert path.read_text() == "old"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_reader_of_the_old_file_is_not_disturbed(tmp_path):
+    path = tmp_path / "plan.json"
+    store.write_text(path, "old")
+    with path.open() as reader:
+        store.write_text(path, "new")
+        assert reader.read() == "old"
+    assert path.read_text() == "new"
+    assert path.stat().st_mode & 0o777 == 0o644
+
+
+def test_broken_json_has_line_and_column(tmp_path):
+    (tmp_path / "plan.json").write_text('{"a":\n oh}')
+    with pytest.raises(StudyError, match=r"plan\.json:2:2: "):
+        _ = Run.open(tmp_path).plan
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.dictionaries(st.text(min_size=1), VALUES, max_size=5), max_size=5))
+def test_lines_come_back_as_they_were(tmp_path_factory, rows):
+    made = Run(tmp_path_factory.mktemp("run"))
+    for row in rows:
+        made.append_frame(row | FRAME)
+    made.close()
+    lines = made.frames_path.read_text(encoding="utf-8").splitlines() if rows else []
+    expected = [
+        {
+            k: None if isinstance(v, float) and (v != v or abs(v) == float("inf")) else v
+            for k, v in row.items()
+        }
+        for row in rows
+    ]
+    assert [json.loads(line) for line in lines] == [row | FRAME for row in expected]
+    assert len(made.frames()) == len(rows)
+
+
+def test_frames_are_a_table_with_the_spec(run):
+    assert run.frames().empty
+    run.append_frame(FRAME)
+    run.append_frame(FRAME | {"flags_from": "opt2", "frame": 1})
+    assert run.frames()["spec"].tolist() == ["opt2@opt4", "opt2"]
+    assert run.frames()["ns"].tolist() == [12, 12]
+
+
+@pytest.mark.parametrize("kept", [1, 10, -2, -1])
+def test_a_torn_last_line_is_dropped_and_then_cut_off(run, kept, capsys):
+    run.append_frame(FRAME)
+    whole = run.frames_path.read_bytes()
+    run.append_frame(FRAME | {"frame": 1})
+    run.close()
+    torn = run.frames_path.read_bytes()[len(whole) :][:kept]
+    run.frames_path.write_bytes(whole + torn)
+
+    assert run.frames()["frame"].tolist() == [0]
+    assert f"last line is cut off ({len(torn)} bytes dropped)" in capsys.readouterr().err
+    assert run.frames_path.read_bytes() == whole + torn  # reading changes nothing
+
+    run.append_frame(FRAME | {"frame": 2})
+    assert run.frames()["frame"].tolist() == [0, 2]
+
+
+@pytest.mark.parametrize("line", [b'{"phase": "opt', b"", b"[1]", b'{"ns": 1}', b"\xff\xfe", b"12"])
+def test_any_other_broken_line_is_named(run, line):
+    run.append_frame(FRAME)
+    whole = run.frames_path.read_bytes()
+    run.frames_path.write_bytes(whole + line + b"\n" + whole)
+    with pytest.raises(StudyError, match=r"frames\.jsonl:2: "):
+        run.frames()
+
+
+def test_one_process_at_a_time_appends(run):
+    run.append_frame(FRAME)
+    code = "import sys; from study.store import Run; Run(sys.argv[1]).append_frame({'phase': 'x'})"
+    command = [sys.executable, "-c", code, str(run.path)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=store.ROOT / "scripts")
+    assert "another process is measuring into this run" in done.stderr
+    assert len(run.frames()) == 1
+    run.close()
+    subprocess.run(command, check=True, cwd=store.ROOT / "scripts")
+
+
+def test_a_write_that_fails_half_way_leaves_whole_lines(run, monkeypatch):
+    run.append_frame(FRAME)
+    pwrite = os.pwrite
+    monkeypatch.setattr(store.os, "pwrite", lambda file, data, at: pwrite(file, data[:7], at))
+    with pytest.raises(StudyError, match=r"frames\.jsonl: No space left on device"):
+        run.append_frame(FRAME)
+    monkeypatch.undo()
+    assert run.frames_path.read_bytes().count(b"\n") == 1
+    run.append_frame(FRAME)
+    assert len(run.frames()) == 2
+
+
+def test_a_full_disk_keeps_what_is_there(small_disk):
+    made = Run(small_disk / "run")
+    store.write_json(made.path / "plan.json", {"notes": "x" * 1000})
+    written = 0
+    with pytest.raises(StudyError, match=r"frames\.jsonl: No space left on device") as error:
+        while written < 1000:
+            made.append_frame(FRAME | {"text": "y" * 500, "frame": written})
+            written += 1
+    assert "\n" not in str(error.value)
+    assert made.frames()["frame"].tolist() == list(range(written))
+    assert written > 20
+
+    with pytest.raises(StudyError, match=r"plan\.json: No space left on device"):
+        store.write_json(made.path / "plan.json", {"notes": "z" * 10_000})
+    assert made.plan == {"notes": "x" * 1000}
+    assert sorted(path.name for path in made.path.iterdir()) == ["frames.jsonl", "plan.json"]
+    made.close()
