@@ -6,10 +6,13 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
 import numpy as np
 from matplotlib.figure import Figure
 
-from study import cli, images, panels, store
+from study import images, panels, store
 from study.cli import StudyError
 from study.registry import phases
 

@@ -107,11 +107,16 @@ def main() -> int:
     run = swept["run"]
     step(3, f"verifying all phases on all scenes at n = {height}")
     antialias = "180" if options.full else "90"
-    verified = script("verify", "-n", str(height), "--antialias-n", antialias, "--run", run)
+    specs = [row["spec"] for row in swept["rows"] if row["spec"] != "baseline"]
+    specs = [*dict.fromkeys(specs)]
+    verified = script(
+        "verify", "--phase", *specs, "-n", str(height), "--antialias-n", antialias, "--run", run
+    )
     step(4, "pictures")
     script("pictures", "--run", run)
-    step(5, "report")
-    script("report", run)
+    step(5, "tables, plots, report")
+    for name in ("tables", "plots", "report"):
+        script(name, run)
     failed = bool(swept["failures"]) or verified.returncode != cli.OK
     page = ROOT / "report" / "out" / "index.html"
     cli.say(f"study: {page} after {time.monotonic() - begin:.0f} s; data in {run}")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 OK, FAILED, BAD_INPUT, CANNOT_RUN = 0, 1, 2, 3
-PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "jinja2", "tqdm")
+PACKAGES = ("numpy", "pandas", "matplotlib", "OpenImageIO", "flip_evaluator", "jinja2", "markdown_it", "tqdm")
 _GUARD = "STEPWISE_IN_VENV"
 
 
@@ -102,4 +102,5 @@ def emit(value: Any) -> None:
 
 def say(text: str) -> None:
     """Progress and remarks for people: standard error, so that --json stays parseable."""
-    print(text, file=sys.stderr, flush=True)
+    sys.stderr.write(text + "\n")  # one write: lines of several threads stay whole
+    sys.stderr.flush()

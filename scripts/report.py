@@ -1,0 +1,191 @@
+#!/usr/bin/env python3
+"""The report of a run: one HTML page that needs no other file, and its tables and figures beside it."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from pathlib import Path
+from typing import Any
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import jinja2
+import markdown_it
+import pandas as pd
+
+import plots
+import tables
+from study import analysis, claims, columns, facts, ladder, paper, registry, show, store
+from study.analysis import Data
+from study.cli import StudyError
+
+TEMPLATES = registry.ROOT / "report" / "templates"
+OUT = registry.ROOT / "report" / "out" / "index.html"
+MIME = {".png": "image/png", ".svg": "image/svg+xml"}
+PICTURES = {  # of pictures.py
+    "contact-sheet.png": "Every scene by every phase, with its error against baseline",
+    "evaluations.png": "Distance evaluations of each camera ray of baseline: where the time goes",
+}
+FIGURES = {
+    "speedup-ladder": "Speed-up over baseline, the paper's own values as marks, the error beside each bar",
+    "runtime": "Runtime of a frame against picture height n, one line per phase (the paper's Fig. 7 in form)",
+    "cycles-per-pixel": "Core cycles per pixel against picture height n",
+    "ns-per-pixel": "Nanoseconds per pixel against picture height n",
+    "speed-against-error": "Nanoseconds per pixel against PSNR to baseline",
+}
+
+
+def data_uri(path: Path) -> str:
+    """The file inside the page. Raises StudyError if it cannot be read."""
+    try:
+        return f"data:{MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror}") from None
+
+
+def notes_html(text: str) -> str:
+    """A phase's NOTES.md as HTML below the page's own headings; neither HTML nor pictures pass through."""
+    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    tokens = markdown.parse(text)
+    for token in tokens:
+        if token.type in ("heading_open", "heading_close"):
+            token.tag = f"h{min(int(token.tag[1]) + 3, 6)}"
+    return markdown.renderer.render(tokens, markdown.options, {})
+
+
+def phases(data: Data) -> list[dict[str, Any]]:
+    """What each phase of the run is, as recorded with it, with its NOTES.md as they are now."""
+    about = analysis.described(data.plan)
+    if not about:
+        measured = {cell.spec.partition("@")[0] for cell in data.cells}
+        about = {name: vars(phase) for name, phase in registry.phases().items() if name in measured}
+    made = []
+    for name, phase in about.items():
+        file = registry.ROOT / "phases" / name / "NOTES.md"
+        notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
+        made.append({**phase, "notes": notes})
+    return made
+
+
+def headlines(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Per scene the fastest phase, with its error."""
+    found = []
+    for scene, group in ladder.ladders(rows).items():
+        best = group.loc[group["ms"].idxmin()].to_dict()
+        base = group[group["phase"] == ladder.BASE]["ms"]
+        found.append(
+            {
+                "scene": scene,
+                "row": best,
+                "ms": show.interval(best, "ms"),
+                "base_ms": show.number(base.iloc[0], 4) if len(base) else None,
+                "speedup": show.interval(best, "speedup", 3, "×") if len(base) else None,
+                "psnr": show.psnr(best, "psnr_db"),
+                "over": show.percent(best.get("fraction_over_1_255")),
+                "gate": show.gate(best),
+                "mark": show.gate_mark(best),
+                "fps": show.number(best["frames_per_s"]),
+            }
+        )
+    return found
+
+
+def figures(data: Data, rows: pd.DataFrame, folder: Path) -> list[dict[str, str]]:
+    """Draws the plots into `folder`; name, caption and data URI of each."""
+    if rows.empty:
+        return []
+    made = plots.draw(data, rows, folder)
+    return [
+        {"name": name, "caption": FIGURES[name], "uri": data_uri(paths[0])} for name, paths in made.items()
+    ]
+
+
+def copied(wanted: dict[Path, str], folder: Path) -> list[dict[str, str]]:
+    """Copies the pictures that exist to `folder`; name, caption and data URI of each."""
+    made = []
+    for path, text in wanted.items():
+        if path.is_file():
+            folder.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, folder / path.name)
+            made.append({"name": path.stem, "caption": text, "uri": data_uri(path)})
+    return made
+
+
+def pictures(data: Data) -> dict[Path, str]:
+    """What pictures.py draws, and its captions."""
+    return {data.path / "figures" / name: text for name, text in PICTURES.items()}
+
+
+def heatmaps(data: Data) -> dict[Path, str]:
+    """What verify.py draws of failing pairs, and its captions."""
+    return {
+        data.path / pair["heatmap"]: f"{pair['scene']}: {pair['phase']} is outside its tolerance"
+        for pair in data.pairs
+        if not pair.get("within_tolerance") and pair.get("heatmap")
+    }
+
+
+def page(data: Data, out: Path, height: int | None = None) -> str:
+    """The page's HTML; tables and figures go beside `out`."""
+    rows = ladder.rows(data, height)
+    tables.write(tables.make(data, rows), out.parent / "tables")
+    ladders = [
+        {
+            "scene": scene,
+            "size": f"{group['width'].iloc[0]}×{group['height'].iloc[0]}",
+            "parts": [(title, show.table(group.to_dict("records"), part)) for part, title in columns.PARTS],
+        }
+        for scene, group in ladder.ladders(rows).items()
+    ]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("index.html.j2").render(
+        run="/".join(data.path.resolve().parts[-2:]),
+        data=data,
+        remarks=analysis.noise(data)["remarks"],
+        machine=facts.machine(data),
+        commands=facts.commands(data),
+        skipped=facts.skipped(data),
+        headlines=headlines(rows),
+        ladders=ladders,
+        runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
+        figures={figure["name"]: figure for figure in figures(data, rows, out.parent / "figures")},
+        verification=show.table(data.pairs, columns.VERIFICATION),
+        failing=[pair for pair in data.pairs if not pair.get("within_tolerance")],
+        pictures=copied(pictures(data), out.parent / "figures"),
+        heatmaps=copied(heatmaps(data), out.parent / "figures"),
+        claims=claims.check(data, rows),
+        paper=show.table(paper.ladder().to_dict("records"), columns.PAPER),
+        phases=phases(data),
+    )
+
+
+def run() -> int:
+    parser = cli.parser(__doc__)
+    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument("-o", "--out", type=Path, default=OUT, metavar="FILE", help="report/out/index.html")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+    )
+    args = parser.parse_args()
+    data = analysis.load(args.run, strict=False)
+    html = page(data, args.out, args.n)
+    store.write_text(args.out, html)
+    for note in data.notes:
+        cli.say(note)
+    if args.json:
+        cli.emit({"report": args.out, "bytes": len(html.encode()), "missing": data.notes})
+    else:
+        print(args.out)
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(run)

@@ -1,0 +1,120 @@
+#!/bin/sh
+# setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
+#
+# System packages come by apt-get (Debian 12 and later, Ubuntu 24.04 and later), as root or by sudo where it asks
+# for no password; Python packages from requirements.lock, checked by hash, into .venv. Exit status: 0 all is there,
+# 1 something is missing and could not be installed (one line says what to do), 2 bad argument.
+set -eu
+cd "$(dirname "$0")/.."
+root=$PWD
+log=$root/build/setup.log
+stamp=.venv/.installed-from # the lock's sha256, written last
+
+say() { printf 'setup: %s\n' "$*"; }
+die() {
+    printf 'setup: %s\n' "$*" >&2
+    exit 1
+}
+
+case "${1-}" in
+study | test) purpose=$1 ;;
+*)
+    printf 'usage: scripts/setup.sh study|test\n' >&2
+    exit 2
+    ;;
+esac
+mkdir -p build
+if command -v flock >/dev/null; then # one setup at a time
+    exec 9>build/setup.lock
+    flock 9
+fi
+
+# --- System packages: what is looked for is the tool or library itself, whoever installed it.
+
+# The first Python that requirements.lock has wheels for; PYTHON3 names another one.
+right_python='import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))'
+find_python() {
+    for python in "${PYTHON3-}" python3 python3.13 python3.12 python3.11 /usr/bin/python3; do
+        [ -n "$python" ] && "$python" -c "$right_python" 2>/dev/null && return
+    done
+    python=
+}
+
+missing_packages() {
+    missing=
+    need() { missing="$missing $1"; }
+    command -v gcc >/dev/null || need gcc
+    [ -e /usr/include/stdio.h ] || need libc6-dev
+    command -v make >/dev/null || need make
+    command -v pkg-config >/dev/null || need pkg-config
+    pkg-config --exists jansson 2>/dev/null || need libjansson-dev
+    pkg-config --exists OpenEXR 2>/dev/null || need libopenexr-dev
+    find_python
+    if [ -z "$python" ]; then
+        need python3
+        need python3-venv
+    elif [ ! -e $stamp ] && ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+        need python3-venv
+    fi
+    [ "$purpose" = test ] || return 0
+    [ -e /usr/include/cmocka.h ] || need libcmocka-dev
+    if ! command -v clang >/dev/null; then
+        need clang
+    elif ! echo 'int main(void) { return 0; }' |
+        clang -fsanitize=address,undefined -x c - -o build/setup.probe 2>/dev/null; then
+        # the sanitizers' libraries are a package of their own, named after clang's version
+        need "libclang-rt-$(clang -dumpversion | cut -d. -f1)-dev"
+    fi
+}
+
+install_packages() {
+    sudo=
+    [ "$(id -u)" = 0 ] || sudo='sudo -n'
+    # shellcheck disable=SC2086 # lists of words
+    if ! command -v apt-get >/dev/null || ! $sudo true 2>/dev/null; then
+        die "missing:$missing; to install: sudo apt-get update && sudo apt-get install -y$missing"
+    fi
+    say "installing$missing by apt-get (log: build/setup.log)"
+    # shellcheck disable=SC2086
+    { $sudo apt-get update -q && $sudo env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -q --no-install-recommends $missing; } >"$log" 2>&1 </dev/null ||
+        die "apt-get could not install$missing: $(grep -E '^(E|W):' "$log" | tail -1); log: build/setup.log"
+}
+
+missing_packages
+if [ -n "$missing" ]; then
+    install_packages
+    installed=$missing
+    missing_packages # clang's sanitizers can be asked for only once clang is there
+    if [ -n "$missing" ] && [ "$missing" != "$installed" ]; then
+        install_packages
+        missing_packages
+    fi
+fi
+rm -f build/setup.probe
+[ -n "$python" ] || die "Python 3.11, 3.12 or 3.13 is needed, here is $(python3 --version 2>&1); Debian 12 and 13 and Ubuntu 24.04 have it"
+[ -z "$missing" ] || die "still missing after installation:$missing; log: build/setup.log"
+
+# --- Python packages
+
+wanted=$(sha256sum <requirements.lock | cut -d' ' -f1)
+if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
+    exit 0
+fi
+# A .venv that was left half-made, or whose Python is gone or another, is made again.
+if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
+    say "making .venv with $("$python" --version)"
+    rm -rf .venv
+    "$python" -m venv .venv >"$log" 2>&1 || die "$python -m venv failed: $(tail -1 "$log")"
+fi
+say "installing $(grep -c '==' requirements.lock) Python packages into .venv (some 300 MB, a minute or two)"
+rm -f $stamp
+if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
+    --require-hashes -r requirements.lock >"$log" 2>&1 </dev/null; then
+    if grep -qiE 'NewConnectionError|name resolution|unreachable|timed out|connection broken' "$log"; then
+        die "no network: pip has no connection to the package index; log: build/setup.log"
+    fi
+    die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup.log"
+fi
+printf '%s\n' "$wanted" >$stamp
+say "done"

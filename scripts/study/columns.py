@@ -1,0 +1,149 @@
+"""Which columns each table for people has, in which unit and how many digits."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from study.show import (
+    NOTHING,
+    Column,
+    Row,
+    gate,
+    gate_mark,
+    interval,
+    number,
+    percent,
+    plain,
+    psnr,
+    rerun,
+    share,
+    speedup,
+    times,
+    whole,
+    word,
+    yes,
+)
+
+
+def _load(row: Row) -> str:
+    """Of a scalar phase there is none (0)."""
+    return number(row["core_hz_load"] / 1e9, 4) if row.get("core_hz_load") else NOTHING
+
+
+def _fractal_depth(row: Row) -> str:
+    """Only where single samples are chaotic, so that depth is what can be judged."""
+    averaged = row.get("antialiased_fraction_over_1_255")
+    return NOTHING if averaged is None or pd.isna(averaged) else share(row.get("depth_agree_fraction"))
+
+
+def _pictures() -> list[Column]:
+    group = "error against baseline"
+    return [
+        Column(group, "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
+        Column(group, "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
+        Column(group, "pixels off > 1/255, linear", lambda r: percent(r.get("fraction_over_1_255"))),
+        Column(group, "display", lambda r: percent(r.get("fraction_over_1_255_display"))),
+        Column(group, "4×4 averaged PSNR, dB", lambda r: psnr(r, "antialiased_psnr_db")),
+    ]
+
+
+LADDER = [
+    Column("", "phase", word("phase")),
+    Column("", "precision", word("precision")),
+    Column("", "threads", whole("threads")),
+    Column("time of a steady frame", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("time of a steady frame", "ns/pixel", plain("ns_per_pixel", 4)),
+    Column("speed-up over", "baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("speed-up over", "opt2, same flags [95\u00a0%]", speedup("speedup_same_flags", "same_flags_base")),
+    Column("error against baseline", "tolerance", gate, gate_mark),
+    *_pictures(),
+    Column("error below the picture", "hit mask, ppm", plain("mask_mismatch_ppm")),
+    Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
+    Column("error below the picture", "depth agrees", _fractal_depth),
+]
+BESIDE = [
+    Column("", "phase", word("phase")),
+    Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("here, over baseline", "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
+    Column("the paper, over its baseline", "by its tables", lambda r: times(r.get("implied"))),
+    Column("the paper, over its baseline", "by its text", lambda r: times(r.get("stated"))),
+    Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
+]
+WHOLE = [
+    Column("", "phase", word("phase")),
+    Column("", "threads", whole("threads")),
+    Column("", "launches", whole("launches")),
+    Column("first frame, ms", "set-up", plain("setup_ms")),
+    Column("first frame, ms", "set-up + first frame [95\u00a0%]", lambda r: interval(r, "setup_first_ms")),
+    Column("steady frame, ms", "render [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("steady frame, ms", "present", plain("present_ms")),
+    Column("", "frames/s with present", plain("frames_per_s")),
+    Column("cycles of a steady frame", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
+    Column("cycles of a steady frame", "10⁶ TSC cycles", plain("tsc_cycles", 4, 1e6)),
+    Column("clocks, GHz", "TSC", plain("tsc_hz", 4, 1e9)),
+    Column("clocks, GHz", "core", plain("core_hz", 4, 1e9)),
+    Column("clocks, GHz", "core under its vector load", _load),
+]
+BUILT = [
+    Column("", "phase", word("phase")),
+    Column("", "precision", word("precision")),
+    Column("", "lanes", whole("lanes")),
+    Column("", "ISA", word("isa")),
+    Column("", "threads", whole("threads")),
+    Column("", "algorithm", word("algorithm")),
+    Column("", "flags", word("flags")),
+    Column("", "compiler", word("compiler")),
+    Column("", "libc", word("libc")),
+]
+# What a scene's ladder consists of: columns and title of each table.
+PARTS = (
+    (LADDER, "Speed and error. “insufficient”: fewer than 6 launches, so no interval"),
+    (BESIDE, "Beside the paper"),
+    (WHOLE, "First frame, presenting, cycles"),
+    (BUILT, "As built"),
+)
+RUNTIME = [
+    Column("", "scene", word("scene")),
+    Column("", "n", whole("height")),
+    Column("", "width", whole("width")),
+    Column("", "phase", word("phase")),
+    Column("", "threads", whole("threads")),
+    Column("", "launches", whole("launches")),
+    Column("", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
+    Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
+    Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
+    Column("", "tolerance", gate, gate_mark),
+]
+VERIFICATION = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "tolerance", gate, gate_mark),
+    Column("", "reference", lambda r: NOTHING if r["reference"] == "baseline" else r["reference"]),
+    Column("", "size", lambda r: f"{r.get('width')}×{r.get('height')}"),
+    Column("", "not finite", whole("non_finite")),
+    Column("", "bits", lambda r: "identical" if yes(r.get("identical")) else "differ"),
+    *[Column("picture", c.name, c.text) for c in _pictures()],
+    Column("picture", "FLIP mean", plain("flip_mean", 2)),
+    Column("geometry", "hit mask, ppm", plain("mask_mismatch_ppm")),
+    Column("geometry", "shape id, ppm", plain("id_mismatch_ppm")),
+    Column("geometry", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
+    Column("geometry", "|Δt| max, scene units", plain("dt_max", 2)),
+    Column("geometry", "normal 99\u00a0%, degrees", plain("normal_p99_degrees", 2)),
+    Column("geometry", "depth agrees", lambda r: share(r.get("depth_agree_fraction"))),
+]
+PAPER = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("the paper, i7-7700 at 3.6 GHz", "cycles/pixel by its tables", plain("cycles_per_pixel", 4)),
+    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its tables", lambda r: times(r["implied"])),
+    Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its text", lambda r: times(r["stated"])),
+    Column("its program, run again on Zen 5", "TSC cycles/pixel", plain("rerun_tsc_cycles_per_pixel", 3)),
+    Column("its program, run again on Zen 5", "speed-up (PSNR display)", rerun),
+    Column(
+        "its program, run again on Zen 5",
+        "pixels off > 1/255 (display)",
+        lambda r: percent(r["rerun_over_display"]),
+    ),
+]

@@ -1,0 +1,105 @@
+"""What the plots share: looks that colour-blind readers and printers can tell apart, panels, axes, files."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from study.cli import StudyError
+
+# Okabe & Ito's palette, which the colour-blind can tell apart; markers and hatches say the same in print.
+COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7")
+BAD = "#b3261e"
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
+HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
+RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
+STYLE = {
+    "svg.hashsalt": "stepwise",
+    "font.size": 10,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "hatch.linewidth": 0.6,
+}
+
+
+def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
+    """(spec, threads) → colour, marker, hatch, line style and label. opt2@opt3 has opt2's, drawn hollow."""
+    names = list(dict.fromkeys(zip(rows["phase"], rows["threads"], strict=True)))
+    phases = list(dict.fromkeys(spec.partition("@")[0] for spec, _ in names))
+    found = {}
+    for spec, threads in names:
+        place = phases.index(spec.partition("@")[0])
+        found[spec, threads] = {
+            "color": COLOURS[place % len(COLOURS)],
+            "marker": MARKERS[place % len(MARKERS)],
+            "hatch": HATCHES[place % len(HATCHES)],
+            "linestyle": "--" if "@" in spec else ":" if threads > 1 else "-",
+            "hollow": "@" in spec or threads > 1,
+            "label": spec + (f", {threads} threads" if threads > 1 else ""),
+        }
+    return found
+
+
+def panels(
+    rows: pd.DataFrame, height: float, width: float = 4.6, columns: int = 3
+) -> tuple[Figure, dict[str, Axes]]:
+    """A figure with one panel of that size (inches) per scene."""
+    scenes = list(dict.fromkeys(rows["scene"]))
+    columns = min(columns, len(scenes))
+    lines = math.ceil(len(scenes) / columns)
+    figure = Figure(figsize=(max(width * columns, 8), height * lines + 1.0), layout="constrained")
+    grid = figure.subplots(lines, columns, squeeze=False)
+    for axes in grid.flat[len(scenes) :]:
+        axes.set_axis_off()
+    return figure, dict(zip(scenes, grid.flat, strict=False))
+
+
+def save(figure: Figure, stem: Path, note: str) -> list[Path]:
+    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure."""
+    across = int(figure.get_figwidth() * 17)  # characters of this size
+    note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
+    figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
+    FigureCanvasAgg(figure)
+    try:
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
+        figure.savefig(stem.with_suffix(".png"), dpi=130, metadata={"Software": None})
+    except OSError as error:
+        raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
+    return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+
+
+def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:
+    """Lengths below and above the value for errorbar, shape (2, rows); 0 without an interval."""
+    value = group[name]
+    return np.nan_to_num(np.array([value - group[f"{name}_low"], group[f"{name}_high"] - value]))
+
+
+def plain_log(axis) -> None:
+    """A logarithmic axis labelled 1,000 and not 10³; at 1, 2 and 5 if it spans little."""
+    low, high = axis.get_view_interval()
+    few = high / low < 60
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend(figure: Figure, grid: dict[str, Axes], extra: tuple[Line2D, ...] = ()) -> None:
+    """One legend for all panels, right of them, in the order of the rungs."""
+    handles = {}
+    for axes in grid.values():
+        handles |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    handles |= {line.get_label(): line for line in extra}
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=9)

@@ -1,0 +1,146 @@
+"""The ladder as rows: one per configuration, each speed with its interval, its bases and its error."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from study import paper, stats
+from study.analysis import Cell, Data
+from study.stats import Interval
+
+BASE, SAME_FLAGS = "baseline", "opt2"  # what speed-ups are over
+ERRORS = (
+    "identical",
+    "non_finite",
+    "psnr_db",
+    "psnr_display_db",
+    "rmse",
+    "fraction_over_1_255",
+    "fraction_over_1_255_display",
+    "mask_mismatch_ppm",
+    "id_mismatch_ppm",
+    "dt_p99",
+    "dt_max",
+    "depth_agree_fraction",
+    "flip_mean",
+    "antialiased_psnr_db",
+    "antialiased_fraction_over_1_255",
+)
+
+
+def error_of(data: Data, cell: Cell) -> dict[str, Any]:
+    """The pair of verify.json that judges the cell's phase against baseline: same size, else the largest.
+
+    Columns: ERRORS, failed, error_width and error_height (pixels), within_tolerance (True, False or None),
+    is_reference. None where nothing was verified.
+    """
+    subject = (cell.spec, BASE, cell.scene)
+    pairs = [p for p in data.pairs if (p.get("phase"), p.get("reference"), p.get("scene")) == subject]
+    size = (cell.width, cell.height)
+    pair = max(pairs, key=lambda p: ((p["width"], p["height"]) == size, p["height"]), default={})
+    return {
+        **{name: pair.get(name) for name in (*ERRORS, "failed")},
+        "error_width": pair.get("width"),
+        "error_height": pair.get("height"),
+        "within_tolerance": bool(pair.get("within_tolerance")) if pair else None,
+        "is_reference": cell.spec == BASE,
+    }
+
+
+def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str, float]:
+    """Value and interval as three columns in a unit of `scale`; no interval: NaN ends."""
+    if interval is None:
+        return {name: math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    return {
+        name: interval.value / scale,
+        f"{name}_low": interval.low / scale,
+        f"{name}_high": interval.high / scale,
+    }
+
+
+def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
+    alike = (cell.scene, cell.height, cell.width)
+    base = data.cell(alike[0], BASE, *alike[1:])
+    same = next(
+        (
+            c
+            for c in data.cells
+            if (c.scene, c.height, c.width) == alike
+            and c.threads == 1
+            and c.spec.partition("@")[0] == SAME_FLAGS
+            and c.facts["flags"] == cell.facts["flags"]
+        ),
+        None,
+    )
+    ns = cell.median("ns")
+    return {
+        "scene": cell.scene,
+        "width": cell.width,
+        "height": cell.height,
+        "headline": headline,
+        "phase": cell.spec,
+        "threads": cell.threads,
+        **cell.facts,
+        "launches": ns.launches,
+        "interval": "95 %" if ns.sufficient else "insufficient",
+        **_spread("ms", ns, 1e6),
+        **_spread("ns_per_pixel", ns, cell.pixels),
+        "tsc_cycles": cell.median("tsc_cycles").value,
+        **_spread("core_cycles_per_pixel", cell.median("core_cycles"), cell.pixels),
+        "tsc_hz": cell.median("tsc_hz").value,
+        "core_hz": cell.median("core_hz").value,
+        "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,
+        "speedup_base": base.spec if base else None,
+        **_spread("speedup", base and cell.over(base)),
+        "same_flags_base": same.spec if same else None,
+        **_spread("speedup_same_flags", same and cell.over(same)),
+        "setup_ms": cell.median("prepare_ns").value / 1e6,
+        **_spread("setup_first_ms", cell.median("setup_first_ns"), 1e6),
+        "present_ms": cell.median("present_ns").value / 1e6,
+        "frames_per_s": 1e9 / cell.median("presented_ns").value,
+        **error_of(data, cell),
+    }
+
+
+def headline_size(data: Data, scene: str, height: int | None = None) -> tuple[int, int] | None:
+    """Width and height of a scene's ladder: of the given height, else of all, the size with the most
+
+    phases of enough launches, then with the most phases, then with the most pixels.
+    """
+    cells = [c for c in data.cells if c.scene == scene and height in (None, c.height)]
+    sizes = {(c.width, c.height) for c in cells}
+
+    def worth(size: tuple[int, int]) -> tuple[int, int, int]:
+        here = [c for c in cells if (c.width, c.height) == size]
+        return sum(len(c.values) >= stats.ENOUGH for c in here), len(here), size[0] * size[1]
+
+    return max(sizes, key=worth, default=None)
+
+
+def rows(data: Data, height: int | None = None) -> pd.DataFrame:
+    """One row per configuration, ordered by scene, size and rung. Units are in the names of the columns.
+
+    `headline` marks the rows of each scene's ladder. `implied`, `stated` and `rerun` are the paper's
+    speed-ups over its own baseline (study.paper.ladder), for its phases on one thread.
+    """
+    sizes = {
+        scene: headline_size(data, scene, height) for scene in dict.fromkeys(c.scene for c in data.cells)
+    }
+    made = pd.DataFrame(_row(data, c, sizes[c.scene] == (c.width, c.height)) for c in data.cells)
+    if made.empty:
+        return made
+    theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
+    made = made.merge(theirs, how="left", on=["scene", "phase"])
+    made.loc[made["threads"] > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
+    return made
+
+
+def ladders(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Scene → its headline rows, in order of rungs."""
+    if table.empty:
+        return {}
+    return {scene: group for scene, group in table[table["headline"]].groupby("scene", sort=False)}

@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+"""Tables of a run as CSV, Markdown and JSON: ladder, runtime against n, verification, the paper's numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import pandas as pd
+
+from study import analysis, columns, ladder, paper, show, store
+from study.analysis import Data
+from study.cli import StudyError
+from study.registry import ROOT
+
+README = ROOT / "README.md"
+BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
+
+# Name of a file → its data and, for people, the Markdown text.
+Made = dict[str, tuple[pd.DataFrame, str]]
+
+
+def ladder_text(rows: pd.DataFrame) -> str:
+    """Per scene: speed and error, the paper beside, the first frame, and how each phase was built."""
+    lines = []
+    for scene, group in ladder.ladders(rows).items():
+        records = group.to_dict("records")
+        lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
+        for part, title in columns.PARTS:
+            lines += [f"{title}\n", show.markdown(show.table(records, part))]
+    return "\n".join(lines)
+
+
+def make(data: Data, rows: pd.DataFrame) -> Made:
+    """Every table that the run has data for."""
+    theirs = paper.ladder()
+    made: Made = {"paper": (theirs, show.markdown(show.table(theirs.to_dict("records"), columns.PAPER)))}
+    if not rows.empty:
+        made["ladder"] = rows[rows["headline"]], ladder_text(rows)
+        made["runtime"] = rows, show.markdown(show.table(rows.to_dict("records"), columns.RUNTIME))
+    if data.pairs:
+        pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
+        made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
+    return made
+
+
+def write(made: Made, folder: Path) -> list[Path]:
+    """NAME.csv, NAME.json (a list of rows, no NaN) and NAME.md of each table."""
+    paths = []
+    for name, (rows, text) in made.items():
+        paths += [folder / f"{name}.{suffix}" for suffix in ("csv", "md", "json")]
+        store.write_text(paths[-3], rows.to_csv(index=False))
+        store.write_text(paths[-2], text)
+        store.write_json(paths[-1], rows.to_dict("records"))
+    return paths
+
+
+def machine_line(data: Data) -> str:
+    """CPU, compiler, commit and date of a run in one sentence."""
+    context = data.context
+    cpu = (context.get("cpu") or {}).get("model") or "unknown CPU"
+    git = context.get("git") or {}
+    commit = (git.get("commit") or "unknown commit")[:10] + (
+        " with uncommitted changes" if git.get("dirty") else ""
+    )
+    return f"{cpu}; {context.get('compiler') or 'unknown compiler'}; {commit}; {context.get('time') or ''}"
+
+
+def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
+    """README's text with the block between the markers made anew. Raises StudyError without markers."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise StudyError(f"README.md: lacks the lines {BEGIN} and {END}, between which the ladder goes")
+    parts = []
+    for scene, group in ladder.ladders(rows).items():
+        records = group.to_dict("records")
+        title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
+        parts += [title, show.markdown(show.table(records, columns.LADDER))]
+    note = (
+        f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
+        "speed-ups are ratios of medians of one interleaved run; errors are against baseline.\n"
+    )
+    block = "\n".join([*parts, note])
+    return f"{before}{BEGIN}\n{block}{END}{after}"
+
+
+def run() -> int:
+    parser = cli.parser(__doc__)
+    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="where the tables go (RUN/tables)")
+    parser.add_argument(
+        "-n", type=int, metavar="HEIGHT", help="picture height of the ladder (the best measured)"
+    )
+    parser.add_argument(
+        "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
+    )
+    args = parser.parse_args()
+    data = analysis.load(args.run)
+    rows = ladder.rows(data, args.n)
+    if not rows["headline"].any():
+        raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
+    made = make(data, rows)
+    paths = write(made, args.out or data.path / "tables")
+    if args.readme:
+        try:
+            store.write_text(README, readme(README.read_text(encoding="utf-8"), data, rows))
+        except OSError as error:
+            raise StudyError(f"{README}: {error.strerror}") from None
+        paths.append(README)
+    for note in data.notes:
+        cli.say(note)
+    if args.json:
+        cli.emit({name: rows.to_dict("records") for name, (rows, _) in made.items()} | {"files": paths})
+    else:
+        print("\n".join(map(str, paths)))
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(run)

@@ -1,0 +1,195 @@
+"""What is wrong with what the driver is given: its status, one line that says so, and nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from conformance.feature_scenes import scene, shape
+from conformance.harness import REFERENCE, Run, binary, call, check_refusal
+from study import registry
+
+SCENE0 = registry.scenes()["scene0"].path
+SPHERE = json.dumps(scene([shape("sphere")]))
+
+
+def edited(change: Callable[[dict], object]) -> str:
+    whole = json.loads(SPHERE)
+    change(whole)
+    return json.dumps(whole)
+
+
+SCENES = {
+    "not JSON": ("{", ":1:1: string or '}' expected near end of file"),
+    "empty file": ("", ":1:0: '[' or '{' expected near end of file"),
+    "NaN": (SPHERE.replace('"fog": 0', '"fog": NaN'), ": invalid token near 'NaN'"),
+    "duplicate key": (
+        SPHERE.replace('"fog": 0', '"fog": 0, "fog": 1'),
+        ": duplicate object key near '\"fog\"'",
+    ),
+    "wrong type": (
+        edited(lambda s: s["shapes"][0].update(radius="1")),
+        ": $.shapes[0].radius: a string where a number is required",
+    ),
+    "unknown shape": (
+        edited(lambda s: s["shapes"][0].update(type="donut")),
+        ': $.shapes[0].type: "donut" is not',
+    ),
+    "no shapes": (edited(lambda s: s.update(shapes=[])), ": $.shapes: 0 shapes; 1 to 4096 are allowed"),
+    "5,000 shapes": (
+        edited(lambda s: s.update(shapes=s["shapes"] * 5000)),
+        ": $.shapes: 5000 shapes; 1 to 4096 are allowed",
+    ),
+    "forged line": (edited(lambda s: s.update({"fog\nrender: ok": 1})), ": $.fog?render: ok: unknown key"),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene(name: str, tmp_path: Path) -> None:
+    text, message = SCENES[name]
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    run = call(REFERENCE, path, "-n", 4, "-o", tmp_path / "a.exr")
+    check_refusal(run, 2)
+    assert f"{path}" in run.stderr and message in run.stderr, f"{run}"
+    assert os.listdir(tmp_path) == ["bad.json"]
+
+
+@pytest.mark.parametrize("name", ["nowhere.json", ".", "bad.json/x"])
+def test_scene_that_cannot_be_read(name: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("{}")
+    run = call(REFERENCE, tmp_path / name, "-n", 4)
+    check_refusal(run, 2)
+    assert ": cannot read the scene: " in run.stderr, f"{run}"
+
+
+ARGUMENTS = {
+    "-n 0": "-n: a height of 1 to 32768 pixels is required",
+    "-n 100000": "-n: a height of 1 to 32768 pixels is required",
+    "-n -5": "-n: a height",
+    "-n 1e3": "-n: a height",
+    "-n 12px": "-n: a height",
+    "-n 99999999999999999999": "-n: a height",
+    "-n 4 -w 0": "-w: a width of 1 to 32768 pixels is required",
+    "-n 32768 -w 32768": "32768 x 32768 pixels; at most",
+    "-n 4 --threads 0": "--threads",
+    "-n 4 --reps 0": "--reps",
+    "-n 4 --warmup -1": "--warmup",
+    "-n 4 --hit-distance 0": "--hit-distance",
+    "-n 4 --hit-distance -1": "--hit-distance",
+    "-n 4 --hit-distance nan": "--hit-distance",
+    "-n 4 --hit-distance inf": "--hit-distance",
+    "-n 4 --hit-distance 1e-3x": "--hit-distance",
+    "-n 4 --max-steps 0": "--max-steps",
+    "-n 4 --max-steps 2.5": "--max-steps",
+    "-n 4 --fast": "--fast: unknown option",
+    "-n 4 -x": "-x: unknown option",
+    "-n 4 --json --jsonl": "--json and --jsonl exclude each other",
+    "-n 4 another.json": "exactly one SCENE.json is required",
+    "-n": "-n: a value is required",
+    "--json": "-n HEIGHT is required",
+}
+
+
+@pytest.mark.parametrize("arguments", ARGUMENTS)
+def test_arguments(arguments: str) -> None:
+    run = call(REFERENCE, SCENE0, *arguments.split())
+    check_refusal(run, 2)
+    assert ARGUMENTS[arguments] in run.stderr, f"{run}"
+
+
+def test_no_scene() -> None:
+    check_refusal(call(REFERENCE, "-n", 4), 2)
+    check_refusal(call(REFERENCE), 2)
+
+
+@pytest.mark.parametrize(
+    "name, reason",
+    [
+        ("missing/a.exr", "No such file or directory"),
+        ("file/a.exr", "Not a directory"),
+        ("folder", "it exists and is no regular file"),
+        ("x" * 300 + ".exr", "File name too long"),
+    ],
+)
+def test_unwritable_output(name: str, reason: str, tmp_path: Path) -> None:
+    """Refused before the picture is rendered, not after."""
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "folder").mkdir()
+    run = call(REFERENCE, SCENE0, "-n", 2000, "-o", tmp_path / name)  # rendering would take minutes
+    check_refusal(run, 2)
+    assert f": cannot be written: {reason}" in run.stderr, f"{run}"
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+    assert (tmp_path / "file").read_text() == "kept" and not os.listdir(tmp_path / "folder")
+
+
+def small_disk() -> list[str] | None:
+    """Command prefix for a shell with mounts of its own, which end with it, if this machine lets us."""
+    for command in (["unshare", "--mount"], ["unshare", "--mount", "--map-root-user"]):
+        if (
+            shutil.which("unshare")
+            and subprocess.run([*command, "true"], capture_output=True).returncode == 0
+        ):
+            return command
+    return None
+
+
+def test_full_disk(tmp_path: Path) -> None:
+    """The picture does not fit: one line, and neither it nor a temporary file is left."""
+    unshare = small_disk()
+    if unshare is None:
+        pytest.skip("this machine lacks mount namespaces (unshare --mount) for a small tmpfs")
+    script = 'mount -t tmpfs -o size=64k none "$1" && "$2" "$3" -n 200 --aov --json -o "$1/a.exr"; '
+    script += 'status=$?; ls -A "$1"; exit $status'
+    command = [*unshare, "sh", "-c", script, "sh", tmp_path, binary(REFERENCE), SCENE0]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    run = Run([str(word) for word in command], done.returncode, done.stdout, done.stderr)
+    check_refusal(run, 2)
+    assert ": cannot be written: No space left on device" in run.stderr, f"{run}"
+
+
+def test_limited_file_size(tmp_path: Path) -> None:
+    """As on a full disk, and the picture that was there before is kept."""
+    (tmp_path / "a.exr").write_text("earlier")
+    script = "ulimit -f 8; trap '' XFSZ; exec \"$@\""
+    command = [
+        "sh",
+        "-c",
+        script,
+        "sh",
+        binary(REFERENCE),
+        SCENE0,
+        "-n",
+        "100",
+        "--aov",
+        "-o",
+        tmp_path / "a.exr",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    check_refusal(Run([str(word) for word in command], done.returncode, done.stdout, done.stderr), 2)
+    assert os.listdir(tmp_path) == ["a.exr"] and (tmp_path / "a.exr").read_text() == "earlier"
+
+
+@pytest.mark.parametrize("where", [">/dev/full", ">&-"])
+@pytest.mark.parametrize("mode", ["", "--json", "--jsonl", "--list", "--help"])
+def test_standard_output_that_takes_nothing(mode: str, where: str) -> None:
+    """A record that was not written is no success."""
+    command = f"exec '{binary(REFERENCE)}' '{SCENE0}' -n 2 {mode} {where}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=300)
+    run = Run([command], done.returncode, done.stdout, done.stderr)
+    check_refusal(run, 2)
+    assert "standard output cannot be written" in run.stderr, f"{run}"
+
+
+def test_picture_does_not_land_in_a_closed_descriptor(tmp_path: Path) -> None:
+    """With standard output closed, the next file opened gets its number: no line may go into the picture."""
+    command = f"exec '{binary(REFERENCE)}' '{SCENE0}' -n 2 -o '{tmp_path / 'a.exr'}' >&-"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done
+    assert not [name for name in os.listdir(tmp_path) if name.endswith(".tmp")]

@@ -1,0 +1,183 @@
+"""plots.py on tests/fixtures/run: every figure is there, is the same each time, and shows what it should."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+import plots
+from study import analysis, ladder
+from study.analysis import Data
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+
+
+@pytest.fixture(scope="module")
+def data() -> Data:
+    return analysis.load(ROOT / "tests" / "fixtures" / "run")
+
+
+@pytest.fixture(scope="module")
+def rows(data: Data) -> pd.DataFrame:
+    return ladder.rows(data)
+
+
+def script(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / "plots.py"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+
+
+def test_every_figure_exists_and_is_a_picture(run: Path, tmp_path: Path) -> None:
+    done = script(run, "-o", tmp_path / "out", "--json")
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    assert set(made) == set(plots.PLOTS)
+    for svg, png in made.values():
+        root = ElementTree.parse(svg).getroot()
+        assert root.tag.endswith("svg") and len(list(root.iter())) > 200
+        pixels = np.asarray(Image.open(png).convert("RGB"))
+        assert min(pixels.shape[:2]) > 300
+        assert 0.5 < (pixels == 255).all(axis=-1).mean() < 0.99  # drawn upon, and not full
+
+
+def test_the_same_run_gives_the_same_bytes(data: Data, rows: pd.DataFrame, tmp_path: Path) -> None:
+    first, second = (plots.draw(data, rows, tmp_path / name) for name in "ab")
+    for name in first:
+        for a, b in zip(first[name], second[name], strict=True):
+            assert a.read_bytes() == b.read_bytes()
+
+
+def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:
+    axes = plots.runtime(rows).axes[0]
+    containers = {container.get_label(): container for container in axes.containers}
+    line, _, (whiskers,) = containers["opt4"]
+    assert list(line.get_xdata()) == [90, 180]
+    assert line.get_ydata() == pytest.approx([0.00864, 0.0288])  # seconds
+    low, high = whiskers.get_segments()[1][:, 1]
+    opt4 = rows[(rows["scene"] == "scene0") & (rows["phase"] == "opt4") & rows["headline"]].iloc[0]
+    assert (low, high) == pytest.approx((opt4["ms_low"] / 1e3, opt4["ms_high"] / 1e3))
+
+
+def test_a_phase_with_few_launches_has_no_whisker(rows: pd.DataFrame) -> None:
+    axes = plots.pace(rows).axes[1]
+    assert axes.get_title() == "mandelbulb"
+    containers = {container.get_label(): container for container in axes.containers}
+    for phase, has in (("opt1", False), ("opt2", True)):
+        low, high = containers[phase][2][0].get_segments()[0][:, 1]
+        assert bool(high > low) == has
+
+
+def test_the_ladder_has_the_speedup_its_error_and_the_papers_marks(rows: pd.DataFrame) -> None:
+    figure = plots.speedups(rows)
+    scene0 = figure.axes[0]
+    assert scene0.get_xlim()[0] == 0  # bars from zero
+    assert [bar.get_width() for bar in scene0.patches] == pytest.approx([1, 3.2, 4, 5, 16, 32])
+    assert [label.get_text() for label in scene0.get_yticklabels()][-1] == "opt4"
+    shown = texts(figure)
+    assert "32.0×" in shown and "56.9 dB" in shown and "27.5 dB, OUTSIDE" in shown
+    marks = np.concatenate(
+        [points.get_offsets() for points in scene0.collections if len(points.get_offsets())]
+    )
+    for value in (28.11, 32.1, 19.6):
+        assert np.isclose(marks[:, 0], value, atol=0.01).any()
+
+
+def test_identical_pictures_stand_on_the_rail_and_failing_ones_are_named(rows: pd.DataFrame) -> None:
+    figure = plots.error(rows)
+    assert "outside its tolerance" in texts(figure)
+    scene0 = figure.axes[0]
+    at = {c.get_label(): c[0].get_xdata()[0] for c in scene0.containers}
+    assert at["baseline"] == at["opt1"] > max(at["opt2"], at["opt3"], at["opt4"])
+    assert at["opt4"] == 56.9
+    assert "opt2@opt3" not in at  # nothing verified it
+
+
+def test_every_axis_names_its_unit(rows: pd.DataFrame) -> None:
+    units = ("pixel", "s", "×", "dB", "ns per pixel", "core cycles per pixel")
+    for draw in plots.PLOTS.values():
+        for axes in draw(rows).axes:
+            label = axes.get_xlabel()
+            assert label.endswith(units)
+            assert axes.get_ylabel().endswith(units) or draw is plots.speedups
+
+
+def test_the_caption_names_machine_compiler_and_flags(data: Data, rows: pd.DataFrame) -> None:
+    text = plots.caption(data, rows)
+    for part in ("Example CPU", "gcc 12.2.0", "-O3 -mavx2 -mfma", "3 to 6 process launches", "TSC 2.500 GHz"):
+        assert part in text
+
+
+def test_phases_differ_in_colour_marker_and_hatch(rows: pd.DataFrame) -> None:
+    looks = plots.look(rows)
+    own = [style for (spec, _), style in looks.items() if "@" not in spec]
+    for key in ("color", "marker", "hatch"):
+        assert len({style[key] for style in own}) == len(own) == 5
+    assert looks["opt2@opt3", 1]["hollow"] and not looks["opt2", 1]["hollow"]
+
+
+def test_a_phase_has_one_colour_in_every_panel(rows: pd.DataFrame) -> None:
+    rows = rows[~((rows["scene"] == "mandelbulb") & (rows["phase"] == "opt1"))]
+    for draw in plots.PLOTS.values():
+        seen: dict[str, set] = {}
+        for axes in draw(rows).axes:
+            for container in axes.containers:
+                if container.get_label() in ("opt2", "opt3", "opt4"):
+                    seen.setdefault(container.get_label(), set()).add(container[0].get_color())
+        assert all(len(colours) == 1 for colours in seen.values())
+        assert len(seen) == 3 or draw is plots.speedups
+
+
+def test_without_verify_the_error_plot_is_left_out_and_said(run: Path, tmp_path: Path) -> None:
+    (run / "verify.json").unlink()
+    done = script(run, "-o", tmp_path / "out")
+    assert done.returncode == 0
+    assert "speed-against-error: left out" in done.stderr
+    assert not (tmp_path / "out" / "speed-against-error.svg").exists()
+    assert (tmp_path / "out" / "speedup-ladder.svg").exists()
+
+
+def test_without_baseline_the_ladder_is_left_out(data: Data, rows: pd.DataFrame, tmp_path: Path) -> None:
+    names = ("speedup", "speedup_low", "speedup_high")
+    made = plots.draw(data, rows.assign(**dict.fromkeys(names, np.nan)), tmp_path)
+    assert "speedup-ladder" not in made and "runtime" in made
+
+
+def test_many_sizes_and_one_phase_can_be_drawn(rows: pd.DataFrame) -> None:
+    one = rows[(rows["phase"] == "opt3") & (rows["scene"] == "scene0")].iloc[[0]]
+    many = pd.concat([one.assign(height=n, ms=n, ms_low=n - 1, ms_high=n + 1) for n in range(100, 2001, 100)])
+    figure = plots.runtime(many)
+    FigureCanvasAgg(figure).draw()
+    axes = figure.axes[0]
+    shown = [
+        t.get_text() for t in axes.get_xticklabels() if axes.get_xlim()[0] <= t.get_position()[0] <= 2400
+    ]
+    assert shown == ["100", "200", "500", "1,000", "2,000"]
+
+
+def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = script(run, "-o", tmp_path / "file" / "out", "--only", "runtime")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    (run / "frames.jsonl").write_text("")
+    done = script(run)
+    assert done.returncode == 2 and "no timed frame" in done.stderr

@@ -1,0 +1,265 @@
+"""report.py on tests/fixtures/run: one page that parses, needs nothing else, and says what is missing."""
+
+from __future__ import annotations
+
+import base64
+import html.parser
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import plots
+import report
+from study import analysis, facts, registry
+
+ROOT = Path(__file__).parents[2]
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+
+
+def script(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / "report.py"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+@dataclass(frozen=True)
+class Made:
+    page: Page
+    text: str
+    out: Path
+    run: Path
+
+
+class Page(html.parser.HTMLParser):
+    """Checks nesting; collects ids, what is loaded, links, images, text, and text marked bad."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.marks: list[bool] = []
+        self.ids: list[str] = []
+        self.loaded: list[str] = []
+        self.links: list[str] = []
+        self.images: list[dict] = []
+        self.text, self.bad = "", ""
+        self.feed(text)
+        self.close()
+        assert not self.open, f"left open: {self.open}"
+
+    def handle_starttag(self, tag: str, attributes: list) -> None:
+        found = dict(attributes)
+        self.ids += [found["id"]] if "id" in found else []
+        self.loaded += [found[k] for k in ("src", "srcset", "data", "action", "poster") if k in found]
+        if tag == "a":
+            self.links.append(found["href"])
+        elif "href" in found:
+            self.loaded.append(found["href"])
+        if tag == "img":
+            self.images.append(found)
+        if tag not in VOID:
+            self.open.append(tag)
+            self.marks.append("bad" in found.get("class", "").split())
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+        self.marks.pop()
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+            self.bad += data if any(self.marks) else ""
+
+
+def page_of(run: Path, tmp_path: Path) -> tuple[Page, str]:
+    done = script(run, "-o", tmp_path / "out" / "index.html")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "out" / "index.html").read_text()
+    return Page(text), text
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """The page of the unchanged fixture, made once."""
+    folder = tmp_path_factory.mktemp("made")
+    copy = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run"))
+    return Made(*page_of(copy, folder), folder / "out", copy)
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Path], Page]:
+    """Makes the page of a run in this process, with one plot only."""
+    monkeypatch.setattr(plots, "PLOTS", {"runtime": plots.runtime})
+
+    def make(run: Path) -> Page:
+        return Page(report.page(analysis.load(run, strict=False), tmp_path / "out" / "index.html"))
+
+    return make
+
+
+def test_the_page_is_whole_and_loads_nothing(made: Made) -> None:
+    page, text = made.page, made.text
+    assert text.startswith("<!DOCTYPE html>")
+    assert len(page.ids) == len(set(page.ids))
+    assert page.loaded and all(item.startswith("data:image/") for item in page.loaded)
+    assert not re.search(r"@import|url\(|https?:", re.sub(r"data:image/\S+", "", text))
+    for link in page.links:
+        assert link.startswith("#") and link[1:] in page.ids
+    for image in page.images:
+        assert image["alt"] and len(base64.b64decode(image["src"].partition("base64,")[2])) > 1000
+    assert not re.search(r"<td[^>]*>[^<]*\b(nan|None)\b", text)
+
+
+def test_tables_and_figures_lie_beside_the_page(made: Made) -> None:
+    files = {path.relative_to(made.out).as_posix() for path in made.out.rglob("*.*")}
+    for name in ("ladder", "runtime", "verification", "paper"):
+        assert {f"tables/{name}.{suffix}" for suffix in ("csv", "md", "json")} <= files
+    for name in report.FIGURES:
+        assert {f"figures/{name}.svg", f"figures/{name}.png"} <= files
+    assert not (made.run / "tables").exists()  # the run itself stays as it was
+
+
+def test_every_speed_stands_beside_its_error(made: Made) -> None:
+    text = " ".join(made.page.text.split())
+    assert "32.0× [31.7, 32.3]" in text
+    assert "PSNR 56.9 dB (linear), 0.14 % of the pixels off by more than 1/255" in text
+    assert "19.6× (31.7 dB)" in text and "28.1×" in text and "32.1×" in text
+    assert "144.0 insufficient" in text
+
+
+def test_failing_is_red_and_in_words(made: Made) -> None:
+    page = made.page
+    assert page.bad.count("✗ OUTSIDE: psnr_db") == 3 + 1  # card, ladder, runtime and verification tables
+    assert "✗ 1 outside" in page.bad and "✗ opt4 on mandelbulb" in page.bad
+    assert "psnr_db 27.5, should be at least 40" in page.text
+    assert "✗ does not hold here" in page.bad
+    assert "✓" not in page.bad
+
+
+def test_what_it_stands_on_is_said(made: Made) -> None:
+    text = made.page.text
+    for part in (
+        *("Example CPU @ 2.50GHz, Example Lake", "TSC 2.5000 GHz; core 4.000 GHz", "gcc 12.2.0", "2.36"),
+        *("0123456789abcdef", "yes, SHA-256 ffff", "Example VM", "210 in 105 process launches"),
+        *(
+            "0.00 s stolen by the hypervisor; context switches: 210 involuntary",
+            "opt9: this CPU lacks avx512f",
+        ),
+        *("-O3 -mavx2 -mfma -ffp-contract=off", "machine/run"),
+    ):
+        assert part in text
+
+
+def test_the_command_repeats_the_plan(run: Path) -> None:
+    plan = {
+        "configurations": [
+            {"spec": spec, "scene": scene, "width": 320, "height": 180, "threads": 1}
+            for spec in ("baseline", "opt2@opt3")
+            for scene in ("scene0", "trio")
+        ],
+        **{"launches": 10, "reps": 3, "warmup": 1, "seed": 7, "cpu": 1, "budget_s": None},
+    }
+    assert facts.command(plan) == (
+        "scripts/sweep.py --phase baseline opt2@opt3 --scene scene0 trio -n 320x180 --threads 1 "
+        "--launches 10 --reps 3 --warmup 1 --seed 7 --cpu 1"
+    )
+    assert facts.command({}) == ""
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("verify.json", "Nothing was verified"),
+        ("context.json", "context.json is missing"),
+        ("plan.json", "plan.json is missing"),
+        ("frames.jsonl", "No frame was timed in this run"),
+    ],
+)
+def test_a_missing_file_is_stated_and_no_crash(run: Path, quick: Callable, file: str, said: str) -> None:
+    (run / file).unlink()
+    assert said in quick(run).text
+
+
+def test_an_empty_run_still_makes_a_page(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    page, _ = page_of(tmp_path / "run", tmp_path)
+    for said in ("No frame was timed", "Nothing was verified", "No picture was made", "recorded no phase"):
+        assert said in page.text
+    assert page.bad == ""
+
+
+def test_a_torn_last_line_changes_nothing(run: Path, quick: Callable) -> None:
+    whole = quick(run)
+    with (run / "frames.jsonl").open("a") as file:
+        file.write('{"schema": 1, "con')
+    torn = quick(run)
+    assert (torn.text, torn.loaded) == (whole.text, whole.loaded)
+
+
+def test_pictures_and_failing_heat_maps_are_in_the_page(run: Path, quick: Callable, tmp_path: Path) -> None:
+    without = len(quick(run).images)
+    (run / "figures").mkdir()
+    (run / "images").mkdir()
+    for path in (
+        run / "figures" / "contact-sheet.png",
+        run / "images" / "map.png",
+        run / "images" / "fine.png",
+    ):
+        Image.effect_noise((200, 100), 50).save(path)
+    verify = json.loads((run / "verify.json").read_text())
+    for pair in verify["pairs"]:
+        pair["heatmap"] = "images/fine.png" if pair["within_tolerance"] else "images/map.png"
+    (run / "verify.json").write_text(json.dumps(verify))
+    page = quick(run)
+    assert len(page.images) == without + 2
+    assert {"contact-sheet.png", "map.png"} <= {
+        path.name for path in (tmp_path / "out" / "figures").iterdir()
+    }
+    assert "No picture was made" not in page.text
+
+
+def test_notes_become_html_without_foreign_markup() -> None:
+    made = report.notes_html(
+        "# Title\n\nA *word*, `code` <script>alert(1)</script>\n\n| a | b |\n| - | - |\n| 1 | 2 |\n\n![p](http://x/y.png)"
+    )
+    assert "<h4>Title</h4>" in made and "<em>word</em>" in made and "<td>1</td>" in made
+    assert "<script>" not in made and "<img" not in made
+
+
+def test_phases_come_from_the_plan_with_their_notes(
+    run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "phases" / "opt4").mkdir(parents=True)
+    (tmp_path / "phases" / "opt4" / "NOTES.md").write_text("It was **bound** by latency.")
+    monkeypatch.setattr(registry, "ROOT", tmp_path)
+    plan = json.loads((run / "plan.json").read_text())
+    plan["phases"] = {"opt4": {"name": "opt4", "family": "ladder", "order": 4}}
+    plan["phases"]["baseline"] = {"name": "baseline", "family": "ladder", "order": 0}
+    (run / "plan.json").write_text(json.dumps(plan))
+    found = report.phases(analysis.load(run))
+    assert [phase["name"] for phase in found] == ["baseline", "opt4"]
+    assert found[0]["notes"] is None and "<strong>bound</strong>" in found[1]["notes"]
+
+
+def test_json_and_statuses(run: Path, tmp_path: Path) -> None:
+    done = script(run, "-o", tmp_path / "index.html", "--json")
+    assert done.returncode == 0
+    told = json.loads(done.stdout)
+    assert told["bytes"] == (tmp_path / "index.html").stat().st_size and told["missing"] == []
+    done = script(tmp_path / "nothing", "-o", tmp_path / "index.html")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    (run / "context.json").write_text("{")
+    done = script(run, "-o", tmp_path / "index.html")
+    assert done.returncode == 2 and "context.json:1:2" in done.stderr

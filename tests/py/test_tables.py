@@ -1,0 +1,361 @@
+"""tables.py and what it stands on, on tests/fixtures/run: its medians and ratios are known by arithmetic."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import tables
+from study import analysis, claims, ladder, paper, show
+from study.cli import StudyError
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+
+
+def rows_of(run: Path) -> pd.DataFrame:
+    return ladder.rows(analysis.load(run))
+
+
+def row(run: Path, scene: str, phase: str, height: int) -> pd.Series:
+    rows = rows_of(run)
+    found = rows[(rows["scene"] == scene) & (rows["phase"] == phase) & (rows["height"] == height)]
+    assert len(found) == 1
+    return found.iloc[0]
+
+
+def edit(run: Path, change) -> None:
+    """Rewrites frames.jsonl with every frame changed in place, or left out where `change` returns False."""
+    path = run / "frames.jsonl"
+    frames = [json.loads(line) for line in path.read_text().splitlines()]
+    kept = [frame for frame in frames if change(frame) is not False]
+    path.write_text("".join(json.dumps(frame) + "\n" for frame in kept))
+
+
+def edit_pairs(run: Path, change) -> None:
+    verify = json.loads((run / "verify.json").read_text())
+    for pair in verify["pairs"]:
+        change(pair)
+    (run / "verify.json").write_text(json.dumps(verify))
+
+
+def script(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / "tables.py"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+# The ladder's figures
+
+
+def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) -> None:
+    opt4 = row(run, "scene0", "opt4", 180)
+    pixels = 320 * 180
+    assert opt4["ns_per_pixel"] == pytest.approx(500)  # and not the warm-up's 1000
+    assert opt4["ms"] == pytest.approx(500 * pixels / 1e6)
+    assert opt4["tsc_cycles"] == pytest.approx(500 * pixels * 2.5)  # 2.5 GHz
+    assert opt4["core_cycles_per_pixel"] == pytest.approx(2000)  # 4 GHz
+    assert (opt4["tsc_hz"], opt4["core_hz"], opt4["core_hz_load"]) == (2.5e9, 4e9, 3.5e9)
+    assert opt4["setup_ms"] == pytest.approx(0.02)
+    assert opt4["setup_first_ms"] == pytest.approx(0.02 + 2 * 28.8)  # the warm-up frame is the first one
+    assert opt4["present_ms"] == 1
+    assert opt4["frames_per_s"] == pytest.approx(1000 / (28.8 + 1))
+
+
+def test_speedups_are_ratios_of_medians_over_both_bases(run: Path) -> None:
+    opt4, opt1 = row(run, "scene0", "opt4", 180), row(run, "scene0", "opt1", 180)
+    assert (opt4["speedup_base"], opt4["speedup"]) == ("baseline", pytest.approx(32))
+    assert opt4["speedup_low"] < 32 < opt4["speedup_high"]
+    assert (opt4["same_flags_base"], opt4["speedup_same_flags"]) == ("opt2@opt3", pytest.approx(6.4))
+    assert (opt1["same_flags_base"], opt1["speedup_same_flags"]) == ("opt2", pytest.approx(0.8))
+
+
+def test_a_threaded_phase_is_compared_with_one_thread(run: Path) -> None:
+    edit(run, lambda f: f.update(threads=2) if f["phase"] == "opt4" else None)
+    rows = rows_of(run)
+    opt4 = rows[(rows["phase"] == "opt4") & (rows["height"] == 180)].iloc[0]
+    assert (opt4["threads"], opt4["speedup"]) == (2, pytest.approx(32))
+    assert math.isnan(opt4["implied"])  # the paper's value is of one thread
+
+
+def test_without_a_base_the_speedup_is_not_measured(run: Path) -> None:
+    edit(run, lambda f: f["phase"] != "baseline" and f["flags_from"] != "opt3")
+    opt3 = row(run, "scene0", "opt4", 180)
+    assert opt3["speedup_base"] is None or pd.isna(opt3["speedup_base"])
+    text = tables.make(analysis.load(run), rows_of(run))["ladder"][1]
+    assert "not measured" in text
+
+
+def test_three_launches_are_insufficient(run: Path) -> None:
+    opt1 = row(run, "mandelbulb", "opt1", 90)
+    assert (opt1["launches"], opt1["interval"]) == (3, "insufficient")
+    assert opt1["ms"] == pytest.approx(144)
+    assert math.isnan(opt1["ms_low"]) and math.isnan(opt1["speedup_low"])
+    assert show.interval(opt1, "ms") == "144.0 insufficient"
+    assert row(run, "mandelbulb", "opt2", 90)["interval"] == "95 %"
+
+
+def test_the_headline_is_the_largest_size_with_the_most_phases(run: Path) -> None:
+    assert ladder.headline_size(analysis.load(run), "scene0") == (320, 180)
+    edit(run, lambda f: not (f["height"] == 180 and f["phase"] == "opt3"))
+    data = analysis.load(run)
+    assert ladder.headline_size(data, "scene0") == (160, 90)
+    assert ladder.headline_size(data, "scene0", 180) == (320, 180)
+
+
+def test_phases_and_scenes_stand_in_the_order_of_the_plan(run: Path) -> None:
+    edit(run, lambda f: f.update(ns=f["ns"] * 1000) if f["phase"] == "opt4" else None)  # slow, and still last
+    group = ladder.ladders(rows_of(run))
+    assert list(group) == ["scene0", "mandelbulb"]
+    assert list(group["scene0"]["phase"]) == ["baseline", "opt1", "opt2", "opt2@opt3", "opt3", "opt4"]
+    (run / "plan.json").unlink()
+    assert next(iter(ladder.ladders(rows_of(run)).values()))["phase"].iloc[0] == "opt4"  # now by pace
+
+
+# Errors beside the speeds
+
+
+def test_every_speed_has_its_error(run: Path) -> None:
+    opt4, opt1 = row(run, "scene0", "opt4", 180), row(run, "scene0", "opt1", 180)
+    assert (opt4["psnr_db"], opt4["psnr_display_db"], opt4["within_tolerance"]) == (56.9, 51.2, True)
+    assert opt4["fraction_over_1_255"] == 0.0014
+    assert show.gate(opt4) == "✓ within"
+    assert math.isinf(opt1["psnr_db"]) and show.psnr(opt1, "psnr_db") == "identical"
+    assert show.gate(row(run, "scene0", "baseline", 180)) == "reference"
+    assert show.gate(row(run, "scene0", "opt2@opt3", 180)) == "not verified"
+
+
+def test_the_error_of_another_size_says_so(run: Path) -> None:
+    assert show.gate(row(run, "scene0", "opt4", 90)) == "✓ within (at n = 180)"
+
+
+def test_a_failing_pair_is_shown_failing(run: Path) -> None:
+    opt4 = row(run, "mandelbulb", "opt4", 90)
+    assert show.gate(opt4) == "✗ OUTSIDE: psnr_db"
+    assert show.gate_mark(opt4) == "bad"
+    made = tables.make(analysis.load(run), rows_of(run))
+    assert made["verification"][1].count("✗ OUTSIDE: psnr_db") == 1
+    assert made["ladder"][1].count("✗ OUTSIDE: psnr_db") == 1
+
+
+def test_a_null_psnr_of_a_broken_picture_is_not_infinite(run: Path) -> None:
+    def broken(pair: dict) -> None:
+        if pair["phase"] == "opt2":
+            pair |= {"psnr_db": None, "rmse": None, "fraction_over_1_255": None, "non_finite": 3}
+            pair |= {"within_tolerance": False, "failed": ["non_finite", "psnr_db"]}
+
+    edit_pairs(run, broken)
+    opt2 = row(run, "scene0", "opt2", 180)
+    assert math.isnan(opt2["psnr_db"]) and show.psnr(opt2, "psnr_db") == "–"
+    assert show.gate(opt2) == "✗ OUTSIDE: non_finite psnr_db"
+
+
+def test_a_pair_that_could_not_be_rendered_is_shown_failing(run: Path) -> None:
+    verify = json.loads((run / "verify.json").read_text())
+    subject = {key: verify["pairs"][0][key] for key in ("phase", "reference", "scene", "width", "height")}
+    verify["pairs"] = [{**subject, "failed": ["render"], "why": ["render failed"], "within_tolerance": False}]
+    (run / "verify.json").write_text(json.dumps(verify))
+    assert show.gate(row(run, "scene0", "opt1", 180)) == "✗ OUTSIDE: render"
+
+
+# Broken and missing input
+
+
+def test_without_verify_the_speeds_stand_unverified(run: Path) -> None:
+    (run / "verify.json").unlink()
+    data = analysis.load(run)
+    assert any("verify.json is missing" in note for note in data.notes)
+    assert "verification" not in tables.make(data, ladder.rows(data))
+    assert show.gate(row(run, "scene0", "opt4", 180)) == "not verified"
+
+
+def test_a_torn_last_line_is_dropped(run: Path) -> None:
+    whole = rows_of(run)
+    with (run / "frames.jsonl").open("a") as file:
+        file.write('{"schema": 1, "config": "scene0')
+    pd.testing.assert_frame_equal(rows_of(run), whole)
+
+
+def test_a_broken_line_in_the_middle_is_refused_with_its_number(run: Path) -> None:
+    lines = (run / "frames.jsonl").read_text().splitlines(keepends=True)
+    (run / "frames.jsonl").write_text("".join([*lines[:4], "{]\n", *lines[4:]]))
+    with pytest.raises(StudyError, match=r"frames.jsonl:5: "):
+        analysis.load(run)
+
+
+def test_a_missing_column_is_named(run: Path) -> None:
+    edit(run, lambda frame: frame.pop("core_cycles") and None)
+    with pytest.raises(StudyError, match="no column core_cycles"):
+        analysis.load(run)
+
+
+@pytest.mark.parametrize("emptied", ["missing", "empty", "only warm-up"])
+def test_no_timed_frame_is_an_error_only_where_a_table_is_wanted(run: Path, emptied: str) -> None:
+    if emptied == "missing":
+        (run / "frames.jsonl").unlink()
+    elif emptied == "empty":
+        (run / "frames.jsonl").write_text("")
+    else:
+        edit(run, lambda frame: frame["warmup"])
+    with pytest.raises(StudyError, match="no timed frame"):
+        analysis.load(run)
+    data = analysis.load(run, strict=False)
+    assert ladder.rows(data).empty and any("no timed frame" in note for note in data.notes)
+
+
+def test_overridden_frames_and_old_scenes_are_left_out(run: Path) -> None:
+    def change(frame: dict) -> None:
+        if frame["launch"] == 0:
+            frame.update(overridden=True, ns=1)
+        elif frame["launch"] == 1 and frame["scene"] == "scene0":
+            frame.update(scene_hash="older", ns=1)
+
+    edit(run, change)
+    data = analysis.load(run)
+    assert sum("left out" in note for note in data.notes) == 2
+    assert row(run, "scene0", "opt4", 180)["launches"] == 4
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="no such run"):
+        analysis.load(tmp_path / "nothing")
+
+
+# Files and command line
+
+
+def test_files_are_complete_and_hold_the_same_rows(run: Path) -> None:
+    done = script(run)
+    assert done.returncode == 0, done.stderr
+    folder = run / "tables"
+    assert {path.stem for path in folder.iterdir()} == {"ladder", "paper", "runtime", "verification"}
+    assert len(list(folder.iterdir())) == 12
+    from_csv = pd.read_csv(folder / "ladder.csv").set_index(["scene", "phase"])
+    from_json = {(r["scene"], r["phase"]): r for r in json.loads((folder / "ladder.json").read_text())}
+    assert len(from_csv) == len(from_json) == 12
+    assert from_csv.loc[("scene0", "opt4"), "speedup"] == pytest.approx(32)
+    assert from_json["scene0", "opt4"]["speedup"] == pytest.approx(32)
+    assert from_json["mandelbulb", "opt1"]["ms_low"] is None
+    assert "32.0× [" in (folder / "ladder.md").read_text()
+    for line in (folder / "ladder.md").read_text().splitlines():
+        assert not line.startswith("|") or "nan" not in line.lower()
+
+
+def test_json_is_one_object_and_remarks_go_to_stderr(run: Path, tmp_path: Path) -> None:
+    (run / "verify.json").unlink()
+    done = script(run, "-o", tmp_path / "out", "--json")
+    assert set(json.loads(done.stdout)) == {"ladder", "paper", "runtime", "files"}
+    assert "verify.json is missing" in done.stderr
+    assert not (run / "tables").exists()
+
+
+def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path) -> None:
+    for arguments in ((tmp_path / "nothing",), (run, "-n", 77)):
+        done = script(*arguments)
+        assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    (run / "frames.jsonl").write_text("")
+    assert script(run).returncode == 2
+
+
+def test_readme_block_is_replaced_and_the_rest_kept(run: Path) -> None:
+    data = analysis.load(run)
+    text = f"# Title\nbefore\n{tables.BEGIN}\nold\n{tables.END}\nafter\n"
+    made = tables.readme(text, data, ladder.rows(data))
+    assert made.startswith("# Title\nbefore\n") and made.endswith(f"{tables.END}\nafter\n")
+    assert "old" not in made
+    assert "**scene0**, 320×180" in made and "32.0× [" in made and "56.9" in made
+    assert "✗ OUTSIDE: psnr_db" in made
+    assert "with uncommitted changes" in made
+    assert tables.readme(made, data, ladder.rows(data)) == made
+    with pytest.raises(StudyError, match="lacks the lines"):
+        tables.readme("# no marks\n", data, ladder.rows(data))
+
+
+# Numbers as text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        *((0, "0"), (12.345, "12.3"), (1234.5, "1,234"), (0.00123, "0.00123"), (1e-4, "1.00e-04")),
+        *((math.inf, "∞"), (None, "–"), (math.nan, "–"), (-2.5, "-2.50"), ("word", "word")),
+    ],
+)
+def test_numbers_keep_three_digits(value: object, text: str) -> None:
+    assert show.number(value) == text
+
+
+def test_an_interval_has_the_digits_of_its_value() -> None:
+    assert show.interval({"x": 12.5, "x_low": 9.99, "x_high": 13}, "x", 3) == "12.5 [10.0,\u00a013.0]"
+
+
+# The paper
+
+
+def test_the_papers_tables_imply_28_and_not_32() -> None:
+    theirs = paper.ladder().set_index(["scene", "phase"])
+    assert theirs["implied"]["scene0", "opt4"] == pytest.approx(2.383 / 0.173 / (1 - 0.51))
+    assert round(theirs["implied"]["scene0", "opt4"], 1) == 28.1
+    assert theirs["stated"]["scene0", "opt4"] == 32.1
+    assert round(theirs["implied"]["mandelbulb", "opt4"], 1) == 17.0
+    assert (theirs["rerun"]["scene0", "opt4"], theirs["rerun_psnr_display_db"]["scene0", "opt4"]) == (
+        19.6,
+        31.7,
+    )
+    assert math.isinf(theirs["rerun_psnr_display_db"]["scene0", "opt1"])
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "results" / "paper").glob("*.csv")), ids=lambda path: path.stem
+)
+def test_every_number_of_the_paper_names_its_source(path: Path) -> None:
+    table = pd.read_csv(path)
+    assert len(table) and table["source"].notna().all()
+    assert f"`{path.name}`" in (path.parent / "README.md").read_text()
+
+
+def test_the_rerun_speedups_are_those_of_its_cycles() -> None:
+    rerun = paper.read("rerun").set_index(["metric", "scene", "phase"])["value"]
+    for (scene, phase), speedup in rerun["speedup"].items():
+        ratio = rerun["tsc_cycles", scene, "baseline"] / rerun["tsc_cycles", scene, phase]
+        assert ratio == pytest.approx(speedup, abs=0.06)
+
+
+def test_claims_are_held_against_the_run(run: Path) -> None:
+    data = analysis.load(run)
+    found = claims.check(data, ladder.rows(data))
+    assert len(found) == len(paper.read("claims"))
+    verdict = {(claim["scene"], claim["quote"][:20]): claim["verdict"] for claim in found}
+    assert verdict["scene0", "careful parameter fi"] == claims.FAILS  # 0.61 % of the pixels differ
+    assert verdict["scene0", "up to 32.1× speed-up"] == claims.WITHIN  # 31.7 to 32.3
+    assert verdict["scene0", "each of the scenes r"] == claims.HOLDS  # 3.2 and not only 2
+    assert verdict["scene0", "the runtime speed-up"] == claims.FAILS  # 1.25 and not 1.3
+    assert verdict["mandelbulb", "each of the scenes r"] == claims.FEW
+    assert verdict["scene0", "constant performance"] == claims.HOLDS
+    assert verdict["mandelbulb", "constant performance"] == claims.OPEN
+    assert verdict["scene0", "for smaller n, in ou"] == claims.HOLDS  # 26.7 against 32
+    assert verdict["mandelbulb", "in our baseline, the"] == claims.FAILS  # 1.25 times and not 0.88
+
+
+def test_claims_without_frames_are_not_measured(run: Path) -> None:
+    (run / "frames.jsonl").write_text("")
+    data = analysis.load(run, strict=False)
+    assert {claim["verdict"] for claim in claims.check(data, ladder.rows(data))} == {claims.OPEN}
+
+
+def test_the_fixture_is_what_its_maker_makes(tmp_path: Path) -> None:
+    maker = tmp_path / "make_run.py"
+    shutil.copy(ROOT / "tests" / "fixtures" / "make_run.py", maker)
+    subprocess.run([sys.executable, maker], check=True)
+    for path in (ROOT / "tests" / "fixtures" / "run").iterdir():
+        assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes()
