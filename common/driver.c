@@ -65,6 +65,13 @@ static int complain(int status, const char *format, ...) {
     return status;
 }
 
+// What was printed so far has arrived, or that is the error.
+static int flush_output(void) {
+    if (fflush(stdout) != 0 || ferror(stdout))
+        return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
+    return OK;
+}
+
 static bool whole_number(const char *text, long least, long most, int *out) {
     char *end;
     errno = 0;
@@ -164,19 +171,20 @@ static int by_order(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
-// The phases lie beside the build folder: this program is ROOT/build/NAME/render.
+// The phases lie in ROOT/phases; this program is ROOT/build/NAME/render, or build/asan/NAME/render.
 static int list_phases(void) {
-    char path[4096];
+    char path[4096] = "";
     ssize_t length = readlink("/proc/self/exe", path, sizeof path - 64);
-    for (int up = 0; up < 3 && length > 0; up++)
-        while (length > 0 && path[--length] != '/')
-            continue;
-    strcpy(path + (length > 0 ? length : 0), "/phases/*/phase.json");
     enum { MOST = 256 };
     json_t *phases[MOST];
     size_t count = 0;
-    glob_t found;
-    if (glob(path, 0, NULL, &found) == 0) {
+    while (length > 0 && count == 0) {
+        while (length > 0 && path[--length] != '/')
+            continue;
+        strcpy(path + length, "/phases/*/phase.json");
+        glob_t found;
+        if (glob(path, 0, NULL, &found) != 0)
+            continue;
         for (size_t i = 0; i < found.gl_pathc && count < MOST; i++)
             if ((phases[count] = json_load_file(found.gl_pathv[i], 0, NULL)))
                 count++;
@@ -368,16 +376,14 @@ static int run(struct session *s) {
         if (!print_json(object))
             return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
     }
-    if (fflush(stdout) != 0)
-        return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
-    return OK;
+    return flush_output();
 }
 
 int main(int argc, char **argv) {
     struct session s = {0};
     int status = parse(argc, argv, &s.options);
     if (status != OK)
-        return status < 0 ? OK : status;
+        return status < 0 ? flush_output() : status;
     const char *missing = missing_isa();
     if (missing)
         return complain(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER. Standard library only: it runs before anything is installed.
-The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (the same phase, as a rule).
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER. Standard library only: it runs before anything is
+installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule the same).
 """
 
 import json
@@ -11,7 +11,15 @@ import sys
 from pathlib import Path
 
 PHASES = Path(__file__).resolve().parent.parent / "phases"
-KEYS = {"name": str, "title": str, "isa": list, "precision": str, "lanes": int, "threads": bool, "cflags": str}
+KEYS = {
+    "name": str,
+    "title": str,
+    "isa": list,
+    "precision": str,
+    "lanes": int,
+    "threads": bool,
+    "cflags": str,
+}
 
 
 def load(name: str) -> dict:

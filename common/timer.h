@@ -1,5 +1,6 @@
 // Clocks. Three of them, and every figure says which: wall time (clock_gettime, ns), TSC cycles
-// (constant rate, fenced reads) and core cycles (the core's own clock, estimated by a chain of dependent register adds).
+// (constant rate, fenced reads) and core cycles (the core's own clock, estimated by a chain of
+// dependent register adds).
 //
 // Fencing: Intel SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times
 // on Intel IA-32 and IA-64 Instruction Set Architectures" (Intel, 2010).

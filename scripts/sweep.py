@@ -272,7 +272,7 @@ def resume(options: argparse.Namespace) -> Sweep:
 
 def unfinished(plan: dict[str, Any], results: Path) -> str | None:
     """The newest run that measures the same and was never finished."""
-    keys = ("cpu", "launches", "reps", "warmup", "binaries")
+    keys = ("cpu", "launches", "reps", "warmup", "long", "binaries")
     for path in sorted(results.glob(f"{machine.slug()}/*/plan.json"), reverse=True):
         with contextlib.suppress(StudyError, KeyError):
             other = store.read_json(path)

@@ -64,8 +64,11 @@ def skipped(data: Data) -> list[str]:
     """A sentence for each thing that was planned and is not there."""
     found = [f"{_subject(item)}: {item.get('reason')}" for item in data.plan.get("skipped") or []]
     found += [f"{_subject(item)} crashed: {item.get('message')}" for item in data.plan.get("failures") or []]
+    short: dict[object, list[str]] = {}
     for item in data.plan.get("not_reached") or []:
-        found.append(f"{_subject(item)}: {item.get('launches')} launches were all that the budget allowed")
+        short.setdefault(item.get("launches"), []).append(str(item.get("name")))
+    for launches, names in short.items():
+        found.append(f"{launches} launches were all that the budget allowed: {'; '.join(names)}")
     return found
 
 
@@ -94,7 +97,7 @@ def command(plan: Mapping) -> str:
         ("--scene", [c.get("scene") for c in asked]),
         ("-n", [f"{c['width']}x{c['height']}" for c in asked if "width" in c]),
         ("--threads", [c.get("threads") for c in asked]),
-        *((f"--{key}", [plan.get(key)]) for key in ("launches", "reps", "warmup", "seed", "cpu")),
+        *((f"--{key}", [plan.get(key)]) for key in ("launches", "reps", "warmup", "long", "seed", "cpu")),
         ("--budget", [plan.get("budget_s")]),
     ):
         given = [str(value) for value in dict.fromkeys(values) if value is not None]

@@ -105,7 +105,7 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
     with the reason, the rest gets an expected duration in proportion to its pixels.
     """
     plan: dict[str, Any] = {"schema": 1}
-    plan |= {key: getattr(options, key) for key in ("seed", "cpu", "launches", "reps", "warmup")}
+    plan |= {key: getattr(options, key) for key in ("seed", "cpu", "launches", "reps", "warmup", "long")}
     plan |= {"budget_s": options.budget, **overrides(vars(options)), "began": now(), "finished": None}
     plan |= {
         "phases": {},
