@@ -1,6 +1,7 @@
 # Stepwise. Two commands do everything: `make study` and `make test`. `make help` explains the rest.
 .DEFAULT_GOAL := help
 include common/rules.mk
+include tests/tests.mk
 
 PY := .venv/bin/python
 PHASE ?= $(PHASES)
@@ -9,7 +10,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
 
-.PHONY: help setup setup-test study demo test verify sweep report new-phase format clean phases
+.PHONY: help setup setup-test study demo test verify sweep report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
