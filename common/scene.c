@@ -13,6 +13,10 @@
 // Far beyond any use, small enough that no float phase overflows when it squares a length twice.
 static const double LARGEST = 1e9, SMALLEST = 1e-9;
 
+// Each bounce adds at most a tenth of the one before, so 16 are below double's precision; phases
+// recurse, and two facing mirrors would end on the stack's limit.
+enum { MOST = 1000000000, MOST_BOUNCES = 256 };
+
 struct reader {
     const char *file;
     char path[256];
@@ -146,7 +150,7 @@ static double number(struct reader *r, json_t *object, const char *key, enum ran
     return checked(r, key, value, range);
 }
 
-static int whole(struct reader *r, json_t *object, const char *key, int lowest) {
+static int whole(struct reader *r, json_t *object, const char *key, int lowest, int highest) {
     json_t *value = json_object_get(object, key);
     if (!value) {
         fail(r, key, "missing; a whole number is required");
@@ -161,8 +165,8 @@ static int whole(struct reader *r, json_t *object, const char *key, int lowest) 
         fail(r, key, "%g is not a whole number", x);
     else if (!(x >= lowest))
         fail(r, key, "%g is not >= %d", x, lowest);
-    else if (!(x <= 1e9))
-        fail(r, key, "%g is beyond 1e9, the largest whole number there is", x);
+    else if (!(x <= highest))
+        fail(r, key, "%g is beyond %d, the largest there is", x, highest);
     else
         return (int)x;
     return lowest;
@@ -277,10 +281,10 @@ static void read_march(struct reader *r, json_t *root, struct limits *march) {
                                        "max_bounces", "normal_step",  "surface_offset",
                                        NULL};
     only_keys(r, object, keys);
-    march->max_steps = whole(r, object, "max_steps", 1);
+    march->max_steps = whole(r, object, "max_steps", 1, MOST);
     march->hit_distance = number(r, object, "hit_distance", POSITIVE);
     march->bounds_radius = number(r, object, "bounds_radius", POSITIVE);
-    march->max_bounces = whole(r, object, "max_bounces", 0);
+    march->max_bounces = whole(r, object, "max_bounces", 0, MOST_BOUNCES);
     march->normal_step = number(r, object, "normal_step", POSITIVE);
     march->surface_offset = number(r, object, "surface_offset", POSITIVE);
     leave(r, back);
@@ -382,7 +386,7 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         if (!r->failed && shape->mandelbulb.power != 8)
             fail(r, "power", "%g is not 8, the only power there is a map for",
                  shape->mandelbulb.power);
-        shape->mandelbulb.iterations = whole(r, object, "iterations", 1);
+        shape->mandelbulb.iterations = whole(r, object, "iterations", 1, MOST);
         shape->mandelbulb.bailout = number(r, object, "bailout", POSITIVE);
         // |w|² may grow to bailout^8 in the last iteration, and must stay a float.
         if (!r->failed && !(shape->mandelbulb.bailout >= 4 && shape->mandelbulb.bailout <= 1e4))

@@ -1,0 +1,12 @@
+# C tests: one program per tests/c/test_NAME.c, linked to all of common/. A first line `// flags: -mavx2` adds to
+# the compiler's flags. By hand, sanitised:
+#   make SANITIZE=1 BUILD=build/asan c-tests && build/asan/tests/test_scene
+C_TESTS := $(patsubst tests/c/%.c,$(BUILD)/tests/%,$(wildcard tests/c/test_*.c))
+
+.PHONY: c-tests
+c-tests: $(C_TESTS)
+
+$(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard common/*.h phases/*/*.h) tests/c/tests.mk
+	@mkdir -p $(@D)
+	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) $(COMMON_INCLUDES) \
+	    $< $(COMMON_OBJECTS) $(LIBS) -lcmocka -o $@

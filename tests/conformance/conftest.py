@@ -1,0 +1,39 @@
+"""What ends a test early: a scene that the phase properly refuses (passed, and listed at the end), and a CPU
+that lacks the phase's instruction set (skipped, with its name)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import pytest
+
+from conformance.harness import Unsupported
+from study import registry
+
+
+@pytest.fixture(autouse=True)
+def cpu_for_phase(request: pytest.FixtureRequest) -> None:
+    phase = request.node.callspec.params["phase"]
+    if lacking := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Generator[None, object, object]:
+    try:
+        return (yield)
+    except Unsupported as refusal:
+        pyfuncitem.user_properties.append(("unsupported", f"{pyfuncitem.name}: {refusal}"))
+        return True
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    refusals = [
+        text
+        for report in terminalreporter.getreports("passed")
+        for key, text in report.user_properties
+        if key == "unsupported" and report.when == "call"
+    ]
+    if refusals:
+        terminalreporter.section(f"{len(refusals)} scenes refused as unsupported (status 4)")
+        terminalreporter.write_line("\n".join(refusals))

@@ -1,0 +1,163 @@
+"""Runs a phase's driver and probe for the tests, and checks what must hold of any picture.
+
+STEPWISE_BUILD names another build folder (build/asan): its programs must be there, and the suite is a
+reduced one, since sanitised programs are slow.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from conformance import geometry
+from study import images, registry
+from study.registry import ROOT
+
+BUILD = os.environ.get("STEPWISE_BUILD", "build")
+REDUCED = BUILD != "build"
+KEPT = ROOT / BUILD / "test-scenes"  # scenes stay here, so that a failure can be run again
+PHASES = list(registry.phases())
+REFERENCE = next(name for name, phase in registry.phases().items() if phase.parent is None)
+
+
+@functools.cache
+def binary(phase: str, target: str = "render") -> Path:
+    """Path of the program; the default build is brought up to date, another one must be there."""
+    path = ROOT / BUILD / phase / target
+    if not REDUCED:
+        command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, f"{path} does not build:\n{done.stderr[-2000:]}"
+    assert path.is_file(), f"{path} is missing; run `make test-builds` first"
+    return path
+
+
+def keep(name: str, scene: dict) -> Path:
+    """Write the scene under its name, where a failing test leaves it."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    path = KEPT / f"{name}.json"
+    temporary = path.with_suffix(f".{os.getpid()}")
+    temporary.write_text(json.dumps(scene, indent=1))
+    temporary.replace(path)
+    return path
+
+
+@dataclass
+class Run:
+    """One call of the driver. Its text is the command line: what to run to see the failure again."""
+
+    command: list[str]
+    status: int
+    stdout: str
+    stderr: str
+    scene: dict | None = None
+    picture: dict[str, np.ndarray] | None = None
+
+    def __str__(self) -> str:
+        return f"[{' '.join(self.command)}] status {self.status} {self.stderr.strip()}"
+
+    @property
+    def record(self) -> dict:
+        return json.loads(self.stdout)
+
+
+def call(phase: str, *arguments: str | Path | int, env: dict[str, str] | None = None) -> Run:
+    """The driver with these arguments, whatever comes of it."""
+    command = [str(binary(phase).relative_to(ROOT)), *map(str, arguments)]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=300, env=os.environ | (env or {})
+    )
+    return Run(command, done.returncode, done.stdout, done.stderr)
+
+
+def check_refusal(run: Run, status: int) -> None:
+    """That status, one line on standard error, nothing on standard output."""
+    assert run.status == status, f"{run}: status should be {status}"
+    assert run.stderr.startswith("render: ") and run.stderr.count("\n") == 1, f"{run}: not one line"
+    assert run.stderr.endswith("\n") and len(run.stderr) > 20, f"{run}: not one line"
+    assert run.stdout == "", f"{run}: standard output is not empty"
+
+
+class Unsupported(Exception):
+    """The phase says that it does not render this scene: allowed, and counted."""
+
+
+def render(phase: str, scene: Path, width: int, height: int, *options: str | int, aov: bool = True) -> Run:
+    """A picture. Raises Unsupported if the phase refuses the scene, properly, as not for it."""
+    picture = KEPT / f"{phase}.{os.getpid()}.exr"
+    KEPT.mkdir(parents=True, exist_ok=True)
+    try:
+        run = call(
+            phase, scene, "-n", height, "-w", width, "-o", picture, "--json", *["--aov"] * aov, *options
+        )
+        if run.status == 4:
+            check_refusal(run, 4)
+            raise Unsupported(run.stderr.strip())
+        assert run.status == 0 and run.stderr == "", f"{run}"
+        run.scene = json.loads(scene.read_text())
+        run.picture = images.read(picture)
+    finally:
+        picture.unlink(missing_ok=True)
+    size = run.picture["R"].shape
+    assert size == (height, width), f"{run}: the picture is {size}"
+    return run
+
+
+@functools.cache
+def reference(scene: Path, width: int, height: int, *options: str | int) -> Run:
+    """The picture of the phase without a parent."""
+    return render(REFERENCE, scene, width, height, *options)
+
+
+def check_picture(run: Run) -> None:
+    """What holds of any picture of any phase, without knowing another."""
+    p, scene, limits = run.picture, run.scene, run.record
+    assert sorted(p) == sorted(images.AOVS), f"{run}: channels {sorted(p)}"
+    bad = {name: int((~np.isfinite(plane)).sum()) for name, plane in p.items() if name != "Z"}
+    assert not any(bad.values()), f"{run}: samples that are not finite: {bad}"
+    miss = p["id"] == -1
+    assert np.array_equal(p["Z"] == np.inf, miss), f"{run}: Z is not +inf exactly where id is -1"
+    assert np.isfinite(p["Z"][~miss]).all(), f"{run}: NaN or -inf in Z"
+    assert np.isin(p["id"], range(-1, len(scene["shapes"]))).all(), f"{run}: ids {np.unique(p['id'])}"
+    for name in "RGB":
+        assert (p[name] >= 0).all(), f"{run}: {name} is negative"
+    background = np.array(scene["background"], np.float32)
+    assert (images.rgb(p)[miss] == background).all(), f"{run}: a miss is not the background"
+    evals = p["evals"]
+    assert (evals == np.rint(evals)).all(), f"{run}: evals are not whole"
+    assert (evals >= 1).all() and (evals <= limits["max_steps"]).all(), (
+        f"{run}: evals from {evals.min()} to {evals.max()}"
+    )
+    normal = np.stack([p["N.x"], p["N.y"], p["N.z"]], axis=-1)
+    assert (normal[miss] == 0).all(), f"{run}: a miss has a normal"
+    length = np.linalg.norm(normal[~miss], axis=-1)
+    assert (np.abs(length - 1) < 1e-5).all(), f"{run}: normals of length {length.min()} to {length.max()}"
+    _, directions = geometry.rays(scene, *reversed(miss.shape))
+    facing = np.einsum("ijk,ijk->ij", normal, directions)[~miss]
+    # 1e-5: a normal square to the ray may have been turned by float rounding
+    assert (facing < 1e-5).all(), f"{run}: a normal faces away from its ray by {facing.max()}"
+
+
+def same_bits(a: Run, b: Run, channels: str | None = None) -> None:
+    for name in channels or a.picture:
+        assert np.array_equal(a.picture[name].view(np.uint32), b.picture[name].view(np.uint32)), (
+            f"{a}: channel {name} differs from {b}"
+        )
+
+
+def distances(phase: str, scene: Path, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance and nearest shape at each point (count, 3), in the phase's own arithmetic."""
+    raw = np.ascontiguousarray(points, "<f8").tobytes()
+    done = subprocess.run(
+        [binary(phase, "probe"), scene], cwd=ROOT, input=raw, capture_output=True, timeout=300
+    )
+    assert done.returncode == 0, f"{phase} probe {scene}: {done.stderr.decode(errors='replace')}"
+    pairs = np.frombuffer(done.stdout, "<f8").reshape(-1, 2)
+    assert len(pairs) == len(points), f"{phase} probe {scene}: {len(pairs)} answers to {len(points)} points"
+    return pairs[:, 0], pairs[:, 1].astype(int)

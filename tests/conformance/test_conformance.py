@@ -1,0 +1,391 @@
+"""One suite for every phase there is: sizes, scenes, every feature of the format, options, refusals.
+
+What a phase must agree on with the reference is bounded loosely here, to catch a feature that is wrong or
+left out; the tolerances that a phase declares are held by scripts/verify.py.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from conformance import geometry, harness, shading
+from conformance.feature_scenes import CELL, FEATURES, MATERIALS, SIZES, is_fractal, scene, shape
+from conformance.harness import (
+    PHASES,
+    REDUCED,
+    Run,
+    call,
+    check_picture,
+    check_refusal,
+    keep,
+    render,
+    same_bits,
+)
+from study import images, registry
+from study.registry import ROOT
+
+SCENES = {name: found.path for name, found in registry.scenes().items()}
+WIDTH, HEIGHT = (17, 5) if REDUCED else (48, 27)
+
+pytestmark = pytest.mark.parametrize("phase", PHASES)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Shares of pixels, and medians, within which a phase must agree with the reference."""
+
+    mask: float  # hit against miss, or another shape: rays that graze an edge
+    depth: float  # median of |Δt|/t where both hit the same shape
+    colour: float  # median over pixels of the largest difference of a channel, clamped to [0, 1]
+    mean: float  # difference of the mean colours
+    off: float  # pixels off by more than 1/255
+
+
+# A ray is decided otherwise only if it passes an edge by less than rounding: a ten-thousandth of a pixel in
+# float. A hit lies within hit_distance/sin θ of the surface, and float32 keeps 1e-7 of it.
+SMOOTH = {
+    "double": Bounds(mask=0.002, depth=2e-7, colour=1e-5, mean=1e-4, off=0.002),
+    "float": Bounds(mask=0.005, depth=2e-6, colour=3e-4, mean=1e-3, off=0.02),
+}
+# On a fractal neighbouring numbers may land on different leaves: most rays agree, the rest only on average.
+FRACTAL = {
+    "double": Bounds(mask=0.02, depth=1e-4, colour=0.002, mean=0.005, off=0.1),
+    "float": Bounds(mask=0.05, depth=1e-3, colour=0.01, mean=0.01, off=0.3),
+}
+
+
+def compare(run: Run, expected: dict[str, np.ndarray], bounds: Bounds) -> None:
+    """The run's picture against another one of the same scene."""
+    p, q = run.picture, expected
+    pixels = p["id"].size
+    either = 1 + bounds.mask * pixels  # one pixel even of the smallest picture
+    both = (p["id"] >= 0) & (p["id"] == q["id"])
+    found = {"mask": int((p["id"] != q["id"]).sum())}
+    assert found["mask"] <= either, f"{run}: {found['mask']} of {pixels} pixels hit another shape or none"
+    if both.any():
+        scale = np.maximum(np.abs(q["Z"][both]), 1)
+        depth = np.median(np.abs(p["Z"][both] - q["Z"][both]) / scale)
+        assert depth <= bounds.depth, f"{run}: median |Δt|/t is {depth:.2e}"
+    a, b = (np.clip(images.rgb(x), 0, 1).astype(float) for x in (p, q))
+    difference = np.abs(a - b).max(axis=-1)
+    assert np.median(difference) <= bounds.colour, f"{run}: colours differ by {np.median(difference):.2e}"
+    mean = np.abs(a.mean(axis=(0, 1)) - b.mean(axis=(0, 1))).max()
+    assert mean <= bounds.mean + either / pixels, f"{run}: mean colours differ by {mean:.2e}"
+    off = (difference > 1 / 255).sum()
+    assert off <= 1 + bounds.off * pixels, f"{run}: {off} of {pixels} pixels off by more than 1/255"
+
+
+def check(run: Run, *options: str | int) -> None:
+    """The picture in itself, and beside the reference's."""
+    check_picture(run)
+    height, width = run.picture["R"].shape
+    reference = harness.reference(ROOT / run.command[1], width, height, *options)
+    fractal = is_fractal(run.scene)
+    compare(run, reference.picture, (FRACTAL if fractal else SMOOTH)[run.record["precision"]])
+    phase, original = (registry.phases()[name] for name in (run.record["phase"], harness.REFERENCE))
+    if phase.tolerance.get("fractal" if fractal else "smooth", {}).get("identical"):
+        same_bits(run, reference)
+    if phase.algorithm == original.algorithm:  # a packet's other rays are not this ray's evaluations
+        mean, most = run.picture["evals"].mean(), 1.05 * reference.picture["evals"].mean() + 1
+        assert mean <= most, f"{run}: {mean:.1f} evaluations a pixel, the reference needs {most:.1f}"
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_feature(phase: str, name: str) -> None:
+    check(render(phase, keep(name, FEATURES[name]), WIDTH, HEIGHT))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene(phase: str, name: str) -> None:
+    check(render(phase, SCENES[name], 16 if REDUCED else 32, 9 if REDUCED else 18))
+
+
+def test_features_show(phase: str) -> None:
+    """Each feature changes the picture: what is left out would be seen by the tests above."""
+    pairs = [
+        ("shadows_none", "shadows_soft"),
+        ("shadows_soft", "shadows_hard"),
+        ("shadows_soft", "shadow_strength"),
+    ]
+    pairs += [("shadows_none", "fog"), ("mirrors_0", "mirrors_1"), ("mirrors_facing_1", "mirrors_facing_2")]
+    pairs += [(kind, f"{kind}_turned") for kind in SIZES]
+    pairs += [(kind, f"{kind}_repeated_{axis}") for kind in SIZES for axis in "xyz"]
+    for before, after in pairs:
+        a, b = (render(phase, keep(name, FEATURES[name]), 48, 27) for name in (before, after))
+        difference = np.abs(images.rgb(a.picture) - images.rgb(b.picture)).max(axis=-1)
+        share = (difference > 1 / 255).mean()
+        assert share > 0.02, f"{before} and {after} look the same: {share:.3f} of the pixels; {a}, {b}"
+
+
+def widths_around(lanes: int) -> list[int]:
+    return sorted({1, 2, 3, 7, 17, lanes - 1, lanes, lanes + 1, 2 * lanes + 1} - {0})
+
+
+def test_sizes(phase: str) -> None:
+    """Every width leaves another remainder of lanes; no pixel may be left out or be another's."""
+    cell, room = keep("cell", CELL), keep("shadows_soft", FEATURES["shadows_soft"])
+    sizes = [(1, 1), (3, 2), (17, 5), (1, 9), (33, 1)]
+    sizes += [(width, 3) for width in widths_around(registry.phases()[phase].lanes)]
+    for width, height in sizes:
+        run = render(phase, cell, width, height)
+        check_picture(run)
+        reference = harness.reference(cell, width, height).picture
+        for name in images.AOVS[:-1]:  # all but evals, which rounding may move
+            difference = np.abs(run.picture[name] - reference[name]).max()
+            assert difference < 2e-3, f"{run}: {name} of a pixel is off by {difference:.2e}"
+        check(render(phase, room, width, height))
+
+
+def test_hits_are_where_geometry_says(phase: str) -> None:
+    """Independent of any phase: hits lie on the surface of their shape, and nothing lies before them."""
+    for name in ["scene0", "trio", "cubes"]:
+        run = render(phase, SCENES[name], 33, 19)
+        p, scene = run.picture, run.scene
+        origin, directions = geometry.rays(scene, 33, 19)
+        hit = p["id"] >= 0
+        depth = p["Z"][hit].astype(float)
+        at = origin + depth[:, None] * directions[hit]
+        # of the depth: float32 of it (6e-8), a float phase's hit test (2.4e-7·|p|), and some room
+        tolerance = 2e-6 * (depth + np.linalg.norm(at, axis=1)) + 2 * run.record["hit_distance"]
+        every = np.array([geometry.shape_distance(at, shape) for shape in scene["shapes"]])
+        own = every[p["id"][hit].astype(int), np.arange(len(at))]
+        for what, off in {
+            "off its shape": np.abs(own),
+            "not the nearest": np.abs(own - every.min(axis=0)),
+        }.items():
+            wrong = ~(off <= tolerance)
+            assert not wrong.any(), f"{run}: {wrong.sum()} hits {what}, by up to {off.max():.2e}"
+        far = np.where(hit, p["Z"], scene["march"]["bounds_radius"])
+        for share in np.linspace(0, 0.999, 60):
+            inside = geometry.scene_distance(
+                (origin + (share * far)[..., None] * directions).reshape(-1, 3), scene
+            )
+            assert (inside > -1e-5).all(), f"{run}: a ray passes {-inside.min():.2e} deep through a shape"
+
+
+OPINIONS = ["everything", "shadows_hard", "shadows_soft", "light_beneath", "shininess", "shapes_same_place"]
+OPINIONS += ["mirrors_0", "mirrors_3", "mirrors_facing_2", "mirrors_fog_sky"]
+
+
+@functools.cache
+def opinion(name: str) -> dict[str, np.ndarray]:
+    return shading.render(json.loads(keep(f"opinion_{name}", drawn_by_numpy(name)).read_text()), 32, 18)
+
+
+def drawn_by_numpy(name: str) -> dict:
+    """The feature's scene without its Mandelbulbs, which are chaotic."""
+    whole = FEATURES[name]
+    return whole | {"shapes": [s for s in whole["shapes"] if s["type"] != "mandelbulb"]}
+
+
+@pytest.mark.parametrize("name", OPINIONS)
+def test_picture_is_what_the_words_say(phase: str, name: str) -> None:
+    """Against a renderer in NumPy that was written from the text and shares nothing with any phase."""
+    run = render(phase, keep(f"opinion_{name}", drawn_by_numpy(name)), 32, 18)
+    mine = opinion(name)
+    compare(run, mine, SMOOTH[run.record["precision"]])
+    normal = [np.stack([p[axis] for axis in ("N.x", "N.y", "N.z")], axis=-1) for p in (run.picture, mine)]
+    angle = np.degrees(np.linalg.norm(normal[0] - normal[1], axis=-1)[run.picture["id"] == mine["id"]])
+    assert np.percentile(angle, 95) < 0.1, f"{run}: normals off by {np.percentile(angle, 95):.3f} degrees"
+    if phase == harness.REFERENCE:  # the others may find their hits in fewer evaluations
+        assert (run.picture["evals"] == mine["evals"]).mean() > 0.95, (
+            f"{run}: evaluations are counted otherwise"
+        )
+
+
+def test_same_call_same_bits(phase: str) -> None:
+    """The same picture twice, with and without AOVs, and however many frames are taken around it."""
+    for name in ["everything", "shapes_64"]:
+        path = keep(name, FEATURES[name])
+        once = render(phase, path, 17, 9)
+        same_bits(render(phase, path, 17, 9), once)
+        same_bits(render(phase, path, 17, 9, "--reps", 3, "--warmup", 2), once)
+        plain = render(phase, path, 17, 9, aov=False)
+        assert sorted(plain.picture) == ["B", "G", "R"], f"{plain}: channels {sorted(plain.picture)}"
+        same_bits(plain, once, "RGB")
+
+
+def test_threads(phase: str) -> None:
+    """More than one only where phase.json says so, and then without a bit of difference."""
+    path = keep("everything", FEATURES["everything"])
+    if registry.phases()[phase].threads:
+        same_bits(render(phase, path, 17, 9, "--threads", 2), render(phase, path, 17, 9))
+    else:
+        check_refusal(call(phase, path, "-n", 9, "--threads", 2), 4)
+
+
+def test_deepest_mirrors(phase: str) -> None:
+    """As many bounces as a scene may ask for, between mirrors that face each other: no stack runs out."""
+    whole = FEATURES["mirrors_facing_6"]
+    deepest = whole | {"march": whole["march"] | {"max_bounces": 256}}
+    check(render(phase, keep("mirrors_deepest", deepest), 9, 2))
+
+
+def test_overrides(phase: str) -> None:
+    """--max-steps and --hit-distance are recorded, change the scene's hash, and have their effect."""
+    path = keep("shadows_soft", FEATURES["shadows_soft"])
+    plain = render(phase, path, 17, 9)
+    assert plain.record["overridden"] is False and plain.record["max_steps"] == 3000, f"{plain}"
+    for steps in (1, 2, 40):
+        run = render(phase, path, 17, 9, "--max-steps", steps)
+        check(run, "--max-steps", steps)
+        assert run.record["max_steps"] == steps and run.record["overridden"] is True, f"{run}"
+        assert run.picture["evals"].max() == steps, f"{run}: evals up to {run.picture['evals'].max()}"
+        assert run.record["scene_hash"] != plain.record["scene_hash"], f"{run}: the hash is the scene's own"
+    run = render(phase, path, 17, 9, "--hit-distance", 0.01)
+    check(run, "--hit-distance", 0.01)
+    assert run.record["hit_distance"] == 0.01 and run.record["overridden"] is True, f"{run}"
+    assert run.record["scene_hash"] != plain.record["scene_hash"], f"{run}: the hash is the scene's own"
+    assert run.picture["evals"].sum() < 0.95 * plain.picture["evals"].sum(), f"{run}: no fewer evaluations"
+
+
+def documented_keys() -> set[str]:
+    """The keys of a frame by results/README.md, less those that a sweep adds, and the picture's path."""
+    text = (ROOT / "results/README.md").read_text().split("## frames.jsonl")[1].split("\n## ")[0]
+    rows = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
+    keys = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
+    return keys - {"config", "launch", "env_bytes", "time"} | {"image"}
+
+
+def test_record(phase: str) -> None:
+    """--json and --jsonl say the same, with exactly the documented keys and plausible values."""
+    declared = registry.phases()[phase]
+    run = call(phase, SCENES["scene0"], "-n", 9, "--reps", 2, "--warmup", 1, "--json")
+    assert run.status == 0, f"{run}"
+    record = run.record
+    frames = record.pop("frames")
+    lines = call(phase, SCENES["scene0"], "-n", 9, "--reps", 2, "--warmup", 1, "--jsonl").stdout.splitlines()
+    lines = [json.loads(line) for line in lines]
+    for keys in [record.keys() | frames[0].keys(), *(line.keys() for line in lines)]:
+        assert keys == documented_keys(), f"{run}: keys {sorted(keys ^ documented_keys())} on one side only"
+    assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"
+    expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": "scene0", "width": 16, "height": 9}
+    expected |= {"threads": 1, "precision": declared.precision, "lanes": declared.lanes, "image": None}
+    expected |= {
+        "isa": "+".join(sorted(declared.isa)) or "x86-64",
+        "flags": declared.cflags,
+        "overridden": False,
+    }
+    for key, value in expected.items():
+        assert record[key] == value and lines[0][key] == value, (
+            f"{run}: {key} is {record[key]!r}, not {value!r}"
+        )
+    assert [frame["warmup"] for frame in frames] == [line["warmup"] for line in lines] == [True, False, False]
+    assert [frame["frame"] for frame in frames if not frame["warmup"]] == [0, 1], f"{run}: numbers of frames"
+    assert record["timer_overhead_cycles"] > 0 and record["prepare_ns"] >= 0 and record["cpu"] >= -1, f"{run}"
+    assert (record["core_hz_load"] > 0) == (declared.lanes > 1), (
+        f"{run}: core_hz_load {record['core_hz_load']}"
+    )
+    for frame in frames:
+        assert all(frame[key] > 0 for key in ("ns", "tsc_cycles", "core_cycles", "max_rss_kib")), (
+            f"{run}: {frame}"
+        )
+        assert all(frame[key] >= 0 for key in frame if key != "frame"), f"{run}: {frame}"
+    # two clocks around the same frame agree, unless the machine took the CPU away between them
+    apart = [abs(f["tsc_cycles"] / f["tsc_hz"] * 1e9 - f["ns"]) - 0.05 * f["ns"] for f in frames]
+    assert min(apart) < 20_000, f"{run}: tsc_cycles and ns differ by {min(apart):.0f} ns in every frame"
+
+
+def test_missing_instruction_set(phase: str) -> None:
+    """A CPU without the instruction set: status 3 and a sentence; a phase without needs runs anywhere."""
+    isa = registry.phases()[phase].isa
+    run = call(phase, SCENES["scene0"], "-n", 2, env={"STEPWISE_ISA_LIMIT": "none"})
+    if isa:
+        check_refusal(run, 3)
+        assert any(flag in run.stderr for flag in isa), f"{run}: does not say which"
+    else:
+        assert run.status == 0, f"{run}"
+
+
+BAD_SCENES: dict[str, Callable[[dict], object]] = {
+    "radius": lambda s: s["shapes"][0].update(radius=-1),
+    "unknown_key": lambda s: s["camera"].update(roll=3),
+    "no_shapes": lambda s: s.update(shapes=[]),
+    "material": lambda s: s["shapes"][0].update(material="gold"),
+    "missing_fog": lambda s: s.pop("fog"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_bad_scene(phase: str, name: str) -> None:
+    bad = scene([shape("sphere")])
+    BAD_SCENES[name](bad)
+    path = keep(f"bad_{name}", bad)
+    run = call(phase, path, "-n", 4, "--json")
+    check_refusal(run, 2)
+    assert f"{path}: $." in run.stderr, f"{run}: no path"
+
+
+coordinate = st.floats(-4, 4, width=32)
+vector = st.tuples(coordinate, coordinate, coordinate).map(list)
+length = st.floats(0.0625, 3, width=32)
+
+
+@st.composite
+def shapes(draw: st.DrawFn) -> dict:
+    kind = draw(st.sampled_from(list(SIZES)))
+    sizes = {key: draw(length) for key in SIZES[kind]}
+    if kind == "box":
+        sizes = {"half_size": draw(st.tuples(length, length, length).map(list))}
+    elif kind == "plane":
+        sizes = {
+            "normal": draw(vector.filter(lambda n: np.linalg.norm(n) > 0.01)),
+            "offset": draw(coordinate),
+        }
+    elif kind == "mandelbulb":
+        sizes = {
+            "power": 8,
+            "iterations": draw(st.integers(1, 6)),
+            "bailout": draw(st.sampled_from([4, 256])),
+        }
+    placed = {"position": draw(vector), "material": draw(st.sampled_from(list(MATERIALS)))}
+    if draw(st.booleans()):
+        placed["rotation_degrees"] = draw(vector.map(lambda v: [90 * x for x in v]))
+    if draw(st.booleans()):
+        placed["repeat"] = draw(vector.map(lambda v: [max(0, 2 * x) for x in v]))
+    return {"type": kind, **sizes, **placed}
+
+
+@st.composite
+def random_scenes(draw: st.DrawFn) -> dict:
+    far = vector.filter(lambda v: np.hypot(v[0], v[2]) > 0.1)
+    march = {
+        "max_steps": draw(st.sampled_from([1, 30, 500])),
+        "hit_distance": draw(st.sampled_from([1e-6, 1e-4, 0.05])),
+        "max_bounces": draw(st.integers(0, 4)),
+    }
+    kinds = st.sampled_from(["none", "hard", "soft"])
+    light = {
+        "position": draw(vector),
+        "shadows": draw(kinds),
+        "shadow_strength": draw(st.floats(0.5, 50, width=32)),
+    }
+    return scene(
+        draw(st.lists(shapes(), min_size=1, max_size=6)),
+        march=march,
+        light=light,
+        fog=draw(st.sampled_from([0, 1e-5, 0.1])),
+        camera={"position": draw(far), "vertical_fov_degrees": draw(st.floats(5, 120, width=32))},
+    )
+
+
+@settings(
+    max_examples=10 if REDUCED else 60,
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+@given(random_scenes())
+def test_random_scenes(phase: str, whole: dict) -> None:
+    """Whatever the numbers: status 0, nothing that is not finite."""
+    check_picture(render(phase, keep(f"random_{phase}", whole), 11, 7))

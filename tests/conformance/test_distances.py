@@ -1,0 +1,222 @@
+"""Distances of every phase against geometry (conformance/geometry.py), and as 1-Lipschitz functions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from conformance import geometry
+from conformance.feature_scenes import FEATURES, SIZES, scene, shape
+from conformance.harness import PHASES, REDUCED, Unsupported, call, check_refusal, distances, keep
+from study import registry
+
+pytestmark = pytest.mark.parametrize("phase", PHASES)
+
+EXACT = [kind for kind in SIZES if kind != "mandelbulb"]  # the Mandelbulb's is an estimate, no distance
+COUNT = 300 if REDUCED else 3000
+
+
+def roundoff(phase: str) -> float:
+    """Spacing of the phase's numbers at 1."""
+    return 2.0**-52 if registry.phases()[phase].precision == "double" else 2.0**-23
+
+
+def probe(phase: str, whole: dict, points: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Distance, nearest shape, and what to say of the scene and the phase in a failure."""
+    path = keep(name, whole)
+    run = call(phase, path, "-n", 1)
+    if run.status == 4:
+        check_refusal(run, 4)
+        raise Unsupported(run.stderr.strip())
+    return *distances(phase, path, points), f"{phase}, {path}"
+
+
+def extent(whole: dict, points: np.ndarray) -> np.ndarray:
+    """Per point the size of the numbers that make up its distances: coordinates and sizes."""
+    sizes = [np.abs(np.ravel(v)).max() for s in whole["shapes"] for v in s.values() if not isinstance(v, str)]
+    return np.linalg.norm(points, axis=1) + max(sizes, default=0)
+
+
+def random_sizes(kind: str, random: np.random.Generator) -> dict:
+    """Other sizes of the same shape, each between a third and three times its own."""
+    sizes = {}
+    for key, value in SIZES[kind].items():
+        scaled = np.array(value) * 3 ** random.uniform(-1, 1, np.shape(value))
+        sizes[key] = scaled.tolist() if np.ndim(scaled) else float(scaled)
+    return sizes
+
+
+def points_around(random: np.random.Generator, whole: dict, count: int = COUNT) -> np.ndarray:
+    """Far, near, and right at the surface of the scene, as float32 so that no phase rounds them."""
+    far = random.uniform(-20, 20, (count // 3, 3))
+    near = random.uniform(-3, 3, (count - count // 3, 3))
+    # a step along the gradient, from differences, lands near the surface
+    at = near[: count // 3]
+    steps = np.eye(3) * 1e-4
+    here = geometry.scene_distance(at, whole)
+    slope = np.array([(geometry.scene_distance(at + step, whole) - here) / 1e-4 for step in steps]).T
+    near[: count // 3] = at - here[:, None] * slope
+    return np.concatenate([far, near]).astype(np.float32).astype(float)
+
+
+def check_distances(
+    phase: str, whole: dict, points: np.ndarray, name: str, keep_off_cells: float = 0
+) -> None:
+    found, nearest, where = probe(phase, whole, points, name)
+    every = np.array([geometry.shape_distance(points, s) for s in whole["shapes"]])
+    # 32 roundings of the coordinates: three rotations of two products each, then a few squares and a root
+    tolerance = 32 * roundoff(phase) * extent(whole, points)
+    usable = np.ones(len(points), bool)
+    for s in whole["shapes"]:  # on the border between two cells either is right
+        local = (points - s.get("position", [0, 0, 0])) @ geometry.rotation(
+            s.get("rotation_degrees", [0, 0, 0])
+        ).T
+        for axis, cell in enumerate(s.get("repeat", [0, 0, 0])):
+            if cell > 0:
+                usable &= np.abs((local[:, axis] / cell + 0.5) % 1 - 0.5) < 0.5 - 1e-4
+    off = np.abs(found - every.min(axis=0))
+    worst = int(np.argmax(np.where(usable, off / tolerance, 0)))
+    assert not (usable & ~(off <= tolerance)).any(), (
+        f"{where}: at {points[worst].tolist()} {found[worst]!r}, geometry says {every.min(axis=0)[worst]!r}"
+    )
+    own = np.take_along_axis(every, nearest[None], axis=0)[0]
+    wrong = usable & ~(own - every.min(axis=0) <= tolerance)
+    assert not wrong.any(), (
+        f"{where}: at {points[wrong][0].tolist()} shape {nearest[wrong][0]} is not the nearest"
+    )
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_shape(phase: str, kind: str) -> None:
+    random = np.random.default_rng(1)
+    for i in range(3):
+        whole = scene([shape(kind, **(random_sizes(kind, random) if i else {}))])
+        check_distances(phase, whole, points_around(random, whole), f"distance_{kind}_{i}")
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_special_points(phase: str, kind: str) -> None:
+    """Centre, axes, edges, corners: where formulas divide by zero or change their case."""
+    whole = scene([shape(kind)])
+    grid = np.array([-1.5, -1.2, -0.9, -0.7, -0.4, -0.0, 0.0, 0.4, 0.7, 0.9, 1.2, 1.5], np.float32).astype(
+        float
+    )
+    points = np.array(np.meshgrid(grid, grid, grid)).reshape(3, -1).T
+    check_distances(phase, whole, points, f"special_{kind}")
+    tiny = np.array([-1e-30, -1e-7, 0, 1e-7, 1e-30, 1])
+    check_distances(phase, whole, np.array(np.meshgrid(tiny, tiny, tiny)).reshape(3, -1).T, f"special_{kind}")
+
+
+@pytest.mark.parametrize("kind", EXACT)
+def test_placed(phase: str, kind: str) -> None:
+    """Translation, then rotation about x, y and z in turn, then repetition."""
+    random = np.random.default_rng(2)
+    for i, cells in enumerate([[0, 0, 0], [9, 0, 0], [0, 8, 0], [0, 0, 7.5], [9, 8, 7.5]]):
+        degrees = random.uniform(-180, 180, 3) if i != 1 else np.array([0, 33, 0])
+        placed = shape(
+            kind, repeat=cells, rotation_degrees=degrees.tolist(), position=random.uniform(-2, 2, 3).tolist()
+        )
+        whole = scene([placed])
+        check_distances(phase, whole, points_around(random, whole), f"placed_{kind}_{i}")
+
+
+def test_repetition_is_the_nearest_copy(phase: str) -> None:
+    """Of a shape that fits its cell, the centre cell's distance is the least over all copies near by."""
+    random = np.random.default_rng(3)
+    cells = np.array([4.0, 5.0, 6.0])
+    repeated = scene([shape("sphere", radius=1.25, repeat=cells.tolist())])
+    points = random.uniform(-1.5, 1.5, (COUNT, 3)) * cells
+    copies = np.array(np.meshgrid(*[np.arange(-3, 4)] * 3)).reshape(3, -1).T * cells
+    least = np.min([np.linalg.norm(points - copy, axis=1) for copy in copies], axis=0) - 1.25
+    found, _, where = probe(phase, repeated, points, "repetition")
+    off = np.abs(found - least)
+    assert (off <= 32 * roundoff(phase) * 10).all(), f"{where}: off by {off.max():.2e}"
+
+
+@pytest.mark.parametrize("name", ["shapes_64", "shapes_64_turned", "shapes_overlap", "shapes_same_place"])
+def test_many_shapes(phase: str, name: str) -> None:
+    whole = FEATURES[name]
+    check_distances(phase, whole, points_around(np.random.default_rng(4), whole), name)
+
+
+placement = st.tuples(*[st.floats(-3, 3, width=32)] * 3).map(list)
+
+
+@settings(
+    max_examples=5 if REDUCED else 25,
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+@given(
+    kinds=st.lists(st.sampled_from(EXACT), min_size=1, max_size=3),
+    position=placement,
+    turn=placement,
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_lipschitz(phase: str, kinds: list[str], position: list, turn: list, seed: int) -> None:
+    """|f(p) − f(q)| ≤ |p − q|: else a march could step through a surface."""
+    random = np.random.default_rng(seed)
+    placed = {"position": position, "rotation_degrees": [60 * x for x in turn]}
+    whole = scene([shape(kind, **random_sizes(kind, random), **placed) for kind in kinds])
+    p = random.uniform(-6, 6, (500, 3))
+    q = p + random.normal(size=p.shape) * 10 ** random.uniform(-6, 1, (500, 1))
+    found, _, where = probe(phase, whole, np.concatenate([p, q]), f"lipschitz_{phase}")
+    excess = np.abs(found[:500] - found[500:]) - np.linalg.norm(p - q, axis=1)
+    tolerance = 64 * roundoff(phase) * (extent(whole, p) + extent(whole, q))
+    worst = int(np.argmax(excess - tolerance))
+    assert (excess <= tolerance).all(), (
+        f"{where}: {p[worst].tolist()} to {q[worst].tolist()}: {excess[worst]:.2e}"
+    )
+
+
+def bulb_points(random: np.random.Generator) -> np.ndarray:
+    near = random.uniform(-1.3, 1.3, (COUNT, 3))
+    far = random.uniform(-5, 5, (COUNT // 4, 3))
+    axis = random.uniform(-1.3, 1.3, (COUNT // 4, 3)) * [[1, 10**9, 1]] * 1e-9
+    points = np.concatenate([near, far, axis, np.array([[0, 0.5, 0], [0, -1.1, 0], [0, 3, 0]])])
+    return points.astype(np.float32).astype(float)
+
+
+@pytest.mark.parametrize("iterations, bailout", [(1, 256), (2, 256), (4, 256), (7, 256), (4, 4), (4, 10000)])
+def test_mandelbulb(phase: str, iterations: int, bailout: float) -> None:
+    """Against the map by angles in 80-bit floats, within what rounding of the phase's size can do.
+
+    The map multiplies rounding errors at every turn, more than a thousandfold where it is chaotic. What they
+    come to at a point is measured: the map again with noise of one unit roundoff at every turn.
+    """
+    bulb = shape("mandelbulb", iterations=iterations, bailout=bailout)
+    points = bulb_points(np.random.default_rng(5))
+    found, _, where = probe(phase, scene([bulb]), points, f"distance_mandelbulb_{iterations}_{bailout}")
+    assert np.isfinite(found).all(), f"{where}: at {points[~np.isfinite(found)][0].tolist()} not finite"
+    exact, margin = geometry.mandelbulb(points, bulb)
+    noisy = [geometry.mandelbulb(points, bulb, roundoff(phase), seed) for seed in range(8)]
+    spread = np.max([np.abs(estimate - exact) for estimate, _ in noisy], axis=0)
+    # where rounding decides whether there is another turn, two answers are right
+    margins = np.array([m for _, m in noisy])
+    decided = (margin > 10 * np.ptp(margins, axis=0)) & (margin > 1e3 * roundoff(phase))
+    assert decided.mean() > 0.8, f"{where}: only {decided.mean():.2f} of the points tell anything"
+    tolerance = 16 * spread + 16 * roundoff(phase) * (np.abs(exact) + 1e-3)
+    off = np.abs(found - exact)
+    wrong = decided & ~(off <= tolerance)
+    worst = int(np.argmax(np.where(decided, off / tolerance, 0)))
+    assert not wrong.any(), (
+        f"{where}: {wrong.sum()} of {len(points)} points, worst at {points[worst].tolist()}: "
+        f"{found[worst]!r} for {exact[worst]!r}, tolerance {tolerance[worst]:.2e}"
+    )
+
+
+def test_mandelbulb_at_its_poles(phase: str) -> None:
+    """On the axis, at the origin and far away the formula divides, takes logarithms and overflows: finite."""
+    tiny = np.array([0, -0.0, 1e-300, -1e-200, 1e-160, 1e-45, -1e-38, 1e-20, 1e-12, 1e-6, 1e-4, 1e-3])
+    points = np.array(np.meshgrid(tiny, [0, 1e-300, 1e-9, 0.7, -1.1, 3, 90], tiny)).reshape(3, -1).T
+    points = np.concatenate([points, np.eye(3) * 100, -np.eye(3) * 1000, np.eye(3) * 1e5])
+    for iterations in (1, 4, 9):
+        whole = scene([shape("mandelbulb", iterations=iterations)])
+        found, _, where = probe(phase, whole, points, f"poles_{iterations}")
+        assert np.isfinite(found).all(), f"{where}: at {points[~np.isfinite(found)][0].tolist()} not finite"
+        origin = found[(points == 0).all(axis=1)]
+        assert (np.abs(origin) < 1e-3).all(), f"{where}: {origin[0]!r} at the origin, where √m·ln m is 0"

@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+"""Runs the tests, all or the steps named, and ends with the line 'N passed, N failed, N skipped'.
+
+Every program of the tests writes JUnit XML into build/test-results; the sums are made from those. A step
+that ends badly without saying which test failed counts as one failure. Standard library only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import re
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "build" / "test-results"
+JOBS = str(len(os.sched_getaffinity(0)))
+# How every phase is built: folder, and what make needs to know. Conformance runs on the first and the third.
+BUILDS = {
+    "build": [],
+    "build/clang": ["CC=clang"],
+    "build/asan": ["SANITIZE=1"],
+}
+
+
+@dataclass
+class Tally:
+    passed: int = 0
+    failed: list[str] = field(default_factory=list)
+    skipped: list[str] = field(default_factory=list)
+
+    def add(self, other: Tally) -> None:
+        self.passed += other.passed
+        self.failed += other.failed
+        self.skipped += other.skipped
+
+
+def run(*command: str | Path, **environment: str) -> bool:
+    """Whether the command ended well; its output is the user's to read."""
+    words = [str(word) for word in command]
+    print("$", *(f"{key}={value}" for key, value in environment.items()), *words, flush=True)
+    try:
+        return subprocess.run(words, cwd=ROOT, env=os.environ | environment).returncode == 0
+    except FileNotFoundError as error:
+        print(f"tests: {error.filename} is missing; run `scripts/setup.sh test`", flush=True)
+        return False
+
+
+def one(name: str, passed: bool) -> Tally:
+    """The tally of something that counts as a single test."""
+    return Tally(passed=1) if passed else Tally(failed=[name])
+
+
+def read_results(path: Path, name: str, ended_well: bool, reason: str = "") -> Tally:
+    """Counts of a JUnit XML file, and its failures' names. A crash that left no file is a failure.
+
+    `reason`: of its skips, where the file has none.
+    """
+    tally = Tally()
+    try:
+        cases = list(ET.parse(path).getroot().iter("testcase"))
+    except (OSError, ET.ParseError):
+        return Tally(failed=[f"{name}: no results: it did not start, or crashed"])
+    for case in cases:
+        title = f"{name}: {case.get('classname', '')}::{case.get('name')}".replace(": ::", ": ")
+        faults = [*case.iter("failure"), *case.iter("error")]
+        skip = next(case.iter("skipped"), None)
+        if faults:
+            tally.failed.append(title)
+        elif skip is not None:
+            tally.skipped.append(f"{title}: {skip.get('message') or reason}")
+        else:
+            tally.passed += 1
+    if not ended_well and not tally.failed:
+        tally.failed.append(f"{name}: ended with a failure after its tests")
+    return tally
+
+
+def format_step() -> Iterator[Tally]:
+    tools = Path(sys.executable).parent
+    sources = [str(p) for folder in ("common", "phases", "tests/c") for p in (ROOT / folder).rglob("*.[ch]")]
+    yield one("clang-format", run(tools / "clang-format", "--dry-run", "-Werror", *sources))
+    yield one("ruff check", run(tools / "ruff", "check", "."))
+    yield one("ruff format", run(tools / "ruff", "format", "--check", "."))
+
+
+def missing_isa(source: Path) -> str:
+    """Instruction sets that a C test's first line, `// flags: -mavx2 …`, asks for and this CPU lacks."""
+    have = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
+    asked = re.findall(r"-m(\w+)", source.read_text().splitlines()[0])
+    return ", ".join(flag for flag in asked if flag not in have.split())
+
+
+def c_step() -> Iterator[Tally]:
+    for compiler, folder in {"gcc": "build/asan", "clang": "build/asan-clang"}.items():
+        settings = [f"CC={compiler}", f"BUILD={folder}", "SANITIZE=1"]
+        if not run("make", "-s", f"-j{JOBS}", *settings, "c-tests"):
+            yield Tally(failed=[f"C tests with {compiler}: do not build"])
+            continue
+        for source in sorted((ROOT / "tests/c").glob("test_*.c")):
+            if lacking := missing_isa(source):
+                yield Tally(skipped=[f"{source.stem} ({compiler}): the CPU lacks {lacking}"])
+                continue
+            results = RESULTS / f"{source.stem}-{compiler}.xml"
+            results.unlink(missing_ok=True)  # cmocka does not replace a file
+            program = ROOT / folder / "tests" / source.stem
+            print(f"$ {folder}/tests/{source.stem}", flush=True)
+            environment = os.environ | {"CMOCKA_MESSAGE_OUTPUT": "xml", "CMOCKA_XML_FILE": str(results)}
+            done = subprocess.run([program], stdout=subprocess.PIPE, text=True, env=environment)
+            print(done.stdout, end="", flush=True)
+            reason = next(iter(re.findall("^skipped: (.*)", done.stdout, re.MULTILINE)), "")
+            tally = read_results(results, f"{source.stem} ({compiler})", done.returncode == 0, reason)
+            if tally.failed and results.is_file():
+                print(results.read_text(errors="replace"))
+            yield tally
+
+
+def builds_step() -> Iterator[Tally]:
+    phases = sorted(path.parent.name for path in (ROOT / "phases").glob("*/phase.json"))
+    for folder, settings in BUILDS.items():
+        make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
+        targets = {phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"] for phase in phases}
+        if run(*make, *itertools.chain(*targets.values())):
+            yield Tally(passed=len(phases))
+        else:  # which of them
+            for phase in phases:
+                yield one(f"{folder}/{phase} does not build", run(*make, *targets[phase]))
+
+
+def pytest_step(name: str, *arguments: str, **environment: str) -> Iterator[Tally]:
+    results = RESULTS / f"{name}.xml"
+    results.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "pytest", "-q", f"--junitxml={results}", *arguments]
+    yield read_results(results, name, run(*command, **environment))
+
+
+STEPS: dict[str, Callable[[], Iterator[Tally]]] = {
+    "format": format_step,
+    "c": c_step,
+    "builds": builds_step,
+    "conformance": lambda: pytest_step("conformance", "tests/conformance"),
+    "conformance-asan": lambda: pytest_step(
+        "conformance-asan", "tests/conformance", STEPWISE_BUILD="build/asan"
+    ),
+    "py": lambda: pytest_step("py", "tests/py"),
+}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
+    steps = parser.parse_args().steps or list(STEPS)
+    if unknown := [step for step in steps if step not in STEPS]:
+        parser.error(f"no step {unknown[0]!r}; there are {', '.join(STEPS)}")
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    total = Tally()
+    for step in steps:
+        print(f"== {step}", flush=True)
+        begin = time.monotonic()
+        for tally in STEPS[step]():
+            total.add(tally)
+        print(f"== {step}: {time.monotonic() - begin:.0f} s", flush=True)
+    for title in total.skipped:
+        print(f"skipped: {title}")
+    for title in total.failed:
+        print(f"FAILED: {title}")
+    print(f"{total.passed} passed, {len(total.failed)} failed, {len(total.skipped)} skipped")
+    return 1 if total.failed or not total.passed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
