@@ -5,7 +5,7 @@ include tests/tests.mk
 
 PY := .venv/bin/python
 PHASE ?= $(PHASES)
-N ?= 720
+N ?= 360
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
@@ -31,7 +31,7 @@ phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
 
 phases: $(PHASES:%=$(BUILD)/%/render) ## build every phase
 
-verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=720, judged by each phase's tolerance
+verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=360, judged by each phase's tolerance
 	@$(PY) scripts/verify.py -n $(N) --phase $(filter-out baseline,$(PHASE)) $(ARGS)
 
 sweep: setup ## time PHASE=… (default: all), e.g. make sweep PHASE=opt4 N=360
