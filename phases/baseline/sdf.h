@@ -3,7 +3,8 @@
 // its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
 // (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
 //
-// On purpose: shapes by value, angles to radians and their sines and cosines at every evaluation.
+// On purpose: points by value through calls, angles to radians and their sines and cosines at every
+// evaluation.
 #ifndef BASELINE_SDF_H
 #define BASELINE_SDF_H
 
@@ -30,34 +31,34 @@ static inline double wrap(double x, double cell) {
 }
 
 // The point in the shape's own frame.
-CALL struct vec3 apply_transform(struct vec3 p, struct shape shape) {
-    p = vec_sub(p, vec_from(shape.position));
-    p = rotate_point(p, vec_from(shape.rotation_degrees));
-    return new_vector(wrap(p.x, shape.repeat[0]), wrap(p.y, shape.repeat[1]),
-                      wrap(p.z, shape.repeat[2]));
+CALL struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
+    p = vec_sub(p, vec_from(shape->position));
+    p = rotate_point(p, vec_from(shape->rotation_degrees));
+    return new_vector(wrap(p.x, shape->repeat[0]), wrap(p.y, shape->repeat[1]),
+                      wrap(p.z, shape->repeat[2]));
 }
 
-CALL double sdf_sphere(struct vec3 p, struct shape shape) {
-    return vec_norm(p) - shape.sphere.radius;
+CALL double sdf_sphere(struct vec3 p, const struct shape *shape) {
+    return vec_norm(p) - shape->sphere.radius;
 }
 
-CALL double sdf_plane(struct vec3 p, struct shape shape) {
-    return vec_dot(p, vec_from(shape.plane.normal)) - shape.plane.offset;
+CALL double sdf_plane(struct vec3 p, const struct shape *shape) {
+    return vec_dot(p, vec_from(shape->plane.normal)) - shape->plane.offset;
 }
 
-CALL double sdf_box(struct vec3 p, struct shape shape) {
-    struct vec3 q = vec_sub(vec_abs(p), vec_from(shape.box.half_size));
+CALL double sdf_box(struct vec3 p, const struct shape *shape) {
+    struct vec3 q = vec_sub(vec_abs(p), vec_from(shape->box.half_size));
     struct vec3 outside = new_vector(fmax(q.x, 0.0), fmax(q.y, 0.0), fmax(q.z, 0.0));
     return vec_norm(outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
 }
 
-CALL double sdf_torus(struct vec3 p, struct shape shape) {
-    double ring = vec_norm(new_vector(p.x, 0.0, p.z)) - shape.torus.major_radius;
-    return vec_norm(new_vector(ring, p.y, 0.0)) - shape.torus.minor_radius;
+CALL double sdf_torus(struct vec3 p, const struct shape *shape) {
+    double ring = vec_norm(new_vector(p.x, 0.0, p.z)) - shape->torus.major_radius;
+    return vec_norm(new_vector(ring, p.y, 0.0)) - shape->torus.minor_radius;
 }
 
-CALL double sdf_cone(struct vec3 p, struct shape shape) {
-    double r1 = shape.cone.bottom_radius, r2 = shape.cone.top_radius, h = shape.cone.half_height;
+CALL double sdf_cone(struct vec3 p, const struct shape *shape) {
+    double r1 = shape->cone.bottom_radius, r2 = shape->cone.top_radius, h = shape->cone.half_height;
     struct vec3 q = new_vector(vec_norm(new_vector(p.x, 0.0, p.z)), p.y, 0.0);
     struct vec3 k1 = new_vector(r2, h, 0.0);
     struct vec3 k2 = new_vector(r2 - r1, 2.0 * h, 0.0);
@@ -68,8 +69,8 @@ CALL double sdf_cone(struct vec3 p, struct shape shape) {
     return sign * sqrt(fmin(vec_dot(ca, ca), vec_dot(cb, cb)));
 }
 
-CALL double sdf_octahedron(struct vec3 p, struct shape shape) {
-    double s = shape.octahedron.radius;
+CALL double sdf_octahedron(struct vec3 p, const struct shape *shape) {
+    double s = shape->octahedron.radius;
     struct vec3 q;
     p = vec_abs(p);
     double m = p.x + p.y + p.z - s;
@@ -85,11 +86,11 @@ CALL double sdf_octahedron(struct vec3 p, struct shape shape) {
     return vec_norm(new_vector(q.x, q.y - s + k, q.z - k));
 }
 
-CALL double sdf_mandelbulb(struct vec3 p, struct shape shape) {
+CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
     struct vec3 w = p;
     double m = vec_dot(w, w);
     double dz = 1.5;
-    for (int i = 0; i < shape.mandelbulb.iterations; i++) {
+    for (int i = 0; i < shape->mandelbulb.iterations; i++) {
         dz = 8.0 * sqrt(m * m * m * m * m * m * m) * dz + 1.0;
         double x = w.x, x2 = x * x, x4 = x2 * x2;
         double y = w.y, y2 = y * y, y4 = y2 * y2;
@@ -107,15 +108,15 @@ CALL double sdf_mandelbulb(struct vec3 p, struct shape shape) {
                                28.0 * x2 * z2 * z4 + z4 * z4) *
                               k1 * k2));
         m = vec_dot(w, w);
-        if (m > shape.mandelbulb.bailout)
+        if (m > shape->mandelbulb.bailout)
             break;
     }
     return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
 }
 
-CALL double distance_to_shape(struct vec3 p, struct shape shape) {
+CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
     p = apply_transform(p, shape);
-    switch (shape.type) {
+    switch (shape->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, shape);
     case SHAPE_BOX: return sdf_box(p, shape);
     case SHAPE_TORUS: return sdf_torus(p, shape);
@@ -130,7 +131,7 @@ CALL double distance_to_shape(struct vec3 p, struct shape shape) {
 CALL double sdf(struct vec3 p, struct model model, int *nearest) {
     double least = INFINITY;
     for (int i = 0; i < model.shape_count; i++) {
-        double distance = distance_to_shape(p, model.shapes[i]);
+        double distance = distance_to_shape(p, &model.shapes[i]);
         if (distance < least) {
             least = distance;
             *nearest = i;

@@ -5,8 +5,8 @@
 
 #include <math.h>
 
-// A call must stay a call: that is what makes this the baseline. gcc would otherwise still clone a
-// noinline function for its arguments (noipa forbids it); clang has no such attribute and no need.
+// A call must stay a call: that is what makes this the baseline. gcc would still clone a noinline
+// function for its arguments, which noipa forbids; clang has no such attribute and may specialise.
 #ifdef __clang__
 #define CALL __attribute__((noinline, unused)) static
 #else

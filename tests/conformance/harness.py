@@ -67,11 +67,13 @@ class Run:
         return json.loads(self.stdout)
 
 
-def call(phase: str, *arguments: str | Path | int, env: dict[str, str] | None = None) -> Run:
+def call(
+    phase: str, *arguments: str | Path | int, env: dict[str, str] | None = None, timeout: float = 300
+) -> Run:
     """The driver with these arguments, whatever comes of it."""
     command = [str(binary(phase).relative_to(ROOT)), *map(str, arguments)]
     done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=300, env=os.environ | (env or {})
+        command, cwd=ROOT, capture_output=True, text=True, timeout=timeout, env=os.environ | (env or {})
     )
     return Run(command, done.returncode, done.stdout, done.stderr)
 

@@ -122,7 +122,7 @@ def test_unwritable_output(name: str, reason: str, tmp_path: Path) -> None:
     """Refused before the picture is rendered, not after."""
     (tmp_path / "file").write_text("kept")
     (tmp_path / "folder").mkdir()
-    run = call(REFERENCE, SCENE0, "-n", 2000, "-o", tmp_path / name)  # rendering would take minutes
+    run = call(REFERENCE, SCENE0, "-n", 2000, "-o", tmp_path / name, timeout=20)  # rendering takes minutes
     check_refusal(run, 2)
     assert f": cannot be written: {reason}" in run.stderr, f"{run}"
     assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
