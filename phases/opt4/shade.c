@@ -24,11 +24,12 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
         _mm256_loadu_ps(values[4])};
 }
 
-// Normals. The scene asks for forward differences over normal_step; in float they are noise in the
-// third digit (an ulp of the point over 1e-4). So the gradient of the shape that was hit, in closed
-// form, stands wherever the two agree to that noise, and the difference where they do not: within a
-// step of an edge, where it is rounded and the closed form is not. The Mandelbulb has only the
-// difference. Gradients are in the shape's own frame and need not be of unit length.
+// Normals. The scene asks for forward differences of its distance over normal_step; in float they
+// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
+// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
+// step of an edge, the shape's difference stands; and where another shape is within reach of the
+// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
+// Gradients are in the world's axes in the end, and need not be of unit length.
 static struct vec box_gradient(struct vec p, const struct placed *s) {
     real zero = set(0.0f);
     real x = absolute(p.x) - set(s->size[0]);
@@ -78,40 +79,88 @@ static struct vec octahedron_gradient(struct vec p) {
     return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
 }
 
-// In the world's axes, each of which is a column of the shape's matrix.
-static struct vec difference(struct vec p, const struct placed *s, mask done, float step) {
+// The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
+// of the shape's matrix); axis −1: not moved.
+static struct vec moved_in(const struct placed *placed, const struct approach *approach, real t,
+                           real dt, float step, int axis) {
+    struct vec p =
+        vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
+    if (placed->repeated) // before the step too: it would drown in a far point's rounding
+        p = vec_wrapped(placed, p);
+    if (axis >= 0)
+        p = (struct vec){p.x + set(step * placed->turn[0][axis]),
+                         p.y + set(step * placed->turn[1][axis]),
+                         p.z + set(step * placed->turn[2][axis])};
+    return placed->repeated ? vec_wrapped(placed, p) : p;
+}
+
+static real moved_distance(const struct placed *placed, const struct approach *approach, real t,
+                           real dt, mask done, float step, int axis) {
+    if (is_linear(placed)) {
+        struct vec n = turned_back(placed, vec_set(placed->size));
+        real along = axis == 0 ? n.x : axis == 1 ? n.y : n.z;
+        real here = mul_add(dt, approach->direction.x,
+                            mul_add(t, approach->direction.x, approach->origin.x));
+        return axis < 0 ? here : mul_add(along, set(step), here);
+    }
+    return distance_at(moved_in(placed, approach, t, dt, step, axis), placed, done);
+}
+
+static struct vec difference(const struct placed *placed, const struct approach *approach, real t,
+                             real dt, mask done, float step) {
     real f[4];
-    for (int i = 0; i < 4; i++) {
-        struct vec q = p;
-        if (i > 0)
-            q = (struct vec){p.x + set(step * s->turn[0][i - 1]),
-                             p.y + set(step * s->turn[1][i - 1]),
-                             p.z + set(step * s->turn[2][i - 1])};
-        f[i] = distance_at(q, s, done);
+    for (int axis = -1; axis < 3; axis++)
+        f[axis + 1] = moved_distance(placed, approach, t, dt, done, step, axis);
+    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
+}
+
+// Of the whole scene, as in the other phases.
+static struct vec scene_difference(real t, real dt, mask done, float step,
+                                   const struct world *world) {
+    real f[4];
+    for (int axis = -1; axis < 3; axis++) {
+        f[axis + 1] = set(INFINITY);
+        for (int i = 0; i < world->scene->model.shape_count; i++)
+            f[axis + 1] = least_of(moved_distance(&world->scene->placed[i], &world->approach[i], t,
+                                                  dt, done, step, axis),
+                                   f[axis + 1]);
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
+// Hits from where a step may come nearer to another shape than to the one hit.
+static mask in_contact(real t, real dt, mask found, real shape, float step,
+                       const struct world *world) {
+    real own = set(INFINITY), other = own;
+    for (int i = 0; i < world->scene->model.shape_count; i++) {
+        const struct placed *placed = &world->scene->placed[i];
+        real distance = moved_distance(placed, &world->approach[i], t, dt, not_in(found), step, -1);
+        mask is_own = not_less(set(0.5f), absolute(shape - set(placed->index)));
+        own = choose(is_own, distance, own);
+        other = choose(is_own, other, least_of(distance, other));
+    }
+    return both(found, less(other, own + set(2.0f * step)));
+}
+
 static struct vec gradient_of(const struct placed *placed, const struct approach *approach, real t,
                               real dt, mask found, float step) {
-    struct vec p =
-        vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
-    if (placed->repeated)
-        p = vec_wrapped(placed, p);
+    struct vec p = moved_in(placed, approach, t, dt, 0, -1), exact;
     mask done = not_in(found);
-    struct vec exact;
     switch (placed->type) {
     case SHAPE_SPHERE: exact = p; break;
     case SHAPE_BOX: exact = box_gradient(p, placed); break;
     case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
     case SHAPE_CONE: exact = cone_gradient(p, placed); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: return turned_back(placed, vec_set(placed->size));
-    default: return difference(p, placed, done, step);
+    case SHAPE_PLANE: exact = vec_set(placed->size); break;
+    default: return difference(placed, approach, t, dt, done, step);
     }
     exact = turned_back(placed, exact);
+    if (is_linear(placed))
+        return exact;
     exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
-    struct vec rounded = vec_scale(difference(p, placed, done, step), set(1.0f / step));
+    struct vec rounded =
+        vec_scale(difference(placed, approach, t, dt, done, step), set(1.0f / step));
     struct vec apart = vec_along(rounded, exact, set(-1.0f));
     real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
     real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
@@ -125,9 +174,13 @@ struct vec normal_at(real t, real dt, struct vec direction, mask found, real sha
     float id[LANES], step = (float)world->scene->model.march.normal_step;
     _mm256_storeu_ps(id, shape);
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    for (int rest = bits(found); rest;) {
+    mask contact = in_contact(t, dt, found, shape, step, world);
+    if (bits(contact))
+        gradient = scene_difference(t, dt, not_in(contact), step, world);
+    for (int rest = bits(but_not(contact, found)); rest;) {
         int i = (int)id[__builtin_ctz((unsigned)rest)];
-        mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
+        mask same =
+            but_not(contact, both(found, not_less(set(0.5f), absolute(shape - set((float)i)))));
         struct vec g =
             gradient_of(&world->scene->placed[i], &world->approach[i], t, dt, same, step);
         gradient = vec_choose(same, g, gradient);
