@@ -20,12 +20,6 @@
 enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
 enum { LARGEST_SIDE = 32768, LARGEST_PIXELS = 1 << 28, SCHEMA = 1 };
 
-#ifdef __clang__
-#define COMPILER "clang " __clang_version__
-#else
-#define COMPILER "gcc " __VERSION__
-#endif
-
 struct options {
     const char *scene, *out;
     int height, width, threads, reps, warmup;
@@ -131,9 +125,9 @@ static int parse(int argc, char **argv, struct options *o) {
             break;
         case HIT:
             o->overrides.hit_distance = strtod(optarg, &end);
-            good = end != optarg && !*end && o->overrides.hit_distance > 0 &&
+            good = end != optarg && !*end && o->overrides.hit_distance >= 1e-9 &&
                    o->overrides.hit_distance <= 1e9;
-            wanted = "--hit-distance: a length > 0 and <= 1e9";
+            wanted = "--hit-distance: a length of 1e-9 to 1e9";
             break;
         case STEPS:
             good = whole_number(optarg, 1, 1000000000, &o->overrides.max_steps);
@@ -262,7 +256,18 @@ struct session {
     json_t *frames;
 };
 
+// JSON is UTF-8, file names are bytes: what is not ASCII is replaced where only a record is
+// written.
+static const char *in_ascii(const char *text, char ascii[4096]) {
+    size_t i = 0;
+    for (; text && text[i] && i < 4095; i++)
+        ascii[i] = (unsigned char)text[i] < 0x80 ? text[i] : '?';
+    ascii[i] = '\0';
+    return text ? ascii : NULL;
+}
+
 static json_t *header(const struct session *s) {
+    char image[4096];
     const struct limits *march = &s->scene.model.march;
     const struct scene_overrides *over = &s->options.overrides;
     return json_pack(
@@ -271,11 +276,12 @@ static json_t *header(const struct session *s) {
         "schema", SCHEMA, "phase", PHASE_NAME, "flags_from", PHASE_FLAGS_FROM, "scene",
         s->scene.name, "scene_hash", s->scene.hash, "width", s->options.width, "height",
         s->options.height, "threads", s->options.threads, "isa", PHASE_ISA, "precision",
-        PHASE_PRECISION, "lanes", PHASE_LANES, "flags", PHASE_FLAGS, "compiler", COMPILER, "libc",
-        gnu_get_libc_version(), "hit_distance", march->hit_distance, "max_steps", march->max_steps,
-        "overridden", over->hit_distance > 0 || over->max_steps > 0, "prepare_ns",
+        PHASE_PRECISION, "lanes", PHASE_LANES, "flags", PHASE_FLAGS, "compiler", PHASE_COMPILER,
+        "libc", gnu_get_libc_version(), "hit_distance", march->hit_distance, "max_steps",
+        march->max_steps, "overridden", over->hit_distance > 0 || over->max_steps > 0, "prepare_ns",
         (json_int_t)s->prepare_ns, "timer_overhead_cycles", (json_int_t)s->overhead, "tsc_hz",
-        s->tsc_hz, "core_hz_load", s->core_hz_load, "cpu", pinned_cpu(), "image", s->options.out);
+        s->tsc_hz, "core_hz_load", s->core_hz_load, "cpu", pinned_cpu(), "image",
+        in_ascii(s->options.out, image));
 }
 
 static bool print_json(json_t *object) {

@@ -180,7 +180,7 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
 
 // c^0.4545 in 8 bits has 256 values, so a float is shown by finding its place among 255 thresholds.
 // The bits of a positive float grow with its value: their top 17 give the place to within one
-// (at most 81 levels per octave against 256 table entries), one comparison settles it.
+// (at most 69 levels per octave against 256 table entries), one comparison settles it.
 enum { LUT_SHIFT = 15, LUT_SIZE = (0x3f800000 >> LUT_SHIFT) + 1 };
 
 struct presenter {

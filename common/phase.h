@@ -25,7 +25,8 @@ struct prepared *phase_prepare(const struct model *model);
 // Writes every plane of the frame that is not NULL. Returns false when memory is short.
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
 
-// Moved shapes: same counts and types as at phase_prepare. Timed with the frame.
+// Moved shapes: same counts and types as at phase_prepare. Timed with the frame, where the driver
+// has moving shapes: it has none yet.
 bool phase_update(struct prepared *prepared, const struct model *model);
 
 void phase_release(struct prepared *prepared);

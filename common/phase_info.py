@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER. Standard library only: it runs before anything is
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before anything is
 installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule the same).
 """
 
@@ -48,7 +48,7 @@ def replace(path: Path, text: str) -> None:
 
 
 def main() -> None:
-    name, flags_from, folder = sys.argv[1], sys.argv[2], Path(sys.argv[3])
+    name, flags_from, folder, compiler, sanitizers = *sys.argv[1:3], Path(sys.argv[3]), *sys.argv[4:6]
     phase, flags = load(name), load(flags_from)
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,8 @@ def main() -> None:
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
-        f"#define PHASE_FLAGS {json.dumps(flags['cflags'])}",
+        f"#define PHASE_FLAGS {json.dumps(' '.join(filter(None, [flags['cflags'], sanitizers])))}",
+        f"#define PHASE_COMPILER {json.dumps(compiler)}",
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
         f"#define PHASE_NEEDS(need) {' '.join(f'need({json.dumps(i)})' for i in isa)}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",

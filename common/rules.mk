@@ -11,13 +11,14 @@ BUILD ?= build
 PYTHON3 ?= python3
 
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
-SANITIZERS := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 , := ,
 SANITIZERS := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
+# In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
+TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o frame.o timer.o)
 
 PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
@@ -29,13 +30,16 @@ flags_of = $(lastword $(subst @, ,$(1)))
 .SECONDEXPANSION:
 .DELETE_ON_ERROR:
 
-$(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk
+$(BUILD)/common/toolchain: FORCE
 	@mkdir -p $(@D)
+	@echo '$(TOOLCHAIN) $(SANITIZERS)' | cmp -s - $@ || echo '$(TOOLCHAIN) $(SANITIZERS)' >$@
+
+$(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/common/toolchain
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -c $< -o $@
 
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
-	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D)
+	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZERS)'
 .PHONY: FORCE
 FORCE:
 

@@ -15,7 +15,7 @@ static const double LARGEST = 1e9, SMALLEST = 1e-9;
 
 // Each bounce adds at most a tenth of the one before, so 16 are below double's precision; phases
 // recurse, and two facing mirrors would end on the stack's limit.
-enum { MOST = 1000000000, MOST_BOUNCES = 256 };
+enum { MOST = 1000000000, MOST_BOUNCES = 256, MOST_ITERATIONS = 1000 };
 
 struct reader {
     const char *file;
@@ -116,7 +116,7 @@ static json_t *member(struct reader *r, json_t *object, const char *key, json_ty
     return value;
 }
 
-enum range { ANY, POSITIVE, NOT_NEGATIVE, UNIT, DEGREES, FIELD_OF_VIEW };
+enum range { ANY, POSITIVE, NOT_NEGATIVE, CELL, UNIT, FIELD_OF_VIEW };
 
 static double checked(struct reader *r, const char *key, json_t *value, enum range range) {
     if (!json_is_number(value)) {
@@ -130,8 +130,10 @@ static double checked(struct reader *r, const char *key, json_t *value, enum ran
         fail(r, key, "%g is not > 0", x);
     else if (range == POSITIVE && x < SMALLEST)
         fail(r, key, "%g is under %g, the smallest length there is", x, SMALLEST);
-    else if (range == NOT_NEGATIVE && !(x >= 0))
+    else if ((range == NOT_NEGATIVE || range == CELL) && !(x >= 0))
         fail(r, key, "%g is not >= 0", x);
+    else if (range == CELL && !(x == 0 || x >= SMALLEST))
+        fail(r, key, "%g is neither 0 nor a cell of at least %g", x, SMALLEST);
     else if (range == UNIT && !(x >= 0 && x <= 1))
         fail(r, key, "%g is not in 0 to 1", x);
     else if (range == FIELD_OF_VIEW && !(x >= 1 && x <= 170))
@@ -386,7 +388,7 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         if (!r->failed && shape->mandelbulb.power != 8)
             fail(r, "power", "%g is not 8, the only power there is a map for",
                  shape->mandelbulb.power);
-        shape->mandelbulb.iterations = whole(r, object, "iterations", 1, MOST);
+        shape->mandelbulb.iterations = whole(r, object, "iterations", 1, MOST_ITERATIONS);
         shape->mandelbulb.bailout = number(r, object, "bailout", POSITIVE);
         // |w|² may grow to bailout^8 in the last iteration, and must stay a float.
         if (!r->failed && !(shape->mandelbulb.bailout >= 4 && shape->mandelbulb.bailout <= 1e4))
@@ -418,7 +420,7 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
     if (json_object_get(object, "rotation_degrees"))
         vector(r, object, "rotation_degrees", ANY, shape->rotation_degrees);
     if (json_object_get(object, "repeat"))
-        vector(r, object, "repeat", NOT_NEGATIVE, shape->repeat);
+        vector(r, object, "repeat", CELL, shape->repeat);
     json_t *material = member(r, object, "material", JSON_STRING, "the name of a material");
     if (material && !r->failed) {
         shape->material = material_index(materials, json_string_value(material));
@@ -471,20 +473,55 @@ static void find_features(struct model *model) {
     }
 }
 
-static bool hash_scene(const json_t *root, const struct limits *march, char hash[17]) {
-    // Canonical: sorted keys, no white space, shortest exact numbers; then the limits as used.
-    char *text = json_dumps(root, JSON_COMPACT | JSON_SORT_KEYS);
-    if (!text)
-        return false;
+// FNV-1a, Fowler, Noll and Vo.
+static uint64_t hash_text(uint64_t h, const char *text) {
+    for (; *text; text++)
+        h = (h ^ (unsigned char)*text) * 0x100000001b3u;
+    return (h ^ 0xff) * 0x100000001b3u; // no byte of UTF-8: the end
+}
+
+static int by_name(const void *a, const void *b) {
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+// Of the value, not of its spelling: keys in order, every number as a hexadecimal double.
+static bool hash_json(uint64_t *h, json_t *value) {
+    char number[40];
+    bool ok = true;
+    if (json_is_object(value)) {
+        size_t count = json_object_size(value), i = 0;
+        const char **names = malloc((count + 1) * sizeof *names), *name;
+        json_t *member;
+        if (!names)
+            return false;
+        json_object_foreach(value, name, member) names[i++] = name;
+        qsort(names, count, sizeof *names, by_name);
+        *h = hash_text(*h, "{");
+        for (i = 0; i < count && ok; i++) {
+            *h = hash_text(*h, names[i]);
+            ok = hash_json(h, json_object_get(value, names[i]));
+        }
+        free(names);
+    } else if (json_is_array(value)) {
+        *h = hash_text(*h, "[");
+        for (size_t i = 0; i < json_array_size(value) && ok; i++)
+            ok = hash_json(h, json_array_get(value, i));
+    } else if (json_is_number(value)) {
+        snprintf(number, sizeof number, "%a", json_number_value(value) + 0.0); // −0 is 0
+        *h = hash_text(*h, number);
+    } else // a checked scene has nothing else but strings
+        *h = hash_text(*h, json_string_value(value));
+    *h = hash_text(*h, "}");
+    return ok;
+}
+
+static bool hash_scene(json_t *root, const struct limits *march, char hash[17]) {
     char used[64];
-    snprintf(used, sizeof used, "|%a|%d", march->hit_distance, march->max_steps);
-    uint64_t h = 0xcbf29ce484222325u; // FNV-1a, Fowler, Noll and Vo
-    for (const char *c = text; *c; c++)
-        h = (h ^ (unsigned char)*c) * 0x100000001b3u;
-    for (const char *c = used; *c; c++)
-        h = (h ^ (unsigned char)*c) * 0x100000001b3u;
-    free(text);
-    snprintf(hash, 17, "%016llx", (unsigned long long)h);
+    uint64_t h = 0xcbf29ce484222325u;
+    if (!hash_json(&h, root))
+        return false;
+    snprintf(used, sizeof used, "%a %d", march->hit_distance, march->max_steps);
+    snprintf(hash, 17, "%016llx", (unsigned long long)hash_text(h, used));
     return true;
 }
 
@@ -494,6 +531,9 @@ static void name_scene(const char *path, char name[64]) {
     char *dot = strrchr(name, '.');
     if (dot && dot != name)
         *dot = '\0';
+    for (char *c = name; *c; c++) // it goes into JSON, which is UTF-8, and was cut somewhere
+        if ((unsigned char)*c >= 0x80 || (unsigned char)*c < ' ')
+            *c = '?';
 }
 
 bool scene_load(const char *path, const struct scene_overrides *overrides, struct scene *scene,

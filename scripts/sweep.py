@@ -121,7 +121,7 @@ class Sweep:
         self.run, self.plan = target, plan
         self.configs = [Config(**entry) for entry in plan["configurations"]]
         self.frames: dict[tuple[str, int], set[int]] = {}  # (config, launch) -> numbers of its frames
-        self.seconds: dict[str, list[float]] = {}  # config -> durations of this session's launches
+        self.seconds: dict[str, list[float]] = {}  # config -> durations of this process's launches
         self.crashes: dict[str, int] = {}
         self.deadline = time.monotonic() + (float("inf") if budget is None else budget)
 
@@ -150,7 +150,7 @@ class Sweep:
         return few and self.crashes.get(config.config, 0) < MOST_CRASHES
 
     def expected(self, config: Config) -> float:
-        """Seconds of a launch: the middle one of this session's, or the plan's estimate."""
+        """Seconds of a launch: the middle one of this process's, or the plan's estimate."""
         seconds = sorted(self.seconds.get(config.config, [config.estimate_s]))
         return seconds[len(seconds) // 2]
 

@@ -6,7 +6,7 @@ enum { ALL = (1 << LANES) - 1 };
 
 void ray_march(struct vec origin, struct vec direction, mask active, const struct prepared *scene,
                struct hit *hit) {
-    mask every = _mm256_castsi256_pd(_mm256_set1_epi64x(-1)), done = but_not(active, every);
+    mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     mask found = set(0.0);
     real t = set(0.0), shape = set(-1.0), evals = set(0.0);
@@ -35,7 +35,7 @@ void ray_march(struct vec origin, struct vec direction, mask active, const struc
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static real soft_shadow(struct vec point, struct vec to_light, mask active,
                         const struct prepared *scene) {
-    mask every = _mm256_castsi256_pd(_mm256_set1_epi64x(-1)), done = but_not(active, every);
+    mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     real strength = set(scene->model.shadow_strength), zero = set(0.0), nearest = zero;
     real least = set(1.0), previous = set(1e20), t = set(scene->model.march.surface_offset);
@@ -63,12 +63,12 @@ static real soft_shadow(struct vec point, struct vec to_light, mask active,
 
 static real hard_shadow(struct vec point, struct vec to_light, real distance, mask active,
                         const struct prepared *scene) {
-    mask every = _mm256_castsi256_pd(_mm256_set1_epi64x(-1)), done = but_not(active, every);
+    mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     real lit = set(1.0), nearest = lit, t = set(scene->model.march.surface_offset);
     struct vec p = vec_along(point, to_light, t);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        done = either(done, but_not(less(t, distance), every));
+        done = either(done, not_in(less(t, distance)));
         if (bits(done) == ALL)
             break;
         real h = sdf(p, scene, done, &nearest);

@@ -28,7 +28,7 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
 static struct vec normal_at(struct vec p, struct vec direction, mask found,
                             const struct prepared *scene) {
     real step = set(scene->model.march.normal_step), nearest = set(0.0);
-    mask done = but_not(found, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)));
+    mask done = not_in(found);
     real values[4]; // at p, and moved along x, y, z
     for (int i = 0; i < 4; i++) {
         struct vec moved = {p.x + (i == 1 ? step : set(0.0)), p.y + (i == 2 ? step : set(0.0)),

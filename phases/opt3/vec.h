@@ -44,6 +44,10 @@ static inline mask but_not(mask a, mask b) {
     return _mm256_andnot_pd(a, b);
 }
 
+static inline mask not_in(mask a) {
+    return _mm256_xor_pd(a, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)));
+}
+
 static inline int bits(mask a) {
     return _mm256_movemask_pd(a);
 }

@@ -157,7 +157,7 @@ static inline real place_along(real hi, real *lo, real direction, real t, real d
 }
 
 // The place at distance t + dt along the ray, dt small beside t: exact to 2^-43 of the larger of
-// origin and way.
+// origin and way as long as dt is under 2^-19 of t.
 static inline struct place place_at(struct place origin, struct vec direction, real t, real dt) {
     struct place p = origin;
     p.hi.x = place_along(p.hi.x, &p.lo.x, direction.x, t, dt);
