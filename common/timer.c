@@ -63,17 +63,16 @@ static uint64_t chain(void) {
 // unit awake, and none waits for another within its latency (4 or 5 cycles), so the adds stay the
 // critical path.
 #define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"
-#define LOADED_CHAIN(NAME, TARGET, TYPE, REGISTER)                                                 \
+#define LOADED_CHAIN(NAME, TARGET, TYPE, IN_OUT)                                                   \
     __attribute__((target(TARGET))) static uint64_t NAME(int links) {                              \
         uint64_t x = 1, one = 1;                                                                   \
-        TYPE a[8] = {{0}};                                                                         \
+        TYPE a = {0}, b = a, c = a, d = a, e = a, f = a, g = a, h = a;                             \
         uint64_t begin = timer_tsc_begin();                                                        \
         for (int i = 0; i < links / 8; i++)                                                        \
             __asm__ volatile(ADD_FMA(0) ADD_FMA(1) ADD_FMA(2) ADD_FMA(3) ADD_FMA(4) ADD_FMA(5)     \
                                  ADD_FMA(6) ADD_FMA(7)                                             \
-                             : REGISTER(a[0]), REGISTER(a[1]), REGISTER(a[2]), REGISTER(a[3]),     \
-                               REGISTER(a[4]), REGISTER(a[5]), REGISTER(a[6]), REGISTER(a[7]),     \
-                               "+r"(x)                                                             \
+                             : IN_OUT(a), IN_OUT(b), IN_OUT(c), IN_OUT(d), IN_OUT(e), IN_OUT(f),   \
+                               IN_OUT(g), IN_OUT(h), "+r"(x)                                       \
                              : "r"(one)                                                            \
                              : "cc");                                                              \
         return timer_tsc_end() - begin;                                                            \
