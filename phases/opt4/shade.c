@@ -142,29 +142,35 @@ static mask in_contact(real t, real dt, mask found, real shape, float step,
     return both(found, less(other, own + set(2.0f * step)));
 }
 
-static struct vec gradient_of(const struct placed *placed, const struct approach *approach, real t,
-                              real dt, mask found, float step) {
-    struct vec p = moved_in(placed, approach, t, dt, 0, -1), exact;
-    mask done = not_in(found);
+// `contact`: hits near another shape, whose difference is the scene's.
+static struct vec gradient_of(int shape, real t, real dt, mask found, mask contact, float step,
+                              const struct world *world) {
+    const struct placed *placed = &world->scene->placed[shape];
+    const struct approach *approach = &world->approach[shape];
+    mask near = both(found, contact);
+    struct vec p = moved_in(placed, approach, t, dt, 0, -1), exact = p, rounded = p;
+    if (!is_linear(placed) && bits(but_not(contact, found)))
+        rounded = difference(placed, approach, t, dt, not_in(found), step);
+    if (bits(near))
+        rounded = vec_choose(near, scene_difference(t, dt, not_in(near), step, world), rounded);
     switch (placed->type) {
-    case SHAPE_SPHERE: exact = p; break;
+    case SHAPE_SPHERE: break;
     case SHAPE_BOX: exact = box_gradient(p, placed); break;
     case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
     case SHAPE_CONE: exact = cone_gradient(p, placed); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
     case SHAPE_PLANE: exact = vec_set(placed->size); break;
-    default: return difference(placed, approach, t, dt, done, step);
+    default: return rounded;
     }
     exact = turned_back(placed, exact);
-    if (is_linear(placed))
-        return exact;
     exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
-    struct vec rounded =
-        vec_scale(difference(placed, approach, t, dt, done, step), set(1.0f / step));
+    rounded = vec_scale(rounded, set(1.0f / step));
     struct vec apart = vec_along(rounded, exact, set(-1.0f));
     real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
     real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
     mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
+    if (is_linear(placed)) // its own difference is the closed form
+        edge = both(edge, near);
     return vec_choose(edge, rounded, exact);
 }
 
@@ -175,15 +181,10 @@ struct vec normal_at(real t, real dt, struct vec direction, mask found, real sha
     _mm256_storeu_ps(id, shape);
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
     mask contact = in_contact(t, dt, found, shape, step, world);
-    if (bits(contact))
-        gradient = scene_difference(t, dt, not_in(contact), step, world);
-    for (int rest = bits(but_not(contact, found)); rest;) {
+    for (int rest = bits(found); rest;) {
         int i = (int)id[__builtin_ctz((unsigned)rest)];
-        mask same =
-            but_not(contact, both(found, not_less(set(0.5f), absolute(shape - set((float)i)))));
-        struct vec g =
-            gradient_of(&world->scene->placed[i], &world->approach[i], t, dt, same, step);
-        gradient = vec_choose(same, g, gradient);
+        mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
+        gradient = vec_choose(same, gradient_of(i, t, dt, same, contact, step, world), gradient);
         rest &= ~bits(same);
     }
     real length = vec_norm(gradient);

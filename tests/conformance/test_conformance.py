@@ -357,7 +357,7 @@ def shapes(draw: st.DrawFn) -> dict:
     if draw(st.booleans()):
         placed["rotation_degrees"] = draw(vector.map(lambda v: [90 * x for x in v]))
     if draw(st.booleans()):
-        placed["repeat"] = draw(vector.map(lambda v: [max(0, 2 * x) for x in v]))
+        placed["repeat"] = draw(vector.map(lambda v: [2 * x if x > 1e-3 else 0 for x in v]))
     return {"type": kind, **sizes, **placed}
 
 
