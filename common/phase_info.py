@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before anything is
-installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule the same).
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before
+anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule
+the same).
 """
 
 import json

@@ -278,13 +278,15 @@ def test_record(phase: str) -> None:
     expected |= {"threads": 1, "precision": declared.precision, "lanes": declared.lanes, "image": None}
     expected |= {
         "isa": "+".join(sorted(declared.isa)) or "x86-64",
-        "flags": declared.cflags,
         "overridden": False,
     }
     for key, value in expected.items():
         assert record[key] == value and lines[0][key] == value, (
             f"{run}: {key} is {record[key]!r}, not {value!r}"
         )
+    # a sanitised build says so in its flags, after the phase's own
+    assert record["flags"].startswith(declared.cflags), f"{run}: flags are {record['flags']!r}"
+    assert REDUCED or record["flags"] == declared.cflags, f"{run}: flags are {record['flags']!r}"
     assert [frame["warmup"] for frame in frames] == [line["warmup"] for line in lines] == [True, False, False]
     assert [frame["frame"] for frame in frames if not frame["warmup"]] == [0, 1], f"{run}: numbers of frames"
     assert record["timer_overhead_cycles"] > 0 and record["prepare_ns"] >= 0 and record["cpu"] >= -1, f"{run}"
