@@ -1,7 +1,7 @@
 # Stepwise. Two commands do everything: `make study` and `make test`. `make help` explains the rest.
 .DEFAULT_GOAL := help
 include common/rules.mk
-include tests/tests.mk
+-include tests/tests.mk
 
 PY := .venv/bin/python
 PHASE ?= $(PHASES)

@@ -129,7 +129,10 @@ def commit() -> dict[str, Any]:
     digest = hashlib.sha256((_output(*git, "diff", "HEAD", "--binary") or "").encode())
     new = (_output(*git, "ls-files", "--others", "--exclude-standard", "-z") or "").split("\0")
     for name in sorted(filter(None, new)):
-        digest.update(name.encode() + b"\0" + hashlib.sha256((ROOT / name).read_bytes()).digest())
+        file = ROOT / name  # a link to a folder is listed too, and has no bytes
+        digest.update(
+            name.encode() + b"\0" + hashlib.sha256(file.read_bytes() if file.is_file() else b"").digest()
+        )
     dirty = bool(_output(*git, "status", "--porcelain"))
     return {
         "commit": _output(*git, "rev-parse", "HEAD"),
