@@ -78,10 +78,12 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
-        parts += [title, show.markdown(show.table(records, columns.LADDER))]
+        parts += [title, show.markdown(show.table(records, columns.README))]
     note = (
         f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
-        "speed-ups are ratios of medians of one interleaved run; errors are against baseline.\n"
+        "speed-ups are ratios of medians of one interleaved run on one thread; errors are against baseline, "
+        "in linear RGB. "
+        "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
     )
     block = "\n".join([*parts, note])
     return f"{before}{BEGIN}\n{block}{END}{after}"

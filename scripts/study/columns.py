@@ -61,6 +61,19 @@ LADDER = [
     Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
     Column("error below the picture", "depth agrees", _fractal_depth),
 ]
+README = [
+    Column("", "phase", word("phase")),
+    Column("", "precision", word("precision")),
+    Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("", "ns/pixel", plain("ns_per_pixel", 4)),
+    Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "× opt2, same flags", speedup("speedup_same_flags", "same_flags_base")),
+    Column("", "the paper's program", rerun),
+    Column("", "PSNR to baseline, dB", lambda r: psnr(r, "psnr_db")),
+    Column("", "4×4 averaged, dB", lambda r: psnr(r, "antialiased_psnr_db")),
+    Column("", "pixels off > 1/255", lambda r: percent(r.get("fraction_over_1_255"))),
+    Column("", "tolerance", gate, gate_mark),
+]
 BESIDE = [
     Column("", "phase", word("phase")),
     Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
