@@ -17,6 +17,14 @@
 #include "phase_info.h"
 #include "timer.h"
 
+#ifdef STEPWISE_COUNT // counts of the exact picture; its times are those of the counting, not of
+                      // the phase
+#include "count.h"
+#else
+#define count_begin() ((void)0)
+#define count_end() ((void)0)
+#endif
+
 enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
 enum { LARGEST_SIDE = 32768, LARGEST_PIXELS = 1 << 28, SCHEMA = 1 };
 
@@ -304,11 +312,15 @@ static int one_frame(struct session *s, int index, bool first) {
     struct view view = moved(&s->scene.view, index);
     double core_before = timer_core_hz(s->tsc_hz, 8);
     struct conditions before = conditions_now();
+    if (index == 0)
+        count_begin();
     uint64_t ns = timer_ns();
     uint64_t tsc = timer_tsc_begin();
     bool done = phase_render(s->prepared, &view, &s->frame);
     tsc = timer_tsc_end() - tsc;
     ns = timer_ns() - ns;
+    if (index == 0)
+        count_end();
     struct conditions after = conditions_now();
     double core_after = timer_core_hz(s->tsc_hz, 8);
     if (!done)
@@ -379,6 +391,12 @@ static int run(struct session *s) {
         json_t *object = header(s);
         if (!object || json_object_set(object, "frames", s->frames) != 0)
             return complain(NO_MEMORY, "out of memory");
+#ifdef STEPWISE_COUNT
+        json_t *counts = count_result();
+        if (!counts || json_object_update(object, counts) != 0)
+            return complain(NO_MEMORY, "out of memory while counting");
+        json_decref(counts);
+#endif
         if (!print_json(object))
             return complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
     }

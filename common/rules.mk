@@ -2,6 +2,7 @@
 #
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
 #   build/NAME/probe          distances at given points, for tests
+#   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
 CC ?= gcc
 ifeq ($(origin CC),default)
@@ -61,3 +62,26 @@ $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
 
 $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# The counting build: the same sources with the macros of flops.h switched on.
+$(BUILD)/%/count/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@mkdir -p $(@D)
+	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -I$(BUILD)/$* -c $< -o $@
+
+$(BUILD)/%/count/flops.o: common/flops.c $$(wildcard phases/$$(call source_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@mkdir -p $(@D)
+	@test -f phases/$(call source_of,$*)/costs.def || { echo "phases/$(call source_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
+	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote phases/$(call source_of,$*) -I$(BUILD)/$* -c $< -o $@
+
+$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard phases/$$(call source_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
+	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
+	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+	for source in $(filter %.c,$^); do \
+	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -DSTEPWISE_COUNT \
+	        -iquote phases/$(call source_of,$*) -c $$source -o $(@D)/objects/$$(basename $$source .c).o; \
+	    echo "$$@"; "$$@" || exit 1; \
+	done
+	@ld -r -o $@ $(@D)/objects/*.o
+
+$(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
