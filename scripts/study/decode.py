@@ -1,9 +1,9 @@
 """What an x86-64 instruction does, for counting: FLOPs by class, precision and width, bytes, place in the mix.
 
-What counts as a FLOP (the machine convention): ADD SUB MUL DIV SQRT RCP RSQRT MIN MAX, HADD and ADDSUB, one per lane;
-FMA two per lane. Comparisons are told apart and count none; conversions, rounding, logic and shuffles are no FLOPs.
-That is what Intel's SDE and FP_ARITH_INST_RETIRED count (Intel SDM vol. 3B, 20.3), DPP left out: no phase uses it.
-Decoder: iced-x86.
+What counts as a FLOP (the machine convention): ADD SUB MUL DIV SQRT RCP RSQRT MIN MAX, HADD and ADDSUB, one
+per lane; FMA two per lane. Comparisons are told apart and count none; conversions, rounding, logic and
+shuffles are no FLOPs. That is what Intel's SDE and FP_ARITH_INST_RETIRED count (Intel SDM vol. 3B, 20.3),
+DPP left out: no phase uses it. Decoder: iced-x86.
 """
 
 from __future__ import annotations
@@ -75,11 +75,12 @@ _WRITES = (OpAccess.WRITE, OpAccess.COND_WRITE, OpAccess.READ_WRITE, OpAccess.RE
 
 @dataclass(frozen=True)
 class Decoded:
-    """One instruction. `kind`: one of CLASSES, or None; `bits`: width of what it works on (the element's where scalar).
+    """One instruction.
 
-    `mask`: number of the k register that says which lanes count, or None. `load`, `store`: bytes that the core sees,
-    all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a direct
-    call or jump goes, 0 if it is not known or not direct. `ends_block`: control leaves, or may leave, behind it.
+    `kind`: one of CLASSES, or None; `bits`: width of what it works on (the element's where scalar). `mask`:
+    number of the k register that says which lanes count, or None. `load`, `store`: bytes that the core sees,
+    all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a
+    direct call or jump goes, else 0. `ends_block`: control leaves, or may leave, behind it.
     """
 
     address: int
