@@ -1,4 +1,4 @@
-"""What an x86-64 instruction does, for counting: FLOPs by class, precision and width, bytes, place in the mix.
+"""What an x86-64 instruction does, for counting: FLOPs by class, precision and width, bytes, its kind.
 
 What counts as a FLOP (the machine convention): ADD SUB MUL DIV SQRT RCP RSQRT MIN MAX, HADD and ADDSUB, one
 per lane; FMA two per lane. Comparisons are told apart and count none; conversions, rounding, logic and
