@@ -100,7 +100,8 @@ class Measured:
     `functions`: without libm and libc, whose inside is `outside` (None: the back end does not see it).
     `variant`: "shipped" (the very code that is timed) or "calls" (the same source without inlining).
     `calibrated`: whether the back end gave the calibration program's known counts on this machine; None:
-    it was never run on the real thing.
+    it was never run on the real thing. `edges`: caller to callee (of the phase or a library) to the number
+    of direct calls, where the back end sees them.
     """
 
     backend: str
@@ -115,6 +116,7 @@ class Measured:
     functions: dict[str, Counts]
     outside: dict[str, Counts] | None
     calibrated: bool | None
+    edges: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         data = {k: v for k, v in vars(self).items() if k not in ("total", "functions", "outside")}

@@ -55,8 +55,9 @@ def _arguments(
     warmup: int = 0,
     hit_distance: float | None = None,
     max_steps: int | None = None,
+    target: str = "render",
 ) -> list[str]:
-    arguments = [str(build(spec)), str(scene_path), "-n", str(height), "--reps", str(reps)]
+    arguments = [str(build(spec, target)), str(scene_path), "-n", str(height), "--reps", str(reps)]
     for option, value in [
         ("-w", width),
         ("-o", out),
@@ -128,7 +129,7 @@ def render(
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, out, reps, warmup, hit_distance, max_steps. Raises DriverError(status, message).
+    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …). Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     text = "".join(_lines(arguments, cpu_set(cpu, threads), 0))
