@@ -10,7 +10,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
 
-.PHONY: help setup setup-test study demo test verify sweep report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
+.PHONY: help setup setup-test study demo test verify sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -36,6 +36,15 @@ verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=36
 
 sweep: setup ## time PHASE=… (default: all), e.g. make sweep PHASE=opt4 N=360
 	@$(PY) scripts/sweep.py -n $(N) --phase $(PHASE) $(ARGS)
+
+flops: setup ## FLOPs (Table 1), declared costs held against the basic blocks that were executed
+	@$(PY) scripts/run_study.py --part flops $(ARGS)
+
+roofline: setup ## ceilings of this machine, every phase below them (Tables 5 and 6, Fig. 6)
+	@$(PY) scripts/run_study.py --part roofline $(ARGS)
+
+hotspots: setup ## where the time goes (Tables 2, 3 and 4), and what single steps are worth
+	@$(PY) scripts/run_study.py --part hotspots --part ablations $(ARGS)
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/report.py $(ARGS)

@@ -3,13 +3,19 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from study import cli
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+from study import analysis, ladder, store
 from study.build import build
 from study.registry import ROOT, Spec, phases
 
@@ -30,14 +36,21 @@ HEIGHTS = (
     96,
     64,
 )  # of the headline, and half and a quarter of it beside
+QUICK_HEIGHT = 180  # of a run that is made for a single part
+VALIDATION_HEIGHT = 90
 FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4"}  # the paper's sweep
 
 
-def script(name: str, *arguments: str, capture: bool = False) -> subprocess.CompletedProcess[str]:
-    """Run one of the scripts; its progress goes to the terminal, its JSON (if captured) comes back."""
+def script(
+    name: str, *arguments: str, capture: bool = False, may_lack: bool = False
+) -> subprocess.CompletedProcess[str]:
+    """Run one of the scripts; its progress goes to the terminal, its output (if captured) comes back.
+
+    `may_lack`: without a tool that it needs, the study goes on; the script has said which.
+    """
     command = [sys.executable, str(SCRIPTS / f"{name}.py"), *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
-    if done.returncode not in (cli.OK, cli.FAILED):
+    if done.returncode not in (cli.OK, cli.FAILED, *([cli.CANNOT_RUN] if may_lack else [])):
         raise cli.StudyError(f"{name}.py ended with status {done.returncode}; see above", done.returncode)
     return done
 
@@ -46,6 +59,16 @@ def sweep_plan(height: int, scenes: list[str]) -> list[str]:
     """Arguments of a sweep whose headline is `height` pixels high: ten launches of each."""
     sizes = [str(height // 4), str(height // 2), str(height)]
     return ["--scene", *scenes, "-n", *sizes, "--launches", "10", "--long", str(LONG_FRAME)]
+
+
+def newest(options: argparse.Namespace) -> tuple[Path | None, int]:
+    """The newest run below the results and the height of its headline; none without a timed frame."""
+    try:
+        data = analysis.load(store.latest(options.results).path)
+    except cli.StudyError:
+        return None, 0
+    sizes = [ladder.headline_size(data, scene) for scene in options.scene]
+    return (None, 0) if None in sizes else (data.path, max(size[1] for size in sizes if size))
 
 
 def choose_height(scenes: list[str], seconds: float) -> int:
@@ -60,12 +83,90 @@ def choose_height(scenes: list[str], seconds: float) -> int:
     return HEIGHTS[-1]
 
 
+def sweep(options: argparse.Namespace) -> dict[str, Any]:
+    """Times every phase into a new run: what sweep.py says of it, and the headline's height."""
+    if options.full:
+        height = 720
+        arguments = ["--scene", *options.scene, "-n", *FULL["sizes"], "--launches", FULL["launches"]]
+        arguments += ["--long", str(LONG_FRAME)]
+    elif options.part:  # only to stand under the part asked for
+        height = QUICK_HEIGHT
+        arguments = ["--scene", *options.scene, "-n", str(height // 2), str(height), "--launches", "6"]
+        arguments += ["--long", str(LONG_FRAME)]
+    else:
+        height = choose_height(options.scene, options.seconds)
+        arguments = [*sweep_plan(height, options.scene), "--budget", str(options.seconds)]
+    cli.say(f"headline at n = {height}; a kill loses one frame, scripts/sweep.py --run goes on")
+    done = script("sweep", *arguments, "--results", str(options.results), "--json", capture=True)
+    return json.loads(done.stdout) | {"height": height}
+
+
+def verify(run: Path, options: argparse.Namespace, height: int, specs: list[str]) -> bool:
+    antialias = "180" if options.full else "90"
+    done = script(
+        "verify", "--phase", *specs, "-n", str(height), "--antialias-n", antialias, "--run", str(run)
+    )
+    return done.returncode == cli.OK
+
+
+def flops(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Table 1 at the paper's size; what was executed at the headline's; the one against the other, small."""
+    script("flops", "--scene", *options.scene, "-n", "720", "--run", str(run), capture=True)
+    script(
+        "flops", "--scene", *options.scene, "-n", str(height), "--measure", "--run", str(run), capture=True
+    )
+    small = ["-n", str(VALIDATION_HEIGHT), "--validate", "--run", str(run)]
+    return script("flops", *small, capture=True).returncode == cli.OK
+
+
+def roofline(run: Path, options: argparse.Namespace, height: int) -> bool:
+    script("ceilings", "--run", str(run))
+    if not (run / "counts.json").exists():
+        script(
+            "flops",
+            "--scene",
+            *options.scene,
+            "-n",
+            str(height),
+            "--measure",
+            "--run",
+            str(run),
+            capture=True,
+        )
+    return True
+
+
+def hotspots(run: Path, options: argparse.Namespace, height: int) -> bool:
+    done = script("hotspots", "--scene", *options.scene, "--run", str(run), capture=True, may_lack=True)
+    return done.returncode in (cli.OK, cli.CANNOT_RUN)
+
+
+def ablations(run: Path, options: argparse.Namespace, height: int) -> bool:
+    script("ablations", "--run", str(run), capture=True)
+    return True
+
+
+# What a run can be given besides its times, in this order.
+PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = {
+    "flops": ("counting FLOPs, bytes and instructions", flops),
+    "roofline": ("ceilings of this machine", roofline),
+    "hotspots": ("hotspots, and a model of what bounds them", hotspots),
+    "ablations": ("single steps put in and taken out", ablations),
+}
+
+
 def main() -> int:
     parser = cli.parser(
         __doc__ or "", {1: "done, and a phase is outside its tolerance or crashed: the report says which"}
     )
     parser.add_argument(
         "--full", action="store_true", help="the paper's sweep: n = 100 … 2000 by 100, four launches"
+    )
+    parser.add_argument(
+        "--part",
+        action="append",
+        choices=PARTS,
+        help="only this, for the newest run (a quick one is made where there is none), and the report",
     )
     parser.add_argument(
         "--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="scenes to time"
@@ -79,52 +180,42 @@ def main() -> int:
     options = parser.parse_args()
     begin = time.monotonic()
 
-    def step(number: int, text: str) -> None:
-        cli.say(f"[{number}/5] {text}  ({time.monotonic() - begin:.0f} s so far)")
+    def step(text: str) -> None:
+        cli.say(f"[{time.monotonic() - begin:.0f} s] {text}")
 
-    step(1, f"building {len(phases())} phases")
+    step(f"building {len(phases())} phases")
     for name in phases():
         build(Spec(name, name))
-    if options.full:
-        height = 720
-        arguments = [
-            "--scene",
-            *options.scene,
-            "-n",
-            *FULL["sizes"],
-            "--launches",
-            FULL["launches"],
-            "--long",
-            "0.25",
-        ]
-    else:
-        height = choose_height(options.scene, options.seconds)
-        arguments = [*sweep_plan(height, options.scene), "--budget", str(options.seconds)]
-    step(2, f"sweep, headline at n = {height}; a kill loses one frame, scripts/sweep.py --run goes on")
-    swept = json.loads(
-        script("sweep", *arguments, "--results", str(options.results), "--json", capture=True).stdout
-    )
-    run = swept["run"]
-    step(3, f"verifying all phases on all scenes at n = {height}")
-    antialias = "180" if options.full else "90"
-    specs = [row["spec"] for row in swept["rows"] if row["spec"] != "baseline"]
-    specs = [*dict.fromkeys(specs)]
-    verified = script(
-        "verify", "--phase", *specs, "-n", str(height), "--antialias-n", antialias, "--run", run
-    )
-    step(4, "pictures")
-    script("pictures", "--run", run)
-    step(5, "tables, plots, report")
+    wrong: list[str] = []
+    run, height = newest(options) if options.part else (None, 0)
+    if run is None:
+        step("sweep")
+        swept = sweep(options)
+        run, height = Path(swept["run"]), swept["height"]
+        if swept["failures"]:
+            wrong.append("a phase crashed")
+        specs = [*dict.fromkeys(row["spec"] for row in swept["rows"] if row["spec"] != "baseline")]
+        step(f"verifying all phases on all scenes at n = {height}")
+        if not verify(run, options, height, specs):
+            wrong.append("a phase is outside its tolerance")
+        if not options.part:
+            step("pictures")
+            script("pictures", "--run", str(run))
+    for name in options.part or PARTS:
+        text, part = PARTS[name]
+        step(text)
+        if not part(run, options, height):
+            wrong.append(f"{name}: see above")
+    step("tables, plots, report")
     for name in ("tables", "plots", "report"):
-        script(name, run)
-    failed = bool(swept["failures"]) or verified.returncode != cli.OK
+        script(name, str(run))
     page = ROOT / "report" / "out" / "index.html"
     cli.say(f"study: {page} after {time.monotonic() - begin:.0f} s; data in {run}")
-    if failed:
-        cli.say("study: a phase is outside its tolerance or crashed; the page shows which")
+    for sentence in wrong:
+        cli.say(f"study: {sentence}; the page shows which")
     if options.json:
-        cli.emit({"run": run, "report": str(page), "height": height, "failed": failed})
-    return cli.FAILED if failed else cli.OK
+        cli.emit({"run": run, "report": str(page), "height": height, "failed": bool(wrong)})
+    return cli.FAILED if wrong else cli.OK
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 #!/bin/sh
 # setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
+# What adds a table but can be done without (perf, llvm-mca) is tried once, and named in a line when it does not come.
 #
 # System packages come by apt-get (Debian 12 and later, Ubuntu 24.04 and later), as root or by sudo where it asks
 # for no password; Python packages from requirements.lock, checked by hash, into .venv. Exit status: 0 all is there,
@@ -57,6 +58,7 @@ missing_packages() {
         need python3-venv
     fi
     [ "$purpose" = test ] || return 0
+    command -v qemu-x86_64 >/dev/null || need qemu-user
     [ -e /usr/include/cmocka.h ] || need libcmocka-dev
     if ! command -v clang >/dev/null; then
         need clang
@@ -94,6 +96,29 @@ fi
 rm -f build/setup.probe
 [ -n "$python" ] || die "Python 3.11, 3.12 or 3.13 is needed, here is $(python3 --version 2>&1); Debian 12 and 13 and Ubuntu 24.04 have it"
 [ -z "$missing" ] || die "still missing after installation:$missing; log: build/setup.log"
+
+# --- Optional ones. Ubuntu's perf comes with its kernel's tools, and is not there for WSL2's kernel.
+
+optional() { # command, what it adds, packages of which the first that exists is taken
+    command -v "$1" >/dev/null && return
+    command=$1 adds=$2
+    shift 2
+    grep -qsx "$command" build/setup.without && return
+    sudo=
+    [ "$(id -u)" = 0 ] || sudo='sudo -n'
+    for package in "$@"; do
+        if command -v apt-get >/dev/null && $sudo true 2>/dev/null; then
+            { apt-cache show "$package" >/dev/null 2>&1 || $sudo apt-get update -q; } >"$log" 2>&1 </dev/null || continue
+            say "installing $package by apt-get: $adds"
+            $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" \
+                >"$log" 2>&1 </dev/null && command -v "$command" >/dev/null && return
+        fi
+    done
+    say "$command is not here and could not be installed ($*): without it there is no $adds; the rest goes on"
+    printf '%s\n' "$command" >>build/setup.without
+}
+optional perf "table of hotspots" linux-perf linux-tools-generic
+optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
 
 # --- Python packages
 

@@ -160,3 +160,57 @@ PAPER = [
         lambda r: percent(r["rerun_over_display"]),
     ),
 ]
+
+
+def _difference(row: Row) -> str:
+    value = row["relative_difference"]
+    return NOTHING if pd.isna(value) else f"{100 * value:+.3f}\u00a0%"
+
+
+def _within(row: Row) -> str:
+    return "✓ within 1\u00a0%" if row["within"] else "✗ OUTSIDE 1\u00a0%"
+
+
+def _within_mark(row: Row) -> str:
+    return "good" if row["within"] else "bad"
+
+
+def _backend(row: Row) -> str:
+    state = {True: "", False: " (not calibrated here)", None: " (not yet validated)"}
+    return f"{row['backend']}{state[row['calibrated']]}"
+
+
+# FLOPs: all lanes are counted; the useful share is that of the active ones.
+TABLE1 = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
+    Column("GFLOP of a picture", "paper's convention", plain("paper_convention_gflop", 4)),
+    Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
+    Column("GFLOP of a picture", "machine's convention", plain("machine_convention_gflop", 4)),
+    Column("", "lanes at useful work", lambda r: percent(r.get("useful_share"))),
+    Column("useful, paper's convention", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
+    Column("useful, paper's convention", "saved of baseline's", lambda r: percent(r.get("cut"))),
+    Column("useful, paper's convention", "the paper's saving", lambda r: percent(r.get("paper_cut"))),
+    Column("", "10⁶ evaluations", plain("evaluations_million", 4)),
+    Column("", "10⁹ comparisons (not in the FLOPs)", plain("compare_gop", 3)),
+]
+TERMS = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "term", word("term")),
+    Column("", "GFLOP, paper's convention", plain("gflop", 4)),
+    Column("", "share", lambda r: percent(r.get("share"))),
+    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
+]
+VALIDATION = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
+    Column("", "what", word("scope")),
+    Column("FLOP, machine's convention", "declared × counted", whole("counted")),
+    Column("FLOP, machine's convention", "measured", whole("measured")),
+    Column("", "by", _backend),
+    Column("", "difference", _difference),
+    Column("", "verdict", _within, _within_mark),
+]

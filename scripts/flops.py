@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""FLOPs by the paper's method (Table 1), and declared × counted against what a back end measures."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+from study import columns, flops, registry, show, store, table1
+from study.cli import StudyError
+from study.counts import Measured
+from study.flops import BACKENDS, Row
+from study.registry import Scene, Spec
+from study.run import NO_ISA, UNSUPPORTED, DriverError
+
+QEMU_HEIGHT = 24  # it is about a hundred times slower than the machine
+
+
+def pairs(phases: Iterable[str] | None, scenes: Iterable[str]) -> list[tuple[Spec, Scene]]:
+    """What can be counted: phases that have a costs.def and whose instructions this CPU has."""
+    found = []
+    for name in phases or registry.phases():
+        spec = Spec.parse(name)
+        if not (registry.find_phase(spec.phase).path / "costs.def").is_file():
+            text = f"phases/{spec.phase}/costs.def is missing: FLOPs per function, see common/flops.h"
+            if phases:
+                raise StudyError(text)
+            cli.say(f"left out: {text}")
+        elif missing := registry.missing_isa(spec):
+            cli.say(f"left out: {spec} needs {', '.join(missing)}, which this CPU lacks")
+        else:
+            found.append(spec)
+    return list(itertools.product(found, [registry.find_scene(name) for name in scenes]))
+
+
+def in_parallel(work: list, jobs: int) -> list:
+    """Results of the calls in order: counts do not depend on what else runs. What a phase refuses is None."""
+
+    def one(call):
+        try:
+            return call()
+        except DriverError as error:
+            if error.status not in (NO_ISA, UNSUPPORTED):
+                raise
+            cli.say(f"left out: {error.message}")
+            return None
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(one, work))
+
+
+def measurements(
+    chosen: list[tuple[Spec, Scene]], backend: str, height: int, variants: tuple[str, ...], jobs: int
+) -> dict[str, list[Measured | None]]:
+    """Variant → one measurement per pair."""
+    measure = BACKENDS[backend].measure
+    return {
+        variant: in_parallel(
+            [
+                lambda p=p, v=variant: measure(p[0], p[1].path, *reversed(p[1].size(height)), variant=v)
+                for p in chosen
+            ],
+            jobs,
+        )
+        for variant in variants
+    }
+
+
+def run() -> int:
+    parser = cli.parser(__doc__, {1: "a count is further than 1 % from what was measured"})
+    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all; also opt2@opt4")
+    parser.add_argument(
+        "--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb, and trio with --validate"
+    )
+    parser.add_argument("-n", type=int, default=720, metavar="HEIGHT", help="picture height (%(default)s)")
+    parser.add_argument("--validate", action="store_true", help="against measurement, exit 1 beyond 1 %%")
+    parser.add_argument("--backend", choices=BACKENDS, default="blocks", help="what measures (%(default)s)")
+    parser.add_argument("--measure", action="store_true", help="also measure the shipped build, for the run")
+    parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), metavar="N")
+    parser.add_argument("--run", type=Path, metavar="RUN", help="add to this run's counts.json")
+    args = parser.parse_args()
+    if args.n < 1 or args.jobs < 1:
+        raise StudyError("-n and --jobs: whole numbers from 1 are required")
+    target = store.Run.open(args.run) if args.run else None
+    if (args.validate or args.measure) and (lacking := BACKENDS[args.backend].available()):
+        raise StudyError(lacking, cli.CANNOT_RUN)
+    if args.backend == "qemu" and args.n > QEMU_HEIGHT and args.validate:
+        cli.say(f"qemu is some hundred times slower than the machine: -n {QEMU_HEIGHT} is enough")
+    scenes = args.scene or ["scene0", "mandelbulb", *(["trio"] if args.validate else [])]
+    chosen = pairs(args.phase, scenes)
+    if not chosen:
+        raise StudyError("no phase can be counted here", cli.CANNOT_RUN)
+    stated = in_parallel(
+        [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen], args.jobs
+    )
+    variants = ("shipped", "calls") if args.validate else ("shipped",) if args.measure else ()
+    measured = measurements(chosen, args.backend, args.n, variants, args.jobs)
+    rows: list[Row] = []
+    for i, one in enumerate(stated):
+        if args.validate and one is not None:
+            shipped, calls = measured["shipped"][i], measured["calls"][i]
+            if shipped is None:
+                raise StudyError(
+                    f"{chosen[i][0]}: the build for {args.backend} refuses what the phase renders"
+                )
+            rows += flops.compare(one, shipped, calls)
+            if calls is not None:
+                rows += [
+                    row | {"scope": f"calls of {row['scope']}"} for row in flops.compare_calls(one, calls)
+                ]
+    counted = [one for one in stated if one is not None]
+    if target:
+        made = [
+            m for several in measured.values() for m in several if m is not None and m.variant == "shipped"
+        ]
+        flops.write(target.path / "counts.json", counted, made)
+        if args.validate:
+            flops.write_validation(target.path / "validation.json", rows)
+    bad = flops.failures(rows)
+    table = table1.rows(counted)
+    if args.json:
+        cli.emit(
+            {"table1": table, "rows": rows, "failed": len(bad)}
+            if args.validate
+            else {"table1": table, "declared": counted}
+        )
+    elif args.validate:
+        listed = [row for row in rows if row["judged"] and not row["scope"].startswith("calls of")]
+        print(show.markdown(show.table(listed, columns.VALIDATION)))
+        calls_rows = [row for row in rows if row["scope"].startswith("calls of")]
+        equal = sum(row["within"] for row in calls_rows)
+        print(f"calls by name: {equal} of {len(calls_rows)} functions equal")
+    else:
+        print(show.markdown(show.table(table, columns.TABLE1)))
+        print(show.markdown(show.table(table1.terms(counted), columns.TERMS)))
+    for row in bad:
+        cli.say(
+            f"{row['phase']} {row['scene']} {row['scope']} ({row['variant']}): declared {row['counted']:,}, "
+            f"{row['backend']} {row['measured']:,}: {row['relative_difference']:+.2%}"
+        )
+    return cli.FAILED if bad else cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(run)

@@ -1,0 +1,181 @@
+"""FLOPs of the phases: declared costs times counted calls, held against what back ends measure.
+
+Conventions (common/flops.h): `paper`, one FLOP per math.h call; `machine`, what the hardware counts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+from study import blocks, pmu, qemu, run, sde, store
+from study.cli import StudyError
+from study.counts import Counts, Measured
+from study.registry import Scene, Spec
+
+TOLERANCE = 0.01  # of declared against measured, in the machine convention
+SMALL = 0.001  # of the total: a function under it is listed, and not judged
+KEYS = ("flops", "by_function", "by_class", "executed", "useful")
+
+Row = dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Backend:
+    """A way to measure. `available` is None, or says in one line what is missing and what it would add."""
+
+    name: str
+    measure: Callable[..., Measured]
+    available: Callable[[], str | None]
+
+
+BACKENDS = {
+    "blocks": Backend("blocks", blocks.measure, blocks.missing),
+    "qemu": Backend("qemu", qemu.measure, qemu.missing),
+    "sde": Backend("sde", sde.measure, sde.missing),
+    "pmu": Backend("pmu", pmu.measure, pmu.missing),
+}
+
+
+def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, threads: int = 1) -> Row:
+    """Calls counted by build/SPEC/render-count times costs.def. FLOPs of one picture; `executed` counts all
+    lanes, `useful` the active ones (both by the machine convention).
+    """
+    wide, high = scene.size(height, width)
+    made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count")
+    about = {key: made[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
+    return {**about, "threads": threads, **{key: made[key] for key in KEYS}}
+
+
+def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
+    """The functions of a build without inlining as costs.def has them: those without a line of their own
+    go to their callers, by their share of the calls. Exact where each of their calls costs the same.
+    """
+    found = {}
+    for name, counts in measured.functions.items():
+        found[name] = Counts()
+        found[name].merge(counts)
+    incoming: dict[str, dict[str, int]] = defaultdict(dict)
+    for caller, callees in measured.edges.items():
+        for callee, calls in callees.items():
+            if calls and callee in found and caller in found and callee != caller:
+                incoming[callee][caller] = calls
+    waiting = [name for name in found if name not in named and incoming[name]]
+    while waiting:
+        # Leaves first: what a helper's own helpers did must be in it before it is handed on.
+        ready = [n for n in waiting if not any(w != n and n in incoming[w] for w in waiting)]
+        for name in ready or waiting[:1]:
+            own, calls = found.pop(name), incoming[name]
+            for caller, share in calls.items():
+                kept = found[caller].calls
+                found[caller].merge(own, share / sum(calls.values()))
+                found[caller].calls = kept
+            waiting.remove(name)
+    return found
+
+
+def _row(stated: Row, scope: str, counted: int, measured: int, by: Measured, judged: bool) -> Row:
+    difference = (counted - measured) / measured if measured else (0.0 if counted == 0 else float("inf"))
+    return {
+        "phase": stated["phase"],
+        "scene": stated["scene"],
+        "width": stated["width"],
+        "height": stated["height"],
+        "scope": scope,
+        "variant": by.variant,
+        "counted": counted,
+        "measured": measured,
+        "backend": by.backend,
+        "calibrated": by.calibrated,
+        "relative_difference": difference,
+        "judged": judged,
+        "within": abs(difference) <= TOLERANCE,
+    }
+
+
+def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> list[Row]:
+    """Declared × counted against measured, machine convention: the shipped build's total, and the
+    functions of the build without inlining. libm's inside is in neither.
+    """
+    rows = [_row(stated, "total", stated["flops"]["machine"], shipped.total.machine, shipped, True)]
+    if calls is None:
+        return rows
+    by_name = stated["by_function"]
+    folded = fold(calls, by_name)
+    total = sum(counts.machine for counts in folded.values())
+    rows.append(_row(stated, "total", stated["flops"]["machine"], total, calls, True))
+    for name in sorted(by_name | folded.keys()):
+        counted = by_name.get(name, {}).get("machine", 0)
+        measured = folded[name].machine if name in folded else 0
+        if counted or measured:
+            judged = max(counted, measured) > SMALL * total
+            rows.append(_row(stated, name, counted, measured, calls, judged))
+    return rows
+
+
+def compare_calls(stated: Row, calls: Measured) -> list[Row]:
+    """How often each function was entered: the counting build against a back end, which must be equal."""
+    rows = []
+    for name, function in stated["by_function"].items():
+        if name in calls.functions:
+            counted, measured = function["calls"], calls.functions[name].calls
+            row = _row(stated, name, counted, measured, calls, True)
+            rows.append(row | {"within": counted == measured})
+    return rows
+
+
+def failures(rows: Iterable[Row]) -> list[Row]:
+    """Rows outside the tolerance among those that are judged. NaN is outside."""
+    return [row for row in rows if row["judged"] and not row["within"]]
+
+
+# --- counts.json of a run
+
+
+def read(path: Path) -> tuple[list[Row], list[Measured]]:
+    """Declared rows and measurements of a run's counts.json; none without that file."""
+    if not path.exists():
+        return [], []
+    data = store.read_json(path)
+    try:
+        return list(data["declared"]), [Measured.from_json(one) for one in data["measured"]]
+    except (KeyError, TypeError) as error:
+        raise StudyError(f"{path}: no counts ({error}); make them with scripts/flops.py --run") from None
+
+
+def _key(one: Row) -> tuple:
+    names = ("backend", "variant", "phase", "flags_from", "scene", "width", "height")
+    return tuple(one.get(name) for name in names)
+
+
+def write(path: Path, stated: Iterable[Row], measured: Iterable[Measured]) -> None:
+    """Adds to counts.json; newer counts of the same thing replace older ones."""
+    old_stated, old_measured = read(path)
+    both = {_key(row): row for row in [*old_stated, *stated]}
+    many = {_key(one): one for one in (m.to_json() for m in [*old_measured, *measured])}
+    store.write_json(path, {"schema": 1, "declared": [*both.values()], "measured": [*many.values()]})
+
+
+def write_validation(path: Path, rows: Iterable[Row]) -> None:
+    """Adds to validation.json; newer rows of the same phase, scene and back end replace older ones."""
+
+    def key(row: Row) -> tuple:
+        return tuple(row[name] for name in ("backend", "phase", "scene"))
+
+    rows = list(rows)
+    new = {key(row) for row in rows}
+    old = [row for row in read_validation(path) if key(row) not in new]
+    store.write_json(path, {"schema": 1, "tolerance": TOLERANCE, "rows": [*old, *rows]})
+
+
+def read_validation(path: Path) -> list[Row]:
+    """Rows of a run's validation.json; none without that file."""
+    if not path.exists():
+        return []
+    try:
+        return list(store.read_json(path)["rows"])
+    except (KeyError, TypeError):
+        raise StudyError(f"{path}: no rows; make them with scripts/flops.py --validate --run") from None

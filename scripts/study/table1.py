@@ -1,0 +1,106 @@
+"""Table 1 of the paper, and more: FLOPs of a picture per phase and scene, and which functions they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from study import paper
+
+BASE = "baseline"
+# What a function is for, by the beginning of its name; the first that fits counts.
+TERMS = (
+    ("distance functions", ("sdf_", "clamp")),
+    ("vector library", ("vec_", "new_vector")),
+    ("into the shape's frame", ("apply_transform", "rotate_point", "approach", "wrap", "distance_to_shape")),
+    ("marching and shadow rays", ("ray_march", "soft_shadow", "hard_shadow", "shadow", "sdf", "place")),
+    ("rays of the camera", ("get_direction", "phase_render", "store")),
+)
+REST = "normals and light"
+
+Row = dict[str, Any]
+
+
+def term_of(function: str) -> str:
+    return next((term for term, heads in TERMS if function.startswith(heads)), REST)
+
+
+def evaluations(one: Row) -> int | None:
+    """Evaluations of the scene's distance, rays times steps; None for a phase without such a function."""
+    found = one["by_function"].get("sdf")
+    return found["lanes"] if found else None
+
+
+def rows(declared: Iterable[Row]) -> list[Row]:
+    """One row per picture. FLOPs of both conventions in GFLOP, all lanes; `paper_gflop` the paper's own, at
+    its size, and `cut` what a phase saves of baseline's (paper's convention, useful lanes).
+    """
+    declared = list(declared)
+    stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
+    base = {(one["scene"], one["width"], one["height"]): one for one in declared if one["phase"] == BASE}
+    made = []
+    for one in declared:
+        same_size = one["width"] * one["height"] == paper.PIXELS
+        first = base.get((one["scene"], one["width"], one["height"]))
+        useful = one["useful"] / one["executed"] if one["executed"] else float("nan")
+        count = evaluations(one)
+        flops = one["flops"]["paper"]
+        made.append(
+            {
+                "scene": one["scene"],
+                "phase": one["phase"],
+                "flags_from": one["flags_from"],
+                "width": one["width"],
+                "height": one["height"],
+                "paper_convention_gflop": flops / 1e9,
+                "machine_convention_gflop": one["flops"]["machine"] / 1e9,
+                "compare_gop": one["by_class"]["compare"] / 1e9,
+                "useful_share": useful,
+                "flop_per_pixel": flops / (one["width"] * one["height"]),
+                "flop_per_evaluation": flops * useful / count if count else None,
+                "evaluations_million": count / 1e6 if count else None,
+                "cut": 1 - flops * useful / first["flops"]["paper"] if first and first is not one else None,
+                "paper_gflop": stated.get(("flop_count", one["scene"], one["phase"]), float("nan")) / 1e9
+                if same_size
+                else None,
+                "paper_cut": stated.get(("flop_cut", one["scene"], one["phase"]), float("nan")) / 100,
+            }
+        )
+    return made
+
+
+def terms(declared: Iterable[Row]) -> list[Row]:
+    """Where the FLOPs are: one row per picture and term, paper's convention, `share` of the picture's."""
+    made = []
+    for one in declared:
+        total = one["flops"]["paper"]
+        sums: dict[str, int] = {}
+        calls = one["by_class"]["call"]
+        for name, function in one["by_function"].items():
+            sums[term_of(name)] = sums.get(term_of(name), 0) + function["paper"]
+        about = {key: one[key] for key in ("scene", "phase", "width", "height")}
+        count = evaluations(one)
+        for term, flop in sums.items():
+            made.append(
+                {
+                    **about,
+                    "term": term,
+                    "gflop": flop / 1e9,
+                    "share": flop / total if total else float("nan"),
+                    "flop_per_evaluation": flop / count if count else None,
+                }
+            )
+        for term, flop in (
+            ("of which math.h calls", calls),
+            ("not counted: comparisons", one["by_class"]["compare"]),
+        ):
+            made.append(
+                {
+                    **about,
+                    "term": term,
+                    "gflop": flop / 1e9,
+                    "share": flop / total if total else float("nan"),
+                    "flop_per_evaluation": flop / count if count else None,
+                }
+            )
+    return made
