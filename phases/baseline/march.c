@@ -4,8 +4,10 @@
 #include "trace.h"
 
 struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model model) {
+    COUNT(ray_march, call);
     struct hit hit = {.point = origin, .shape = -1};
     for (int step = 0; step < model.march.max_steps; step++) {
+        COUNT(ray_march, step);
         double distance = sdf(hit.point, model, &hit.shape);
         hit.evals++;
         hit.t += distance;
@@ -14,6 +16,7 @@ struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model mod
             hit.found = true;
             return hit;
         }
+        COUNT(ray_march, on);
         if (vec_norm(hit.point) > model.march.bounds_radius)
             break;
     }
@@ -24,17 +27,22 @@ struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model mod
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static double soft_shadow(struct vec3 point, struct vec3 to_light, struct model model) {
+    COUNT(soft_shadow, call);
     int nearest;
     double least = 1.0, previous = 1e20, t = model.march.surface_offset;
     struct vec3 p = vec_add(point, vec_scale(to_light, t));
     for (int step = 0; step < model.march.max_steps; step++) {
+        COUNT(soft_shadow, step);
         double h = sdf(p, model, &nearest);
         if (h < model.march.hit_distance)
             break;
+        COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous);
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        if (h * h - y * y > 0.0 && t - y > 0.0)
+        if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
+            COUNT(soft_shadow, term);
             least = fmin(least, model.shadow_strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+        }
         previous = h;
         t += h;
         p = vec_add(point, vec_scale(to_light, t));
@@ -46,13 +54,16 @@ static double soft_shadow(struct vec3 point, struct vec3 to_light, struct model 
 
 static double hard_shadow(struct vec3 point, struct vec3 to_light, double distance,
                           struct model model) {
+    COUNT(hard_shadow, call);
     int nearest;
     double t = model.march.surface_offset;
     struct vec3 p = vec_add(point, vec_scale(to_light, t));
     for (int step = 0; step < model.march.max_steps && t < distance; step++) {
+        COUNT(hard_shadow, step);
         double h = sdf(p, model, &nearest);
         if (h < model.march.hit_distance)
             return 0.0;
+        COUNT(hard_shadow, on);
         t += h;
         p = vec_add(point, vec_scale(to_light, t));
         if (vec_norm(p) > model.march.bounds_radius)

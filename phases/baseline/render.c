@@ -31,6 +31,7 @@ void phase_release(struct prepared *prepared) {
 }
 
 static struct vec3 get_direction(int column, int row, int width, int height, struct view view) {
+    COUNT(get_direction, call);
     double x = (2.0 * (column + 0.5) / width - 1.0) * width / height * view.tan_half_fov;
     double y = (1.0 - 2.0 * (row + 0.5) / height) * view.tan_half_fov;
     struct vec3 d = vec_from(view.forward);

@@ -12,11 +12,13 @@
 #include "vec.h"
 
 CALL double clamp(double x, double low, double high) {
-    return x < low ? low : x > high ? high : x;
+    COUNT(clamp, call);
+    return x < low ? low : (COUNT(clamp, not_below), x > high ? high : x);
 }
 
 // (u, v) turned by the angle: (c·u − s·v, s·u + c·v) on (y,z), then (x,z), then (x,y).
 CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
+    COUNT(rotate_point, call);
     struct vec3 a = vec_scale(degrees, M_PI / 180.0);
     double cx = cos(a.x), sx = sin(a.x);
     p = new_vector(p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z);
@@ -27,11 +29,12 @@ CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
 }
 
 static inline double wrap(double x, double cell) {
-    return cell > 0 ? x - cell * floor(x / cell + 0.5) : x;
+    return cell > 0 ? (COUNT(apply_transform, wrap), x - cell * floor(x / cell + 0.5)) : x;
 }
 
 // The point in the shape's own frame.
 CALL struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
+    COUNT(apply_transform, call);
     p = vec_sub(p, vec_from(shape->position));
     p = rotate_point(p, vec_from(shape->rotation_degrees));
     return new_vector(wrap(p.x, shape->repeat[0]), wrap(p.y, shape->repeat[1]),
@@ -39,25 +42,30 @@ CALL struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
 }
 
 CALL double sdf_sphere(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_sphere, call);
     return vec_norm(p) - shape->sphere.radius;
 }
 
 CALL double sdf_plane(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_plane, call);
     return vec_dot(p, vec_from(shape->plane.normal)) - shape->plane.offset;
 }
 
 CALL double sdf_box(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_box, call);
     struct vec3 q = vec_sub(vec_abs(p), vec_from(shape->box.half_size));
     struct vec3 outside = new_vector(fmax(q.x, 0.0), fmax(q.y, 0.0), fmax(q.z, 0.0));
     return vec_norm(outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
 }
 
 CALL double sdf_torus(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_torus, call);
     double ring = vec_norm(new_vector(p.x, 0.0, p.z)) - shape->torus.major_radius;
     return vec_norm(new_vector(ring, p.y, 0.0)) - shape->torus.minor_radius;
 }
 
 CALL double sdf_cone(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_cone, call);
     double r1 = shape->cone.bottom_radius, r2 = shape->cone.top_radius, h = shape->cone.half_height;
     struct vec3 q = new_vector(vec_norm(new_vector(p.x, 0.0, p.z)), p.y, 0.0);
     struct vec3 k1 = new_vector(r2, h, 0.0);
@@ -70,34 +78,39 @@ CALL double sdf_cone(struct vec3 p, const struct shape *shape) {
 }
 
 CALL double sdf_octahedron(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_octahedron, call);
     double s = shape->octahedron.radius;
     struct vec3 q;
     p = vec_abs(p);
     double m = p.x + p.y + p.z - s;
     if (3.0 * p.x < m)
         q = p;
-    else if (3.0 * p.y < m)
+    else if (COUNT(sdf_octahedron, not_x), 3.0 * p.y < m)
         q = new_vector(p.y, p.z, p.x);
-    else if (3.0 * p.z < m)
+    else if (COUNT(sdf_octahedron, not_y), 3.0 * p.z < m)
         q = new_vector(p.z, p.x, p.y);
     else
-        return m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+    COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
     return vec_norm(new_vector(q.x, q.y - s + k, q.z - k));
 }
 
 CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_mandelbulb, call);
     struct vec3 w = p;
     double m = vec_dot(w, w);
     double dz = 1.5;
     for (int i = 0; i < shape->mandelbulb.iterations; i++) {
+        COUNT(sdf_mandelbulb, step);
         dz = 8.0 * sqrt(m * m * m * m * m * m * m) * dz + 1.0;
         double x = w.x, x2 = x * x, x4 = x2 * x2;
         double y = w.y, y2 = y * y, y4 = y2 * y2;
         double z = w.z, z2 = z * z, z4 = z2 * z2;
         double k3 = x2 + z2;
         double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
-        double k2 = k7 > 0.0 ? 1.0 / sqrt(k7) : 0.0; // on the axis the azimuth's part is zero
+        // On the axis the azimuth's part is zero.
+        double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
         w = vec_add(
@@ -111,10 +124,12 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
         if (m > shape->mandelbulb.bailout)
             break;
     }
-    return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
+    // √m·ln m → 0 at the centre.
+    return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
 CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
+    COUNT(distance_to_shape, call);
     p = apply_transform(p, shape);
     switch (shape->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, shape);
@@ -129,8 +144,10 @@ CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
 
 // Distance to the nearest shape, and which one it is (the first of equals).
 CALL double sdf(struct vec3 p, struct model model, int *nearest) {
+    COUNT(sdf, call);
     double least = INFINITY;
     for (int i = 0; i < model.shape_count; i++) {
+        COUNT(sdf, shape);
         double distance = distance_to_shape(p, &model.shapes[i]);
         if (distance < least) {
             least = distance;

@@ -5,6 +5,8 @@
 
 #include <math.h>
 
+#include "flops.h"
+
 // A call must stay a call: that is what makes this the baseline. gcc would still clone a noinline
 // function for its arguments, which noipa forbids; clang has no such attribute and may specialise.
 #ifdef __clang__
@@ -31,39 +33,48 @@ static inline struct vec3 vec_from(const double a[3]) {
 }
 
 CALL struct vec3 vec_add(struct vec3 a, struct vec3 b) {
+    COUNT(vec_add, call);
     return new_vector(a.x + b.x, a.y + b.y, a.z + b.z);
 }
 
 CALL struct vec3 vec_sub(struct vec3 a, struct vec3 b) {
+    COUNT(vec_sub, call);
     return new_vector(a.x - b.x, a.y - b.y, a.z - b.z);
 }
 
 CALL struct vec3 vec_mult(struct vec3 a, struct vec3 b) {
+    COUNT(vec_mult, call);
     return new_vector(a.x * b.x, a.y * b.y, a.z * b.z);
 }
 
 CALL struct vec3 vec_scale(struct vec3 a, double s) {
+    COUNT(vec_scale, call);
     return new_vector(a.x * s, a.y * s, a.z * s);
 }
 
 CALL struct vec3 vec_abs(struct vec3 a) {
+    COUNT(vec_abs, call);
     return new_vector(fabs(a.x), fabs(a.y), fabs(a.z));
 }
 
 CALL double vec_dot(struct vec3 a, struct vec3 b) {
+    COUNT(vec_dot, call);
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
 CALL double vec_norm(struct vec3 a) {
+    COUNT(vec_norm, call);
     return sqrt(vec_dot(a, a));
 }
 
 CALL struct vec3 vec_normalize(struct vec3 a) {
+    COUNT(vec_normalize, call);
     return vec_scale(a, 1.0 / vec_norm(a));
 }
 
 // d mirrored at the plane with unit normal n.
 CALL struct vec3 vec_reflect(struct vec3 d, struct vec3 n) {
+    COUNT(vec_reflect, call);
     return vec_sub(d, vec_scale(n, 2.0 * vec_dot(d, n)));
 }
 

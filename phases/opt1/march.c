@@ -4,8 +4,10 @@
 
 void ray_march(const struct vec3 *origin, const struct vec3 *direction,
                const struct prepared *scene, struct hit *hit) {
+    COUNT(ray_march, call);
     *hit = (struct hit){.point = *origin, .shape = -1};
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        COUNT(ray_march, step);
         double distance = sdf(&hit->point, scene, &hit->shape);
         hit->evals++;
         hit->t += distance;
@@ -14,6 +16,7 @@ void ray_march(const struct vec3 *origin, const struct vec3 *direction,
             hit->found = true;
             return;
         }
+        COUNT(ray_march, on);
         if (vec_norm(&hit->point) > scene->model.march.bounds_radius)
             break;
     }
@@ -24,19 +27,24 @@ void ray_march(const struct vec3 *origin, const struct vec3 *direction,
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static double soft_shadow(const struct vec3 *point, const struct vec3 *to_light,
                           const struct prepared *scene) {
+    COUNT(soft_shadow, call);
     int nearest;
     double least = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     struct vec3 p;
     vec_along(point, to_light, t, &p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        COUNT(soft_shadow, step);
         double h = sdf(&p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             break;
+        COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous);
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        if (h * h - y * y > 0.0 && t - y > 0.0)
+        if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
+            COUNT(soft_shadow, term);
             least =
                 fmin(least, scene->model.shadow_strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+        }
         previous = h;
         t += h;
         vec_along(point, to_light, t, &p);
@@ -48,14 +56,17 @@ static double soft_shadow(const struct vec3 *point, const struct vec3 *to_light,
 
 static double hard_shadow(const struct vec3 *point, const struct vec3 *to_light, double distance,
                           const struct prepared *scene) {
+    COUNT(hard_shadow, call);
     int nearest;
     double t = scene->model.march.surface_offset;
     struct vec3 p;
     vec_along(point, to_light, t, &p);
     for (int step = 0; step < scene->model.march.max_steps && t < distance; step++) {
+        COUNT(hard_shadow, step);
         double h = sdf(&p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             return 0.0;
+        COUNT(hard_shadow, on);
         t += h;
         vec_along(point, to_light, t, &p);
         if (vec_norm(&p) > scene->model.march.bounds_radius)

@@ -48,6 +48,7 @@ void phase_release(struct prepared *prepared) {
 
 static void get_direction(int column, int row, const struct frame *frame, const struct view *view,
                           struct vec3 *direction) {
+    COUNT(get_direction, call);
     int width = frame->width, height = frame->height;
     double x = (2.0 * (column + 0.5) / width - 1.0) * width / height * view->tan_half_fov;
     double y = (1.0 - 2.0 * (row + 0.5) / height) * view->tan_half_fov;

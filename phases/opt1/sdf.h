@@ -12,7 +12,8 @@
 #include "vec.h"
 
 CALL double clamp(double x, double low, double high) {
-    return x < low ? low : x > high ? high : x;
+    COUNT(clamp, call);
+    return x < low ? low : (COUNT(clamp, not_below), x > high ? high : x);
 }
 
 // A shape and what prepare() works out once: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z), then
@@ -30,32 +31,37 @@ struct prepared {
 };
 
 static inline double wrap(double x, double cell) {
-    return cell > 0 ? x - cell * floor(x / cell + 0.5) : x;
+    return cell > 0 ? (COUNT(apply_transform, wrap), x - cell * floor(x / cell + 0.5)) : x;
 }
 
 // The point in the shape's own frame.
 static inline void apply_transform(const struct vec3 *point, const struct placed *placed,
                                    struct vec3 *p) {
+    COUNT(apply_transform, call);
     const double *c = placed->cosine, *s = placed->sine;
     p->x = point->x - placed->position.x;
     p->y = point->y - placed->position.y;
     p->z = point->z - placed->position.z;
     if (placed->turned[0]) {
+        COUNT(apply_transform, turn);
         double y = p->y;
         p->y = c[0] * y - s[0] * p->z;
         p->z = s[0] * y + c[0] * p->z;
     }
     if (placed->turned[1]) {
+        COUNT(apply_transform, turn);
         double x = p->x;
         p->x = c[1] * x - s[1] * p->z;
         p->z = s[1] * x + c[1] * p->z;
     }
     if (placed->turned[2]) {
+        COUNT(apply_transform, turn);
         double x = p->x;
         p->x = c[2] * x - s[2] * p->y;
         p->y = s[2] * x + c[2] * p->y;
     }
     if (placed->repeated) {
+        COUNT(apply_transform, repeated);
         p->x = wrap(p->x, placed->shape.repeat[0]);
         p->y = wrap(p->y, placed->shape.repeat[1]);
         p->z = wrap(p->z, placed->shape.repeat[2]);
@@ -63,15 +69,18 @@ static inline void apply_transform(const struct vec3 *point, const struct placed
 }
 
 CALL double sdf_sphere(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_sphere, call);
     return vec_norm(p) - shape->sphere.radius;
 }
 
 CALL double sdf_plane(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_plane, call);
     const double *n = shape->plane.normal;
     return p->x * n[0] + p->y * n[1] + p->z * n[2] - shape->plane.offset;
 }
 
 CALL double sdf_box(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_box, call);
     const double *half = shape->box.half_size;
     struct vec3 q;
     vec_abs(p, &q);
@@ -83,12 +92,14 @@ CALL double sdf_box(const struct vec3 *p, const struct shape *shape) {
 }
 
 CALL double sdf_torus(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_torus, call);
     struct vec3 flat = {p->x, 0.0, p->z};
     struct vec3 section = {vec_norm(&flat) - shape->torus.major_radius, p->y, 0.0};
     return vec_norm(&section) - shape->torus.minor_radius;
 }
 
 CALL double sdf_cone(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_cone, call);
     double r1 = shape->cone.bottom_radius, r2 = shape->cone.top_radius;
     double h = shape->cone.half_height;
     struct vec3 flat = {p->x, 0.0, p->z};
@@ -105,35 +116,40 @@ CALL double sdf_cone(const struct vec3 *p, const struct shape *shape) {
 }
 
 CALL double sdf_octahedron(const struct vec3 *point, const struct shape *shape) {
+    COUNT(sdf_octahedron, call);
     double s = shape->octahedron.radius;
     struct vec3 p, q;
     vec_abs(point, &p);
     double m = p.x + p.y + p.z - s;
     if (3.0 * p.x < m)
         q = p;
-    else if (3.0 * p.y < m)
+    else if (COUNT(sdf_octahedron, not_x), 3.0 * p.y < m)
         q = (struct vec3){p.y, p.z, p.x};
-    else if (3.0 * p.z < m)
+    else if (COUNT(sdf_octahedron, not_y), 3.0 * p.z < m)
         q = (struct vec3){p.z, p.x, p.y};
     else
-        return m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+    COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
     struct vec3 edge = {q.x, q.y - s + k, q.z - k};
     return vec_norm(&edge);
 }
 
 CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_mandelbulb, call);
     struct vec3 w = *p;
     double m = vec_dot(&w, &w);
     double dz = 1.5;
     for (int i = 0; i < shape->mandelbulb.iterations; i++) {
+        COUNT(sdf_mandelbulb, step);
         dz = 8.0 * sqrt(m * m * m * m * m * m * m) * dz + 1.0;
         double x = w.x, x2 = x * x, x4 = x2 * x2;
         double y = w.y, y2 = y * y, y4 = y2 * y2;
         double z = w.z, z2 = z * z, z4 = z2 * z2;
         double k3 = x2 + z2;
         double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
-        double k2 = k7 > 0.0 ? 1.0 / sqrt(k7) : 0.0; // on the axis the azimuth's part is zero
+        // On the axis the azimuth's part is zero.
+        double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
         struct vec3 raised = {
@@ -147,10 +163,12 @@ CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
         if (m > shape->mandelbulb.bailout)
             break;
     }
-    return m > 0.0 ? 0.25 * log(m) * sqrt(m) / dz : 0.0; // √m·ln m → 0 at the centre
+    // √m·ln m → 0 at the centre.
+    return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
 CALL double distance_to_shape(const struct vec3 *point, const struct placed *placed) {
+    COUNT(distance_to_shape, call);
     struct vec3 p;
     apply_transform(point, placed, &p);
     switch (placed->shape.type) {
@@ -166,8 +184,10 @@ CALL double distance_to_shape(const struct vec3 *point, const struct placed *pla
 
 // Distance to the nearest shape, and which one it is (the first of equals).
 CALL double sdf(const struct vec3 *p, const struct prepared *scene, int *nearest) {
+    COUNT(sdf, call);
     double least = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
         double distance = distance_to_shape(p, &scene->placed[i]);
         if (distance < least) {
             least = distance;

@@ -5,6 +5,7 @@
 // Forward differences of the scene's distance, towards the side the ray comes from.
 static void normal_at(const struct vec3 *p, const struct vec3 *direction,
                       const struct prepared *scene, struct vec3 *n) {
+    COUNT(normal_at, call);
     int nearest;
     double step = scene->model.march.normal_step;
     double here = sdf(p, scene, &nearest);
@@ -25,6 +26,7 @@ static void normal_at(const struct vec3 *p, const struct vec3 *direction,
 static void light_at(const struct vec3 *p, const struct vec3 *n, const struct vec3 *direction,
                      const struct material *material, const struct world *world,
                      struct vec3 *color) {
+    COUNT(light_at, call);
     struct vec3 base = {material->color[0], material->color[1], material->color[2]};
     const double *light = world->view->light_position;
     struct vec3 to_light = {light[0] - p->x, light[1] - p->y, light[2] - p->z};
@@ -32,6 +34,7 @@ static void light_at(const struct vec3 *p, const struct vec3 *n, const struct ve
     vec_scale(&base, 0.01, color); // ambient
     if (!(distance > 0.0))         // the light lies on the surface: no direction to it
         return;
+    COUNT(light_at, lit);
     vec_scale(&to_light, 1.0 / distance, &to_light);
     double reach = shadow(p, &to_light, distance, world->scene) / distance;
     double facing = vec_dot(n, &to_light);
@@ -41,6 +44,7 @@ static void light_at(const struct vec3 *p, const struct vec3 *n, const struct ve
     vec_scale(&diffuse, fmax(facing, 0.0) * reach, &diffuse);
     vec_add(color, &diffuse, color);
     if (facing > 0.0) {
+        COUNT(light_at, specular);
         struct vec3 from_light, mirrored, specular;
         vec_scale(&to_light, -1.0, &from_light);
         vec_reflect(&from_light, n, &mirrored);
@@ -52,18 +56,21 @@ static void light_at(const struct vec3 *p, const struct vec3 *n, const struct ve
 
 void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
            const struct world *world, struct shaded *result) {
+    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     *result = (struct shaded){.color = {b[0], b[1], b[2]}};
     ray_march(origin, direction, world->scene, &result->hit);
     if (!result->hit.found)
         return;
+    COUNT(trace, hit);
     const struct vec3 *p = &result->hit.point;
     struct vec3 *n = &result->normal, *color = &result->color;
     normal_at(p, direction, world->scene, n);
     const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
     light_at(p, n, direction, material, world, color);
     if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
+        COUNT(trace, mirror);
         struct vec3 start, mirrored;
         vec_along(p, n, model->march.surface_offset, &start);
         vec_reflect(direction, n, &mirrored);
@@ -72,6 +79,7 @@ void trace(const struct vec3 *origin, const struct vec3 *direction, int bounce,
         vec_along(color, &seen.color, material->reflectivity * 0.1, color);
     }
     if (model->features.fog) {
+        COUNT(trace, fog);
         double far = vec_norm(p);
         vec_scale(color, exp(-model->fog * far * far * far), color);
     }

@@ -4,9 +4,11 @@
 
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
                struct hit *hit) {
+    COUNT(ray_march, call);
     *hit = (struct hit){.shape = -1};
     vec_set(origin, hit->point);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        COUNT(ray_march, step);
         double distance = sdf(hit->point, scene, &hit->shape);
         hit->evals++;
         hit->t += distance;
@@ -15,6 +17,7 @@ void ray_march(const double *origin, const double *direction, const struct prepa
             hit->found = true;
             return;
         }
+        COUNT(ray_march, on);
         if (vec_norm_sq(hit->point) > scene->bounds_sq)
             break;
     }
@@ -25,21 +28,27 @@ void ray_march(const double *origin, const double *direction, const struct prepa
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static double soft_shadow(const double *point, const double *to_light,
                           const struct prepared *scene) {
+    COUNT(soft_shadow, call);
     int nearest;
     double strength_sq = scene->model.shadow_strength * scene->model.shadow_strength;
     double least = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        COUNT(soft_shadow, step);
         double h = sdf(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             break;
+        COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous), inside = h * h - y * y;
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
         // strength·√inside/(t − y) < least, asked without the root: it is seldom so.
         double scaled = least * (t - y);
-        if (inside > 0.0 && t - y > 0.0 && strength_sq * inside < scaled * scaled)
+        if (inside > 0.0 && t - y > 0.0 &&
+            (COUNT(soft_shadow, asked), strength_sq * inside < scaled * scaled)) {
+            COUNT(soft_shadow, darker);
             least = scene->model.shadow_strength * sqrt(inside) / (t - y);
+        }
         previous = h;
         t += h;
         vec_along(point, to_light, t, p);
@@ -51,14 +60,17 @@ static double soft_shadow(const double *point, const double *to_light,
 
 static double hard_shadow(const double *point, const double *to_light, double distance,
                           const struct prepared *scene) {
+    COUNT(hard_shadow, call);
     int nearest;
     double t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps && t < distance; step++) {
+        COUNT(hard_shadow, step);
         double h = sdf(p, scene, &nearest);
         if (h < scene->model.march.hit_distance)
             return 0.0;
+        COUNT(hard_shadow, on);
         t += h;
         vec_along(point, to_light, t, p);
         if (vec_norm_sq(p) > scene->bounds_sq)

@@ -91,6 +91,7 @@ void phase_release(struct prepared *prepared) {
 
 static void get_direction(int column, int row, const struct frame *frame, const struct view *view,
                           double *direction) {
+    COUNT(get_direction, call);
     double per_height = view->tan_half_fov / frame->height;
     double x = (2.0 * column + 1.0 - frame->width) * per_height;
     double y = (frame->height - 1.0 - 2.0 * row) * per_height;

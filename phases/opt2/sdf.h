@@ -44,26 +44,34 @@ static inline double clamp(double x, double low, double high) {
 
 // The point in the shape's own frame.
 static inline void apply_transform(const double *point, const struct placed *placed, double *p) {
+    COUNT(apply_transform, call);
     double q[3];
     for (int i = 0; i < 3; i++)
         q[i] = p[i] = point[i] - placed->position[i];
-    if (placed->turned)
+    if (placed->turned) {
+        COUNT(apply_transform, turn);
         for (int i = 0; i < 3; i++)
             p[i] = vec_dot(placed->turn[i], q);
-    if (placed->repeated) // an axis without repetition has cell 0
+    }
+    if (placed->repeated) { // an axis without repetition has cell 0
+        COUNT(apply_transform, wrap);
         for (int i = 0; i < 3; i++)
             p[i] -= placed->cell[i] * floor(p[i] * placed->per_cell[i] + 0.5);
+    }
 }
 
 static inline double sdf_sphere(const double *p, const struct placed *s) {
+    COUNT(sdf_sphere, call);
     return vec_norm(p) - s->a;
 }
 
 static inline double sdf_plane(const double *p, const struct placed *s) {
+    COUNT(sdf_plane, call);
     return vec_dot(p, s->size) - s->a;
 }
 
 static inline double sdf_box(const double *p, const struct placed *s) {
+    COUNT(sdf_box, call);
     double q[3], outside[3];
     for (int i = 0; i < 3; i++) {
         q[i] = fabs(p[i]) - s->size[i];
@@ -73,11 +81,13 @@ static inline double sdf_box(const double *p, const struct placed *s) {
 }
 
 static inline double sdf_torus(const double *p, const struct placed *s) {
+    COUNT(sdf_torus, call);
     double ring = sqrt(p[0] * p[0] + p[2] * p[2]) - s->a;
     return sqrt(ring * ring + p[1] * p[1]) - s->b;
 }
 
 static inline double sdf_cone(const double *p, const struct placed *s) {
+    COUNT(sdf_cone, call);
     double radius = sqrt(p[0] * p[0] + p[2] * p[2]);
     double x = radius - s->b, y = p[1] - s->c; // from the top rim
     double rim = p[1] < 0.0 ? s->a : s->b;
@@ -89,6 +99,7 @@ static inline double sdf_cone(const double *p, const struct placed *s) {
 }
 
 static inline double sdf_octahedron(const double *point, const struct placed *s) {
+    COUNT(sdf_octahedron, call);
     double x = fabs(point[0]), y = fabs(point[1]), z = fabs(point[2]);
     double m = x + y + z - s->a, third = m * (1.0 / 3.0);
     double q[3];
@@ -101,7 +112,8 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
     else if (z < third)
         q[0] = z, q[1] = x, q[2] = y;
     else
-        return m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+    COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q[2] - q[1] + s->a), 0.0, s->a);
     double edge[3] = {q[0], q[1] - s->a + k, q[2] - k};
     return vec_norm(edge);
@@ -111,11 +123,12 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
 // twice the azimuth; doubled twice more by cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a it
 // stands for his products of ninth degree.
 #define BULB_STEP                                                                                  \
+    COUNT(sdf_mandelbulb, step);                                                                   \
     root = sqrt(m);                                                                                \
     dz = 8.0 * (m * m * m * root) * dz + 1.0;                                                      \
     x2 = x * x, y2 = y * y, z2 = z * z;                                                            \
     k3 = x2 + z2, k4 = k3 - y2;                                                                    \
-    per_k3 = k3 > 1e-300 ? 1.0 / k3 : 0.0; /* 0 on the axis */                                     \
+    per_k3 = k3 > 1e-300 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / k3) : 0.0; /* 0 on the axis */  \
     k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);                                                           \
     cos2 = (x2 - z2) * per_k3, sin2 = 2.0 * (x * z) * per_k3;                                      \
     cos4 = 1.0 - 2.0 * sin2 * sin2, sin4 = 2.0 * sin2 * cos2;                                      \
@@ -126,6 +139,7 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
     m = x * x + y * y + z * z;
 
 static inline double sdf_mandelbulb(const double *p, const struct placed *s) {
+    COUNT(sdf_mandelbulb, call);
     double x = p[0], y = p[1], z = p[2], m = x * x + y * y + z * z, dz = 1.5;
     double root, x2, y2, z2, k1, k2, k3, k4, per_k3, k2_sin4, cos2, sin2, cos4, sin4;
     for (int i = s->iterations;; i -= 4) { // unrolled by four, the paper's number of iterations
@@ -142,10 +156,12 @@ static inline double sdf_mandelbulb(const double *p, const struct placed *s) {
         if (m > s->bailout || i == 4)
             break;
     }
-    return m > 0.0 ? 0.25 * sqrt(m) / dz * log(m) : 0.0; // √m·ln m → 0 at the centre
+    // √m·ln m → 0 at the centre.
+    return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * sqrt(m) / dz * log(m)) : 0.0;
 }
 
 static inline double distance_to_shape(const double *point, const struct placed *placed) {
+    COUNT(distance_to_shape, call);
     double p[3];
     apply_transform(point, placed, p);
     switch (placed->type) {
@@ -161,8 +177,10 @@ static inline double distance_to_shape(const double *point, const struct placed 
 
 // Distance to the nearest shape, and which one it is (the first of equals).
 static inline double sdf(const double *p, const struct prepared *scene, int *nearest) {
+    COUNT(sdf, call);
     double least = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
         double distance = distance_to_shape(p, &scene->placed[i]);
         if (distance < least) {
             least = distance;

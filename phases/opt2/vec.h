@@ -5,6 +5,8 @@
 
 #include <math.h>
 
+#include "flops.h"
+
 static inline void vec_set(const double *a, double *out) {
     for (int i = 0; i < 3; i++)
         out[i] = a[i];

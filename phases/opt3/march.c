@@ -6,6 +6,7 @@ enum { ALL = (1 << LANES) - 1 };
 
 void ray_march(struct vec origin, struct vec direction, mask active, const struct prepared *scene,
                struct hit *hit) {
+    COUNT(ray_march, call);
     mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     mask found = set(0.0);
@@ -13,6 +14,8 @@ void ray_march(struct vec origin, struct vec direction, mask active, const struc
     struct vec point = origin;
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         real nearest = set(-1.0);
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(ray_march, step);
         real distance = sdf(point, scene, done, &nearest);
         evals = evals + but_not(done, set(1.0));
         t = t + but_not(done, distance);
@@ -35,24 +38,32 @@ void ray_march(struct vec origin, struct vec direction, mask active, const struc
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static real soft_shadow(struct vec point, struct vec to_light, mask active,
                         const struct prepared *scene) {
+    COUNT(soft_shadow, call);
     mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     real strength = set(scene->model.shadow_strength), zero = set(0.0), nearest = zero;
     real least = set(1.0), previous = set(1e20), t = set(scene->model.march.surface_offset);
     struct vec p = vec_along(point, to_light, t);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(soft_shadow, eval);
         real h = sdf(p, scene, done, &nearest);
         done = either(done, less(h, hit_distance));
         if (bits(done) == ALL)
             break;
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(soft_shadow, step);
         real y = h * h / (set(2.0) * previous), inside = mul_sub(h, h, y * y), beyond = t - y;
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
         mask sound = but_not(done, both(greater(inside, zero), greater(beyond, zero)));
         // strength·√inside/beyond < least, asked without the root: it is seldom so.
         real scaled = least * beyond;
         mask darker = both(sound, less(strength * strength * inside, scaled * scaled));
-        if (bits(darker))
+        if (bits(darker)) {
+            ACTIVE(__builtin_popcount((unsigned)bits(darker)));
+            COUNT(soft_shadow, darker);
             least = choose(darker, strength * root(inside) / beyond, least);
+        }
         previous = h;
         t = t + but_not(done, h);
         p = vec_along(point, to_light, t);
@@ -63,14 +74,19 @@ static real soft_shadow(struct vec point, struct vec to_light, mask active,
 
 static real hard_shadow(struct vec point, struct vec to_light, real distance, mask active,
                         const struct prepared *scene) {
+    COUNT(hard_shadow, call);
     mask done = not_in(active);
     real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
     real lit = set(1.0), nearest = lit, t = set(scene->model.march.surface_offset);
     struct vec p = vec_along(point, to_light, t);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(hard_shadow, test);
         done = either(done, not_in(less(t, distance)));
         if (bits(done) == ALL)
             break;
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(hard_shadow, step);
         real h = sdf(p, scene, done, &nearest);
         mask blocked = but_not(done, less(h, hit_distance));
         lit = but_not(blocked, lit);
@@ -85,6 +101,7 @@ static real hard_shadow(struct vec point, struct vec to_light, real distance, ma
 // 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 real shadow(struct vec point, struct vec to_light, real distance, mask active,
             const struct prepared *scene) {
+    COUNT(shadow, call);
     switch (scene->model.shadows) {
     case SHADOWS_SOFT: return soft_shadow(point, to_light, active, scene);
     case SHADOWS_HARD: return hard_shadow(point, to_light, distance, active, scene);

@@ -92,6 +92,8 @@ void phase_release(struct prepared *prepared) {
 
 static struct vec get_direction(int column, int row, const struct frame *frame,
                                 const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height;
     real columns = _mm256_setr_pd(column, column + 1, column + 2, column + 3);
     real x = mul_add(set(2.0), columns, set(1.0 - frame->width)) * set(per_height);
@@ -109,6 +111,7 @@ static void store_plane(float *plane, int stride, int count, real values) {
 }
 
 static void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen) {
+    COUNT(store, call);
     float *rgb = frame->rgb + 3 * pixel;
     store_plane(rgb, 3, count, seen->color.x);
     store_plane(rgb + 1, 3, count, seen->color.y);
@@ -131,14 +134,18 @@ static mask first_lanes(int count) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
     struct world world = {prepared, view};
     struct vec origin = vec_set(view->position);
     for (int row = 0; row < frame->height; row++) {
         for (int column = 0; column < frame->width; column += LANES) {
             int count = frame->width - column < LANES ? frame->width - column : LANES;
+            ACTIVE(count);
+            COUNT(phase_render, packet);
             struct shaded seen;
             trace(origin, get_direction(column, row, frame, view), first_lanes(count), 0, &world,
                   &seen);
+            ACTIVE(count);
             store(frame, (size_t)row * (size_t)frame->width + (size_t)column, count, &seen);
         }
     }

@@ -34,15 +34,18 @@ struct prepared {
 
 // The points in the shape's own frame.
 static inline struct vec apply_transform(struct vec point, const struct placed *placed) {
+    COUNT(apply_transform, call);
     struct vec p = {point.x - set(placed->position[0]), point.y - set(placed->position[1]),
                     point.z - set(placed->position[2])};
     if (placed->turned) {
+        COUNT(apply_transform, turned);
         struct vec q = p;
         p.x = vec_dot(vec_set(placed->turn[0]), q);
         p.y = vec_dot(vec_set(placed->turn[1]), q);
         p.z = vec_dot(vec_set(placed->turn[2]), q);
     }
     if (placed->repeated) { // an axis without repetition has cell 0
+        COUNT(apply_transform, repeated);
         real half = set(0.5);
         struct vec cell = vec_set(placed->cell), per_cell = vec_set(placed->per_cell);
         p.x = neg_mul_add(cell.x, _mm256_floor_pd(mul_add(p.x, per_cell.x, half)), p.x);
@@ -53,14 +56,17 @@ static inline struct vec apply_transform(struct vec point, const struct placed *
 }
 
 static inline real sdf_sphere(struct vec p, const struct placed *s) {
+    COUNT(sdf_sphere, call);
     return vec_norm(p) - set(s->a);
 }
 
 static inline real sdf_plane(struct vec p, const struct placed *s) {
+    COUNT(sdf_plane, call);
     return vec_dot(p, vec_set(s->size)) - set(s->a);
 }
 
 static inline real sdf_box(struct vec p, const struct placed *s) {
+    COUNT(sdf_box, call);
     real zero = set(0.0);
     real x = absolute(p.x) - set(s->size[0]);
     real y = absolute(p.y) - set(s->size[1]);
@@ -70,11 +76,13 @@ static inline real sdf_box(struct vec p, const struct placed *s) {
 }
 
 static inline real sdf_torus(struct vec p, const struct placed *s) {
+    COUNT(sdf_torus, call);
     real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
     return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
 }
 
 static inline real sdf_cone(struct vec p, const struct placed *s) {
+    COUNT(sdf_cone, call);
     real zero = set(0.0), one = set(1.0);
     real radius = root(mul_add(p.x, p.x, p.z * p.z));
     real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
@@ -91,6 +99,7 @@ static inline real sdf_cone(struct vec p, const struct placed *s) {
 }
 
 static inline real sdf_octahedron(struct vec point, const struct placed *s) {
+    COUNT(sdf_octahedron, call);
     real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
     real zero = set(0.0), radius = set(s->a);
     real m = x + y + z - radius, third = m * set(1.0 / 3.0);
@@ -99,6 +108,7 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
     mask edges = either(over_yz, either(over_zx, over_xy));
     if (bits(edges) == 0)
         return face;
+    COUNT(sdf_octahedron, edges);
     real a = choose(over_yz, x, choose(over_zx, y, z));
     real b = choose(over_yz, y, choose(over_zx, z, x));
     real c = choose(over_yz, z, choose(over_zx, x, y));
@@ -111,9 +121,12 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
 static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+    COUNT(sdf_mandelbulb, call);
     real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5);
     mask escaped = done;
     for (int i = 0; i < s->iterations; i++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(escaped)));
+        COUNT(sdf_mandelbulb, iteration);
         real x2 = x * x, y2 = y * y, z2 = z * z;
         real k3 = x2 + z2, k4 = k3 - y2;
         real per_k3 = both(set(1.0) / k3, greater(k3, set(1e-300))); // 0 on the axis
@@ -133,6 +146,7 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         if (bits(escaped) == (1 << LANES) - 1)
             break;
     }
+    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
     real distance = set(0.25) * root(m) / dz * log_of(m); // the division beside the logarithm
     return both(distance, greater(m, set(0.0)));          // √m·ln m → 0 at the centre
 }
@@ -156,8 +170,10 @@ distance_to_shape(struct vec point, const struct placed *placed, mask done) {
 // which cost 28 % of scene0's time and 24 % of the Mandelbulb's (n = 180).
 __attribute__((always_inline)) static inline real sdf(struct vec p, const struct prepared *scene,
                                                       mask done, real *nearest) {
+    COUNT(sdf, call);
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
         real distance = distance_to_shape(p, &scene->placed[i], done);
         mask closer = less(distance, least);
         least = least_of(distance, least); // beside the choice below, not after it

@@ -27,10 +27,12 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
 // Forward differences of the scene's distance, towards the side the ray comes from.
 static struct vec normal_at(struct vec p, struct vec direction, mask found,
                             const struct prepared *scene) {
+    COUNT(normal_at, call);
     real step = set(scene->model.march.normal_step), nearest = set(0.0);
     mask done = not_in(found);
     real values[4]; // at p, and moved along x, y, z
     for (int i = 0; i < 4; i++) {
+        COUNT(normal_at, moved);
         struct vec moved = {p.x + (i == 1 ? step : set(0.0)), p.y + (i == 2 ? step : set(0.0)),
                             p.z + (i == 3 ? step : set(0.0))};
         values[i] = sdf(moved, scene, done, &nearest);
@@ -45,6 +47,7 @@ static struct vec normal_at(struct vec p, struct vec direction, mask found,
 
 static struct vec light_at(struct vec p, struct vec n, struct vec direction, mask found,
                            const struct surfaces *surface, const struct world *world) {
+    COUNT(light_at, call);
     real zero = set(0.0);
     struct vec base = surface->color;
     struct vec to_light = vec_along(vec_set(world->view->light_position), p, set(-1.0));
@@ -56,7 +59,10 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, mas
     struct vec color = vec_scale(base, set(0.01)); // ambient
     if (!bits(lit))
         return color;
+    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
+    COUNT(light_at, lit);
     real reach = shadow(p, to_light, distance, lit, world->scene) / distance;
+    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
     // Of the light's direction: minus the paper's R.
     real shine = vec_dot(vec_reflect(to_light, n), direction);
     real specular = set(0.2) * power_of(most_of(shine, set(1e-300)), surface->shininess);
@@ -70,6 +76,8 @@ static struct vec light_at(struct vec p, struct vec n, struct vec direction, mas
 
 void trace(struct vec origin, struct vec direction, mask active, int bounce,
            const struct world *world, struct shaded *result) {
+    ACTIVE(__builtin_popcount((unsigned)bits(active)));
+    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     struct vec background = vec_set(model->background);
     *result = (struct shaded){.color = background};
@@ -77,14 +85,19 @@ void trace(struct vec origin, struct vec direction, mask active, int bounce,
     mask found = result->hit.found;
     if (!bits(found))
         return;
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     struct vec p = result->hit.point;
     struct vec n = normal_at(p, direction, found, world->scene);
     struct surfaces surface = gather(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
+        COUNT(trace, mirrors);
         // One reflective ray makes the call; the others are masked out of it and of its colour.
         mask mirror = both(found, greater(surface.reflectivity, set(0.0)));
         if (bits(mirror)) {
+            ACTIVE(__builtin_popcount((unsigned)bits(mirror)));
+            COUNT(trace, mirrored);
             struct vec start = vec_along(p, n, set(model->march.surface_offset));
             struct shaded seen;
             trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
@@ -92,7 +105,9 @@ void trace(struct vec origin, struct vec direction, mask active, int bounce,
             color = vec_along(color, vec_choose(mirror, seen.color, color), share);
         }
     }
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     if (model->features.fog) {
+        COUNT(trace, fog);
         real far_sq = vec_dot(p, p);
         color = vec_scale(color, exp_of(set(-model->fog) * far_sq * root(far_sq)));
     }

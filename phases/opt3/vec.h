@@ -10,6 +10,8 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "flops.h"
+
 enum { LANES = 4 };
 
 typedef __m256d real;
@@ -126,6 +128,7 @@ static inline struct vec vec_reflect(struct vec d, struct vec n) {
 
 // log a for normal a > 0. 0 and denormals read as 2^-1023·(1 + fraction): finite, not −∞.
 static inline real log_of(real a) {
+    COUNT(log_of, call);
     const __m256i mantissa = _mm256_set1_epi64x(0x000fffffffffffff);
     const __m256i one = _mm256_set1_epi64x(0x3ff0000000000000);
     __m256i raw = _mm256_castpd_si256(a);
@@ -151,6 +154,7 @@ static inline real log_of(real a) {
 
 // exp a; below −708 it stays at exp(−708) = 3e-308, above 709 at exp(709).
 static inline real exp_of(real a) {
+    COUNT(exp_of, call);
     a = least_of(most_of(a, set(-708.0)), set(709.0));
     const real shift = set(6755399441055744.0); // 1.5·2^52: adding it rounds to a whole number
     real shifted = mul_add(a, set(1.4426950408889634), shift);
@@ -173,6 +177,7 @@ static inline real exp_of(real a) {
 
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-1023·b).
 static inline real power_of(real a, real b) {
+    COUNT(power_of, call);
     return exp_of(b * log_of(a));
 }
 

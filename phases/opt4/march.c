@@ -10,6 +10,8 @@ struct exit {
 };
 
 static struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
+    COUNT(leaving, call);
+    COUNT(leaving, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
     return (struct exit){set(2.0f) * vec_dot(o, direction), vec_dot(o, o) - set(radius * radius)};
@@ -27,6 +29,7 @@ static inline mask reaches(real distance, real t, real hit_distance) {
 
 void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
                struct hit *hit) {
+    COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     approach_shapes(origin, direction, scene, world->approach);
     struct exit exit = leaving(origin, direction, &scene->model);
@@ -36,6 +39,8 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
     real t = set(0.0f), last = set(0.0f), shape = set(-1.0f), evals = set(0.0f);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         real nearest = set(-1.0f);
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(ray_march, step);
         real distance = sdf(world->approach, t, scene, done, &nearest);
         evals = evals + but_not(done, set(1.0f));
         mask reached = but_not(done, reaches(distance, t, hit_distance));
@@ -50,6 +55,8 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
                 break;
         }
     }
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    COUNT(ray_march, end);
     *hit = (struct hit){.found = found, .t = t + last, .shape = shape, .evals = evals};
     if (bits(found)) {
         hit->point = place_at(origin, direction, t, last);
@@ -60,6 +67,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
 static real soft_shadow(mask active, struct exit exit, const struct world *world) {
+    COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     mask done = not_in(active);
@@ -67,10 +75,14 @@ static real soft_shadow(mask active, struct exit exit, const struct world *world
     real strength = set((float)model->shadow_strength), zero = set(0.0f), nearest = zero;
     real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
     for (int step = 0; step < model->march.max_steps; step++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(soft_shadow, eval);
         real h = sdf(world->approach, t, scene, done, &nearest);
         done = either(done, reaches(h, t, hit_distance));
         if (bits(done) == ALL)
             break;
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(soft_shadow, step);
         real square = h * h, y = square / (set(2.0f) * previous);
         real inside = neg_mul_add(y, y, square), beyond = t - y;
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
@@ -80,8 +92,11 @@ static real soft_shadow(mask active, struct exit exit, const struct world *world
         real scaled = least * beyond;
         mask darker =
             but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (bits(darker))
+        if (bits(darker)) {
+            ACTIVE(__builtin_popcount((unsigned)bits(darker)));
+            COUNT(soft_shadow, darker);
             least = choose(darker, strength * root(inside) / beyond, least);
+        }
         previous = h;
         t = t + but_not(done, h);
         done = either(done, outside(exit, t));
@@ -90,14 +105,19 @@ static real soft_shadow(mask active, struct exit exit, const struct world *world
 }
 
 static real hard_shadow(real distance, mask active, struct exit exit, const struct world *world) {
+    COUNT(hard_shadow, call);
     const struct prepared *scene = world->scene;
     mask done = not_in(active);
     real hit_distance = set((float)scene->model.march.hit_distance);
     real lit = set(1.0f), nearest = lit, t = set((float)scene->model.march.surface_offset);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(hard_shadow, test);
         done = either(done, not_in(less(t, distance)));
         if (bits(done) == ALL)
             break;
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        COUNT(hard_shadow, step);
         real h = sdf(world->approach, t, scene, done, &nearest);
         mask blocked = but_not(done, reaches(h, t, hit_distance));
         lit = but_not(blocked, lit);
@@ -111,6 +131,7 @@ static real hard_shadow(real distance, mask active, struct exit exit, const stru
 // 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 real shadow(struct place point, struct vec to_light, real distance, mask active,
             const struct world *world) {
+    COUNT(shadow, call);
     const struct prepared *scene = world->scene;
     if (scene->model.shadows == SHADOWS_NONE)
         return set(1.0f);

@@ -112,6 +112,8 @@ static struct place place_of(const double a[3]) {
 
 static struct vec get_direction(int column, int row, const struct frame *frame,
                                 const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height;
     float first = (float)(2.0 * column + 1.0 - frame->width); // a whole number: exact
     real columns = set(first) + _mm256_setr_ps(0, 2, 4, 6, 8, 10, 12, 14);
@@ -130,6 +132,7 @@ static void store_plane(float *plane, int stride, int count, real values) {
 }
 
 static void store(struct frame *frame, size_t pixel, int count, const struct shaded *seen) {
+    COUNT(store, call);
     float *rgb = frame->rgb + 3 * pixel;
     store_plane(rgb, 3, count, seen->color.x);
     store_plane(rgb + 1, 3, count, seen->color.y);
@@ -156,6 +159,7 @@ static struct approach *new_approaches(const struct prepared *prepared) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
     struct world world = {prepared, view, new_approaches(prepared)};
     if (!world.approach)
         return false;
@@ -163,9 +167,12 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     for (int row = 0; row < frame->height; row++) {
         for (int column = 0; column < frame->width; column += LANES) {
             int count = frame->width - column < LANES ? frame->width - column : LANES;
+            ACTIVE(count);
+            COUNT(phase_render, packet);
             struct shaded seen;
             trace(origin, get_direction(column, row, frame, view), first_lanes(count), 0, &world,
                   &seen);
+            ACTIVE(count);
             store(frame, (size_t)row * (size_t)frame->width + (size_t)column, count, &seen);
         }
     }

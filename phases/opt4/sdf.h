@@ -40,16 +40,20 @@ struct approach {
 };
 
 static inline struct vec turned(const struct placed *placed, struct vec v) {
+    COUNT(turned, call);
     if (!placed->turned)
         return v;
+    COUNT(turned, rotation);
     return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
                         vec_dot(vec_set(placed->turn[2]), v)};
 }
 
 // Back from the shape's frame: the matrix is orthogonal, so its transpose.
 static inline struct vec turned_back(const struct placed *placed, struct vec v) {
+    COUNT(turned_back, call);
     if (!placed->turned)
         return v;
+    COUNT(turned_back, rotation);
     struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
     out = vec_along(out, vec_set(placed->turn[1]), v.y);
     return vec_along(out, vec_set(placed->turn[2]), v.z);
@@ -60,6 +64,7 @@ static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not 
 }
 
 static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
+    COUNT(vec_wrapped, call);
     return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
                         wrapped(p.y, placed->cell[1], placed->per_cell[1]),
                         wrapped(p.z, placed->cell[2], placed->per_cell[2])};
@@ -72,11 +77,13 @@ static inline bool is_linear(const struct placed *placed) {
 // Fills one approach per shape.
 static inline void approach_shapes(struct place origin, struct vec direction,
                                    const struct prepared *scene, struct approach *approach) {
+    COUNT(approach_shapes, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
         struct vec o = turned(placed, place_sub(origin, placed->position, placed->position_lo));
         struct vec d = turned(placed, direction);
         if (is_linear(placed)) {
+            COUNT(approach_shapes, linear);
             struct vec n = vec_set(placed->size);
             o.x = vec_dot(n, o) - set(placed->a);
             d.x = vec_dot(n, d);
@@ -87,14 +94,17 @@ static inline void approach_shapes(struct place origin, struct vec direction,
 }
 
 static inline real sdf_sphere(struct vec p, const struct placed *s) {
+    COUNT(sdf_sphere, call);
     return vec_norm(p) - set(s->a);
 }
 
 static inline real sdf_plane(struct vec p, const struct placed *s) {
+    COUNT(sdf_plane, call);
     return vec_dot(p, vec_set(s->size)) - set(s->a);
 }
 
 static inline real sdf_box(struct vec p, const struct placed *s) {
+    COUNT(sdf_box, call);
     real zero = set(0.0f);
     real x = absolute(p.x) - set(s->size[0]);
     real y = absolute(p.y) - set(s->size[1]);
@@ -104,11 +114,13 @@ static inline real sdf_box(struct vec p, const struct placed *s) {
 }
 
 static inline real sdf_torus(struct vec p, const struct placed *s) {
+    COUNT(sdf_torus, call);
     real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
     return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
 }
 
 static inline real sdf_cone(struct vec p, const struct placed *s) {
+    COUNT(sdf_cone, call);
     real zero = set(0.0f), one = set(1.0f);
     real radius = root(mul_add(p.x, p.x, p.z * p.z));
     real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
@@ -125,6 +137,7 @@ static inline real sdf_cone(struct vec p, const struct placed *s) {
 }
 
 static inline real sdf_octahedron(struct vec point, const struct placed *s) {
+    COUNT(sdf_octahedron, call);
     real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
     real zero = set(0.0f), radius = set(s->a);
     real m = x + y + z - radius, third = m * set(1.0f / 3.0f);
@@ -133,6 +146,7 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
     mask edges = either(over_yz, either(over_zx, over_xy));
     if (bits(edges) == 0)
         return face;
+    COUNT(sdf_octahedron, edges);
     real a = choose(over_yz, x, choose(over_zx, y, z));
     real b = choose(over_yz, y, choose(over_zx, z, x));
     real c = choose(over_yz, z, choose(over_zx, x, y));
@@ -145,11 +159,14 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
 static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+    COUNT(sdf_mandelbulb, call);
     real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
     mask far = greater(m, set(1024.0f)), escaped = either(done, far);
     for (int i = 0; i < s->iterations; i++) {
+        ACTIVE(LANES - __builtin_popcount((unsigned)bits(escaped)));
+        COUNT(sdf_mandelbulb, iteration);
         real x2 = x * x, y2 = y * y, z2 = z * z;
         real k3 = x2 + z2, k4 = k3 - y2;
         real per_k3 = both(set(1.0f) / k3, greater(k3, set(1e-36f))); // 0 on the axis
@@ -169,11 +186,16 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         if (bits(escaped) == (1 << LANES) - 1)
             break;
     }
+    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done) | (unsigned)bits(far)));
+    COUNT(sdf_mandelbulb, estimate);
     real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
     if (bits(far)) {
+        ACTIVE(__builtin_popcount((unsigned)bits(far) & ~(unsigned)bits(done)));
+        COUNT(sdf_mandelbulb, far);
         real r = root(vec_dot(p, p));
         distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
+    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
     return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
 }
 
@@ -194,8 +216,12 @@ distance_at(struct vec p, const struct placed *placed, mask done) {
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
 distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
-    if (is_linear(placed))
+    COUNT(distance_to_shape, call);
+    if (is_linear(placed)) {
+        COUNT(distance_to_shape, linear);
         return mul_add(t, a->direction.x, a->origin.x);
+    }
+    COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
     if (placed->repeated)
         p = vec_wrapped(placed, p);
@@ -207,8 +233,10 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
 __attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
                                                       const struct prepared *scene, mask done,
                                                       real *nearest) {
+    COUNT(sdf, call);
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
         real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
         mask closer = less(distance, least);
         least = least_of(distance, least); // beside the choice below, not after it

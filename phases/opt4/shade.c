@@ -31,6 +31,7 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
 // step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
 // Gradients are in the world's axes in the end, and need not be of unit length.
 static struct vec box_gradient(struct vec p, const struct placed *s) {
+    COUNT(box_gradient, call);
     real zero = set(0.0f);
     real x = absolute(p.x) - set(s->size[0]);
     real y = absolute(p.y) - set(s->size[1]);
@@ -47,12 +48,14 @@ static struct vec box_gradient(struct vec p, const struct placed *s) {
 }
 
 static struct vec torus_gradient(struct vec p, const struct placed *s) {
+    COUNT(torus_gradient, call);
     real radius = root(mul_add(p.x, p.x, p.z * p.z));
     real outward = set(1.0f) - set(s->a) / most_of(radius, set(1e-30f));
     return (struct vec){p.x * outward, p.y, p.z * outward};
 }
 
 static struct vec cone_gradient(struct vec p, const struct placed *s) {
+    COUNT(cone_gradient, call);
     real zero = set(0.0f);
     real radius = root(mul_add(p.x, p.x, p.z * p.z));
     real x = radius - set(s->b), y = p.y - set(s->c);
@@ -75,6 +78,7 @@ static struct vec cone_gradient(struct vec p, const struct placed *s) {
 }
 
 static struct vec octahedron_gradient(struct vec p) {
+    COUNT(octahedron_gradient, call);
     real one = set(1.0f);
     return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
 }
@@ -83,24 +87,32 @@ static struct vec octahedron_gradient(struct vec p) {
 // of the shape's matrix); axis −1: not moved.
 static struct vec moved_in(const struct placed *placed, const struct approach *approach, real t,
                            real dt, float step, int axis) {
+    COUNT(moved_in, call);
     struct vec p =
         vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
     if (placed->repeated) // before the step too: it would drown in a far point's rounding
         p = vec_wrapped(placed, p);
-    if (axis >= 0)
+    if (axis >= 0) {
+        COUNT(moved_in, moved);
+        COUNT(moved_in, scalar);
         p = (struct vec){p.x + set(step * placed->turn[0][axis]),
                          p.y + set(step * placed->turn[1][axis]),
                          p.z + set(step * placed->turn[2][axis])};
+    }
     return placed->repeated ? vec_wrapped(placed, p) : p;
 }
 
 static real moved_distance(const struct placed *placed, const struct approach *approach, real t,
                            real dt, mask done, float step, int axis) {
+    COUNT(moved_distance, call);
     if (is_linear(placed)) {
+        COUNT(moved_distance, linear);
         struct vec n = turned_back(placed, vec_set(placed->size));
         real along = axis == 0 ? n.x : axis == 1 ? n.y : n.z;
         real here = mul_add(dt, approach->direction.x,
                             mul_add(t, approach->direction.x, approach->origin.x));
+        if (axis >= 0)
+            COUNT(moved_distance, moved);
         return axis < 0 ? here : mul_add(along, set(step), here);
     }
     return distance_at(moved_in(placed, approach, t, dt, step, axis), placed, done);
@@ -108,6 +120,7 @@ static real moved_distance(const struct placed *placed, const struct approach *a
 
 static struct vec difference(const struct placed *placed, const struct approach *approach, real t,
                              real dt, mask done, float step) {
+    COUNT(difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++)
         f[axis + 1] = moved_distance(placed, approach, t, dt, done, step, axis);
@@ -117,13 +130,17 @@ static struct vec difference(const struct placed *placed, const struct approach 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(real t, real dt, mask done, float step,
                                    const struct world *world) {
+    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+    COUNT(scene_difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = set(INFINITY);
-        for (int i = 0; i < world->scene->model.shape_count; i++)
+        for (int i = 0; i < world->scene->model.shape_count; i++) {
+            COUNT(scene_difference, shape);
             f[axis + 1] = least_of(moved_distance(&world->scene->placed[i], &world->approach[i], t,
                                                   dt, done, step, axis),
                                    f[axis + 1]);
+        }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
@@ -131,8 +148,11 @@ static struct vec scene_difference(real t, real dt, mask done, float step,
 // Hits from where a step may come nearer to another shape than to the one hit.
 static mask in_contact(real t, real dt, mask found, real shape, float step,
                        const struct world *world) {
+    COUNT(in_contact, call);
+    COUNT(in_contact, scalar);
     real own = set(INFINITY), other = own;
     for (int i = 0; i < world->scene->model.shape_count; i++) {
+        COUNT(in_contact, shape);
         const struct placed *placed = &world->scene->placed[i];
         real distance = moved_distance(placed, &world->approach[i], t, dt, not_in(found), step, -1);
         mask is_own = not_less(set(0.5f), absolute(shape - set(placed->index)));
@@ -145,6 +165,8 @@ static mask in_contact(real t, real dt, mask found, real shape, float step,
 // `contact`: hits near another shape, whose difference is the scene's.
 static struct vec gradient_of(int shape, real t, real dt, mask found, mask contact, float step,
                               const struct world *world) {
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    COUNT(gradient_of, call);
     const struct placed *placed = &world->scene->placed[shape];
     const struct approach *approach = &world->approach[shape];
     mask near = both(found, contact);
@@ -162,6 +184,9 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
     case SHAPE_PLANE: exact = vec_set(placed->size); break;
     default: return rounded;
     }
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    COUNT(gradient_of, closed);
+    COUNT(gradient_of, scalar);
     exact = turned_back(placed, exact);
     exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, set(1.0f / step));
@@ -177,16 +202,20 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
 // Towards the side the ray comes from. Once for each shape that the packet hit.
 struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
                      const struct world *world) {
+    COUNT(normal_at, call);
     float id[LANES], step = (float)world->scene->model.march.normal_step;
     _mm256_storeu_ps(id, shape);
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
     mask contact = in_contact(t, dt, found, shape, step, world);
     for (int rest = bits(found); rest;) {
+        ACTIVE(__builtin_popcount((unsigned)bits(found)));
+        COUNT(normal_at, shape);
         int i = (int)id[__builtin_ctz((unsigned)rest)];
         mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
         gradient = vec_choose(same, gradient_of(i, t, dt, same, contact, step, world), gradient);
         rest &= ~bits(same);
     }
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     real length = vec_norm(gradient);
     mask away = greater(vec_dot(direction, gradient), set(0.0f));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
@@ -205,6 +234,8 @@ static struct vec from_to(struct place from, const double to[3]) {
 
 static struct vec light_at(struct place p, struct vec n, struct vec direction, mask found,
                            const struct surfaces *surface, const struct world *world) {
+    COUNT(light_at, call);
+    COUNT(light_at, scalar);
     real zero = set(0.0f);
     struct vec base = surface->color;
     struct vec to_light = from_to(p, world->view->light_position);
@@ -216,7 +247,10 @@ static struct vec light_at(struct place p, struct vec n, struct vec direction, m
     struct vec color = vec_scale(base, set(0.01f)); // ambient
     if (!bits(lit))
         return color;
+    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
+    COUNT(light_at, lit);
     real reach = shadow(p, to_light, distance, lit, world) / distance;
+    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
     // Of the light's direction: minus the paper's R.
     real shine = vec_dot(vec_reflect(to_light, n), direction);
     real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
@@ -231,6 +265,8 @@ static struct vec light_at(struct place p, struct vec n, struct vec direction, m
 
 void trace(struct place origin, struct vec direction, mask active, int bounce,
            const struct world *world, struct shaded *result) {
+    ACTIVE(__builtin_popcount((unsigned)bits(active)));
+    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
@@ -239,14 +275,19 @@ void trace(struct place origin, struct vec direction, mask active, int bounce,
     mask found = result->hit.found;
     if (!bits(found))
         return;
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     struct place p = result->hit.point;
     struct vec n = result->hit.normal;
     struct surfaces surface = gather(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
+        COUNT(trace, mirrors);
         // One reflective ray makes the call; the others are masked out of it and of its colour.
         mask mirror = both(found, greater(surface.reflectivity, set(0.0f)));
         if (bits(mirror)) {
+            ACTIVE(__builtin_popcount((unsigned)bits(mirror)));
+            COUNT(trace, mirrored);
             struct place start = place_at(p, n, set((float)model->march.surface_offset), set(0.0f));
             struct shaded seen;
             trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
@@ -254,7 +295,9 @@ void trace(struct place origin, struct vec direction, mask active, int bounce,
             color = vec_along(color, vec_choose(mirror, seen.color, color), share);
         }
     }
+    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     if (model->features.fog) {
+        COUNT(trace, fog);
         real far_sq = vec_dot(p.hi, p.hi);
         color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
     }

@@ -10,6 +10,8 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "flops.h"
+
 enum { LANES = 8 };
 
 typedef __m256 real;
@@ -159,6 +161,7 @@ static inline real place_along(real hi, real *lo, real direction, real t, real d
 // The place at distance t + dt along the ray, dt small beside t: exact to 2^-43 of the larger of
 // origin and way as long as dt is under 2^-19 of t.
 static inline struct place place_at(struct place origin, struct vec direction, real t, real dt) {
+    COUNT(place_at, call);
     struct place p = origin;
     p.hi.x = place_along(p.hi.x, &p.lo.x, direction.x, t, dt);
     p.hi.y = place_along(p.hi.y, &p.lo.y, direction.y, t, dt);
@@ -168,6 +171,7 @@ static inline struct place place_at(struct place origin, struct vec direction, r
 
 // a − b, rounded once to float: exact to an ulp of the *difference*.
 static inline struct vec place_sub(struct place a, const float hi[3], const float lo[3]) {
+    COUNT(place_sub, call);
     return (struct vec){(a.hi.x - set(hi[0])) + (a.lo.x - set(lo[0])),
                         (a.hi.y - set(hi[1])) + (a.lo.y - set(lo[1])),
                         (a.hi.z - set(hi[2])) + (a.lo.z - set(lo[2]))};
@@ -179,6 +183,7 @@ static inline struct vec place_sub(struct place a, const float hi[3], const floa
 
 // log a for normal a > 0. 0 and denormals read as 2^-127·(1 + fraction): finite, not −∞.
 static inline real log_of(real a) {
+    COUNT(log_of, call);
     __m256i raw = _mm256_castps_si256(a);
     real e =
         _mm256_cvtepi32_ps(_mm256_sub_epi32(_mm256_srli_epi32(raw, 23), _mm256_set1_epi32(127)));
@@ -197,6 +202,7 @@ static inline real log_of(real a) {
 
 // exp a; below −87 it stays at exp(−87) = 2e-38, above 88 at exp(88).
 static inline real exp_of(real a) {
+    COUNT(exp_of, call);
     a = least_of(most_of(a, set(-87.0f)), set(88.0f));
     real n = _mm256_round_ps(a * set(1.44269504f), _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
     real r = neg_mul_add(n, set(0.693359375f), a);
@@ -212,6 +218,7 @@ static inline real exp_of(real a) {
 
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).
 static inline real power_of(real a, real b) {
+    COUNT(power_of, call);
     return exp_of(b * log_of(a));
 }
 
