@@ -59,7 +59,9 @@ def measurements(
     chosen: list[tuple[Spec, Scene]], backend: str, height: int, variants: tuple[str, ...], jobs: int
 ) -> dict[str, list[Measured | None]]:
     """Variant → one measurement per pair."""
-    measure = BACKENDS[backend].measure
+    if not variants:
+        return {}
+    measure = flops.backend(backend).measure
     return {
         variant: in_parallel(
             [
@@ -88,7 +90,7 @@ def run() -> int:
     if args.n < 1 or args.jobs < 1:
         raise StudyError("-n and --jobs: whole numbers from 1 are required")
     target = store.Run.open(args.run) if args.run else None
-    if (args.validate or args.measure) and (lacking := BACKENDS[args.backend].available()):
+    if (args.validate or args.measure) and (lacking := flops.backend(args.backend).missing()):
         raise StudyError(lacking, cli.CANNOT_RUN)
     if args.backend == "qemu" and args.n > QEMU_HEIGHT and args.validate:
         cli.say(f"qemu is some hundred times slower than the machine: -n {QEMU_HEIGHT} is enough")
@@ -139,6 +141,8 @@ def run() -> int:
     else:
         print(show.markdown(show.table(table, columns.TABLE1)))
         print(show.markdown(show.table(table1.terms(counted), columns.TERMS)))
+        if readings := table1.readings(counted):
+            print(show.markdown(show.table(readings, columns.READINGS)))
     for row in bad:
         cli.say(
             f"{row['phase']} {row['scene']} {row['scope']} ({row['variant']}): declared {row['counted']:,}, "

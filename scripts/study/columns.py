@@ -203,6 +203,14 @@ TERMS = [
     Column("", "share", lambda r: percent(r.get("share"))),
     Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
 ]
+READINGS = [
+    Column("", "scene", word("scene")),
+    Column("", "baseline's FLOPs under the rule", word("rule")),
+    Column("", "GFLOP", plain("gflop", 4)),
+    Column("", "FLOP/evaluation", plain("flop_per_evaluation", 4)),
+    Column("", "the paper's GFLOP", plain("paper_gflop", 4)),
+    Column("", "difference", lambda r: f"{100 * r['difference']:+.1f}\u00a0%"),
+]
 VALIDATION = [
     Column("", "scene", word("scene")),
     Column("", "phase", word("phase")),

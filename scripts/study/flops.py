@@ -5,13 +5,14 @@ Conventions (common/flops.h): `paper`, one FLOP per math.h call; `machine`, what
 
 from __future__ import annotations
 
-import dataclasses
+import importlib
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from study import blocks, pmu, qemu, run, sde, store
+from study import run, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.registry import Scene, Spec
@@ -23,21 +24,13 @@ KEYS = ("flops", "by_function", "by_class", "executed", "useful")
 Row = dict[str, Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class Backend:
-    """A way to measure. `available` is None, or says in one line what is missing and what it would add."""
-
-    name: str
-    measure: Callable[..., Measured]
-    available: Callable[[], str | None]
+# Modules with measure(spec, scene_path, height, width, variant=…) -> Measured and missing() -> str | None,
+# which says in one line what a back end lacks here and what it would add.
+BACKENDS = ("blocks", "qemu", "sde", "pmu")
 
 
-BACKENDS = {
-    "blocks": Backend("blocks", blocks.measure, blocks.missing),
-    "qemu": Backend("qemu", qemu.measure, qemu.missing),
-    "sde": Backend("sde", sde.measure, sde.missing),
-    "pmu": Backend("pmu", pmu.measure, pmu.missing),
-}
+def backend(name: str) -> ModuleType:
+    return importlib.import_module(f"study.{name}")
 
 
 def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, threads: int = 1) -> Row:
