@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,20 +46,34 @@ class Counts:
             lanes = one.lanes * times if active is None else active
             self.lanes[one.kind, one.precision, one.bits] += lanes
 
-    def merge(self, other: Counts, share: float = 1) -> None:
-        """Adds another's, or a share of it: whole numbers as long as the share makes them so."""
+    def merge(self, other: Counts) -> None:
+        """Adds another's."""
+        self.calls += other.calls
+        self.instructions += other.instructions
+        self.load += other.load
+        self.store += other.store
+        self.lanes.update(other.lanes)
+        self.mix.update(other.mix)
 
-        def part(n: float) -> int:
-            return round(n * share)
+    def split(self, weights: Sequence[int]) -> list[Counts]:
+        """Whole-numbered parts in proportion to the weights that add up to this: nothing is lost or made."""
+        ends = [sum(weights[: i + 1]) for i in range(len(weights))]
 
-        self.calls += part(other.calls)
-        self.instructions += part(other.instructions)
-        self.load += part(other.load)
-        self.store += part(other.store)
-        for key, n in other.lanes.items():
-            self.lanes[key] += part(n)
-        for place, n in other.mix.items():
-            self.mix[place] += part(n)
+        def parts(n: int) -> list[int]:
+            upto = [0, *(n * end // ends[-1] for end in ends)]
+            return [b - a for a, b in itertools.pairwise(upto)]
+
+        made = [
+            Counts(calls, instructions, load=load, store=store)
+            for calls, instructions, load, store in zip(
+                *(parts(n) for n in (self.calls, self.instructions, self.load, self.store)), strict=True
+            )
+        ]
+        for counter in ("lanes", "mix"):
+            for key, n in getattr(self, counter).items():
+                for part, share in zip(made, parts(n), strict=True):
+                    getattr(part, counter)[key] += share
+        return made
 
     def by_kind(self) -> dict[str, int]:
         """Operations, lane by lane, by kind."""

@@ -62,10 +62,9 @@ def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
         ready = [n for n in waiting if not any(w != n and n in incoming[w] for w in waiting)]
         for name in ready or waiting[:1]:
             own, calls = found.pop(name), incoming[name]
-            for caller, share in calls.items():
-                kept = found[caller].calls
-                found[caller].merge(own, share / sum(calls.values()))
-                found[caller].calls = kept
+            for caller, part in zip(calls, own.split([*calls.values()]), strict=True):
+                part.calls = 0  # the caller's own stay what they are
+                found[caller].merge(part)
             waiting.remove(name)
     return found
 

@@ -1,0 +1,202 @@
+"""Declared against measured: folding, comparing, Table 1's arithmetic, the files of a run, bad input."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from collections import Counter
+
+import pytest
+
+from study import costs, flops, registry, table1
+from study.cli import StudyError
+from study.counts import Counts, Measured
+from study.registry import ROOT, Spec
+
+
+def counts(calls: int, adds: int, load: int = 0) -> Counts:
+    return Counts(calls=calls, instructions=adds, lanes=Counter({("add", "double", 64): adds}), load=load)
+
+
+def measured(functions: dict[str, Counts], edges: dict | None = None, **changed) -> Measured:
+    total = Counts()
+    for one in functions.values():
+        total.merge(one)
+    about = {
+        "backend": "by hand",
+        "phase": "p",
+        "flags_from": "p",
+        "variant": "calls",
+        "scene": "s",
+        "scene_hash": "0",
+        "width": 4,
+        "height": 2,
+        "outside": None,
+        "calibrated": True,
+    }
+    return Measured(**about | changed, total=total, functions=functions, edges=edges or {})
+
+
+def stated(machine: int, **functions: int) -> dict:
+    by_function = {name: {"calls": 1, "lanes": 1, "machine": n, "paper": n} for name, n in functions.items()}
+    return {
+        "phase": "p",
+        "flags_from": "p",
+        "scene": "s",
+        "width": 4,
+        "height": 2,
+        "flops": {"machine": machine, "paper": machine},
+        "by_function": by_function,
+        "by_class": {"compare": 0, "call": 0},
+        "executed": machine,
+        "useful": machine,
+    }
+
+
+def test_helpers_are_folded_into_their_callers_by_calls():
+    """dot (30 adds in 10 calls) is called 8 times by a, twice by norm; norm 3 times by b: by hand
+    a gets 24, norm 6, all of which goes on to b with norm's own 9."""
+    found = flops.fold(
+        measured(
+            {"a": counts(1, 100), "b": counts(1, 200), "norm": counts(3, 9), "dot": counts(10, 30)},
+            {"a": {"dot": 8}, "norm": {"dot": 2}, "b": {"norm": 3}},
+        ),
+        {"a", "b"},
+    )
+    assert {name: one.machine for name, one in found.items()} == {"a": 124, "b": 215}
+    assert {name: one.calls for name, one in found.items()} == {"a": 1, "b": 1}
+
+
+def test_a_named_helper_stays_and_an_uncalled_function_is_not_lost():
+    functions = {"a": counts(1, 100), "dot": counts(10, 30), "entry": counts(1, 7)}
+    found = flops.fold(measured(functions, {"a": {"dot": 10}}), {"a", "dot"})
+    assert {name: one.machine for name, one in found.items()} == {"a": 100, "dot": 30, "entry": 7}
+
+
+def test_folding_keeps_the_total():
+    functions = {name: counts(2, n) for name, n in (("a", 11), ("b", 12), ("c", 13), ("d", 14))}
+    edges = {"a": {"b": 1, "c": 1}, "b": {"c": 1, "d": 2}, "c": {"d": 5}}
+    assert sum(c.machine for c in flops.fold(measured(functions, edges), {"a"}).values()) == 50
+
+
+@pytest.mark.parametrize(
+    ("counted", "within"),
+    [(10000, True), (10100, True), (9900, True), (10101, False), (9899, False), (0, False)],
+)
+def test_one_percent_is_the_limit(counted, within):
+    (row,) = flops.compare(stated(counted), measured({"a": counts(1, 10000)}, variant="shipped"))
+    assert row["within"] is within
+    assert bool(flops.failures([row])) is not within
+
+
+def test_nothing_measured_or_nan_is_a_failure():
+    (row,) = flops.compare(stated(5), measured({"a": counts(1, 0)}, variant="shipped"))
+    assert math.isinf(row["relative_difference"]) and flops.failures([row])
+    assert flops.failures([row | {"relative_difference": math.nan, "within": abs(math.nan) <= 0.01}])
+
+
+def test_functions_are_judged_unless_they_are_small():
+    by = measured({"a": counts(1, 10000), "b": counts(1, 5), "helper": counts(3, 60)}, {"a": {"helper": 3}})
+    rows = {r["scope"]: r for r in flops.compare(stated(10065, a=10060, b=1), by, by)[2:]}
+    assert rows["a"]["within"] and rows["a"]["judged"]
+    assert not rows["b"]["within"] and not rows["b"]["judged"]
+    assert "helper" not in rows
+
+
+def test_calls_must_be_equal():
+    (row,) = flops.compare_calls(stated(1, a=1), measured({"a": counts(1, 1)}))
+    assert row["within"]
+    (row,) = flops.compare_calls(stated(1, a=1), measured({"a": counts(1000, 1)}))
+    assert not row["within"]
+
+
+def test_counts_json_is_added_to_and_newer_replaces_older(tmp_path):
+    path = tmp_path / "counts.json"
+    flops.write(path, [stated(1)], [measured({"a": counts(1, 1)})])
+    flops.write(
+        path,
+        [stated(2), stated(3) | {"scene": "t"}],
+        [measured({"a": counts(1, 2)}), measured({}, scene="t")],
+    )
+    rows, many = flops.read(path)
+    assert [row["flops"]["machine"] for row in rows] == [2, 3]
+    assert [(one.scene, one.total.machine) for one in many] == [("s", 2), ("t", 0)]
+    assert many[0].functions["a"].lanes == Counter({("add", "double", 64): 2})
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"schema": 1}', '{"declared": [], "measured": [{"phase": "p"}]}']
+)
+def test_a_foreign_or_truncated_counts_json_is_one_line(tmp_path, text):
+    (tmp_path / "counts.json").write_text(text)
+    with pytest.raises(StudyError, match=r"counts\.json"):
+        flops.read(tmp_path / "counts.json")
+
+
+def test_table1_against_the_paper_and_by_hand():
+    base = stated(100) | {"phase": "baseline", "scene": "scene0", "width": 1280, "height": 720}
+    base["by_function"] = {"sdf": {"lanes": 50, "calls": 50, "machine": 100, "paper": 100}}
+    half = base | {"phase": "opt1", "flops": {"paper": 60, "machine": 60}, "executed": 60, "useful": 30}
+    first, second = table1.rows([base, half])
+    assert first["paper_gflop"] == pytest.approx(20.68) and first["cut"] is None
+    assert first["flop_per_evaluation"] == 2 and first["evaluations_million"] == 50e-6
+    assert second["cut"] == pytest.approx(0.7)  # half of its 60 are useful: 30 of 100 are left
+    assert second["paper_cut"] == pytest.approx(0.51)
+
+
+@pytest.mark.parametrize(
+    "phase", sorted(p for p in registry.phases() if (ROOT / "phases" / p / "costs.def").exists())
+)
+def test_costs_def_reads_as_the_compiler_reads_it(phase):
+    """Parts and their paper FLOPs by Python, against a picture's by the counting build."""
+    scene = registry.find_scene("trio")
+    made = flops.declared(Spec(phase, phase), scene, 12)
+    declared = {(c.function, c.part): c for c in costs.read(ROOT / "phases" / phase / "costs.def")}
+    lanes = registry.find_phase(phase).lanes
+    parts = {(f, p): n for f, one in made["by_function"].items() for p, n in one["parts"].items()}
+    assert parts.keys() == declared.keys()
+    for kind, total in made["by_class"].items():
+        by_hand = sum(
+            n * declared[key].per_lane[kind] * (lanes if declared[key].width == "LANES" else 1)
+            for key, n in parts.items()
+        )
+        assert by_hand == total, kind
+
+
+def test_a_line_that_is_no_cost_is_named(tmp_path):
+    (tmp_path / "costs.def").write_text("// fine\nCOST(a, call, 1, 1, 2)\n")
+    with pytest.raises(StudyError, match=r"costs\.def:2: .*nine numbers"):
+        costs.read(tmp_path / "costs.def")
+
+
+def command(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
+    words = [sys.executable, str(ROOT / "scripts" / "flops.py"), *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, env=os.environ | environment, timeout=300)
+
+
+def test_table1_of_a_small_picture_as_json():
+    done = command("--phase", "baseline", "--scene", "cubes", "-n", 9, "--json")
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(done.stdout)["table1"]
+    assert row["phase"] == "baseline" and row["width"] == 16 and row["paper_gflop"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--phase", "optt1"], "no phase 'optt1'; did you mean opt1"),
+        (["--scene", "scene1", "-n", 9], "no scene 'scene1'; did you mean scene0"),
+        (["-n", 0], "whole numbers from 1"),
+        (["--run", "/nowhere"], "not a run"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments, message):
+    done = command(*arguments)
+    assert done.returncode == 2 and message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_phases_that_the_cpu_lacks_are_left_out_and_named():
+    done = command("--phase", "opt4", "-n", 9, STEPWISE_ISA_LIMIT="none")
+    assert done.returncode == 3 and "avx2" in done.stderr
