@@ -23,8 +23,9 @@ KEYS = {
 }
 
 
-def load(name: str) -> dict:
-    path = PHASES / name / "phase.json"
+def load(name: str, output: Path) -> dict:
+    """phase.json of a phase, or of the ablation NAME+TITLE whose tree stands in the output folder."""
+    path = (output / "source" if "+" in name else PHASES / name) / "phase.json"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in PHASES.glob("*/phase.json")))
         sys.exit(f"phase_info: there is no phase {name!r}; there are {known}")
@@ -50,7 +51,7 @@ def replace(path: Path, text: str) -> None:
 
 def main() -> None:
     name, flags_from, folder, compiler, sanitizers = *sys.argv[1:3], Path(sys.argv[3]), *sys.argv[4:6]
-    phase, flags = load(name), load(flags_from)
+    phase, flags = load(name, folder), load(flags_from, folder)
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
     replace(folder / "flags.mk", f"PHASE_CFLAGS := {flags['cflags']}\n")

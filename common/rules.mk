@@ -3,6 +3,7 @@
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
 #   build/NAME/probe          distances at given points, for tests
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
+#   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
 CC ?= gcc
 ifeq ($(origin CC),default)
@@ -26,6 +27,10 @@ PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json
 # opt2@opt4 names a variant: what is before the @ is built with the flags of what is behind it.
 source_of = $(firstword $(subst @, ,$(1)))
 flags_of = $(lastword $(subst @, ,$(1)))
+# Where its sources are. opt1+arrays names an ablation, opt1 with phases/opt1/ablations/arrays.patch applied:
+# its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
+folder_of = $(if $(and $(findstring +,$(1)),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
+patched = $(or $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)),$(error $(1) cannot be made))
 
 .SECONDARY:
 .SECONDEXPANSION:
@@ -40,6 +45,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/
 
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
+	@: $(call folder_of,$*)
 	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZERS)'
 .PHONY: FORCE
 FORCE:
@@ -47,7 +53,7 @@ FORCE:
 $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
-$(BUILD)/%/phase.o: $$(wildcard phases/$$(call source_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
 	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(@D)/flags.mk)"; \
 	for source in $(filter %.c,$^); do \
@@ -68,20 +74,108 @@ $(BUILD)/%/count/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/pha
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -I$(BUILD)/$* -c $< -o $@
 
-$(BUILD)/%/count/flops.o: common/flops.c $$(wildcard phases/$$(call source_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@mkdir -p $(@D)
-	@test -f phases/$(call source_of,$*)/costs.def || { echo "phases/$(call source_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
-	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote phases/$(call source_of,$*) -I$(BUILD)/$* -c $< -o $@
+	@test -f $(call folder_of,$*)/costs.def || { echo "$(call folder_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
+	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote $(call folder_of,$*) -I$(BUILD)/$* -c $< -o $@
 
-$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard phases/$$(call source_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
 	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
 	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
 	for source in $(filter %.c,$^); do \
 	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -DSTEPWISE_COUNT \
-	        -iquote phases/$(call source_of,$*) -c $$source -o $(@D)/objects/$$(basename $$source .c).o; \
+	        -iquote $(call folder_of,$*) -c $$source -o $(@D)/objects/$$(basename $$source .c).o; \
 	    echo "$$@"; "$$@" || exit 1; \
 	done
 	@ld -r -o $@ $(@D)/objects/*.o
 
 $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
+
+# The shipped code's functions, kept as functions, for profiles by name: the same sources, nothing inlined,
+# cloned or merged. immintrin.h writes __always_inline__, so its intrinsics stay instructions.
+CALLS_CFLAGS := -g -fno-inline -Dalways_inline=noinline -Wno-attributes \
+    $(if $(findstring clang,$(TOOLCHAIN)),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
+$(BUILD)/%/calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
+	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+	for source in $(filter %.c,$^); do \
+	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(CALLS_CFLAGS) -c $$source \
+	        -o $(@D)/objects/$$(basename $$source .c).o; \
+	    echo "$$@"; "$$@" || exit 1; \
+	done
+	@ld -r -o $@ $(@D)/objects/*.o
+
+$(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# The shipped code with line tables: not an instruction differs (tests/py/test_hotspots.py), and inlined code
+# can be told by the function it is from.
+$(BUILD)/%/lines/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
+	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+	for source in $(filter %.c,$^); do \
+	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -g -c $$source \
+	        -o $(@D)/objects/$$(basename $$source .c).o; \
+	    echo "$$@"; "$$@" || exit 1; \
+	done
+	@ld -r -o $@ $(@D)/objects/*.o
+
+$(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# Counts what a program does under qemu-x86_64 (scripts/study/qemu.py). Loaded by QEMU: no sanitizers.
+$(BUILD)/common/qemu_plugin.so: common/qemu_plugin.c common/rules.mk $(BUILD)/common/toolchain
+	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -fPIC -fvisibility=hidden -shared $< -o $@
+
+# Ceilings of the machine: no phase, no library, the same code whatever the phases' flags are.
+$(BUILD)/ceilings: $(BUILD)/common/ceilings.o $(BUILD)/common/timer.o
+	$(CC) $(SANITIZERS) $^ -lm -o $@
+
+# Executions of every basic block (scripts/study/assembly.py, common/blocks.c): the shipped code, and the same
+# source with its functions kept. The driver is the counting build's; table.json says what was counted.
+BLOCKS_PYTHON = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly
+BLOCKS_TOOLS := scripts/study/assembly.py scripts/study/decode.py
+# $(1): more compiler flags
+define blocks_recipe
+@rm -rf $(@D) && mkdir -p $(@D)
+@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+for source in $(filter %.c,$^); do \
+    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(1) -S $$source \
+        -o $(@D)/$$(basename $$source .c).s; \
+    echo "$$@"; "$$@" || exit 1; \
+done
+@$(BLOCKS_PYTHON) --cc '$(CC)' $(@D) $(@D)/*.s
+@ld -r -o $@ $(@D)/counted/*.o
+endef
+
+$(BUILD)/%/blocks/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
+	$(call blocks_recipe,)
+
+$(BUILD)/%/blocks-calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
+	$(call blocks_recipe,$(CALLS_CFLAGS) -g0)
+
+$(BUILD)/%/blocks.o: common/blocks.c common/count.h $(BUILD)/%/phase.o
+	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
+
+BLOCKS_LINK = $(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
+$(BUILD)/%/render-blocks: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+	$(BLOCKS_LINK)
+
+$(BUILD)/%/render-blocks-calls: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+	$(BLOCKS_LINK)
+
+# Known work (tests/calibration): plain, and with counted blocks.
+CALIBRATION_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon
+$(BUILD)/calibration/calibrate: tests/calibration/calibrate.c common/rules.mk $(BUILD)/common/toolchain
+	@mkdir -p $(@D)
+	$(CC) $(CALIBRATION_CFLAGS) $< -lpthread -o $@
+
+$(BUILD)/calibration/blocks/phase.o: tests/calibration/calibrate.c common/count.h common/rules.mk $(BLOCKS_TOOLS) $(BUILD)/common/toolchain
+	@rm -rf $(@D) && mkdir -p $(@D)
+	$(CC) $(CALIBRATION_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -S $< -o $(@D)/calibrate.s
+	@$(BLOCKS_PYTHON) --cc '$(CC)' $(@D) $(@D)/calibrate.s
+	@ld -r -o $@ $(@D)/counted/*.o
+
+$(BUILD)/calibration/calibrate-blocks: $(BUILD)/calibration/blocks/phase.o $(BUILD)/calibration/blocks/blocks.o $(BUILD)/common/tally.o
+	$(BLOCKS_LINK)

@@ -59,16 +59,9 @@ def measurements(
     chosen: list[tuple[Spec, Scene]], backend: str, height: int, variants: tuple[str, ...], jobs: int
 ) -> dict[str, list[Measured | None]]:
     """Variant → one measurement per pair."""
-    if not variants:
-        return {}
-    measure = flops.backend(backend).measure
     return {
         variant: in_parallel(
-            [
-                lambda p=p, v=variant: measure(p[0], p[1].path, *reversed(p[1].size(height)), variant=v)
-                for p in chosen
-            ],
-            jobs,
+            [lambda p=p, v=variant: flops.measure(backend, *p, height, v) for p in chosen], jobs
         )
         for variant in variants
     }
@@ -90,7 +83,7 @@ def run() -> int:
     if args.n < 1 or args.jobs < 1:
         raise StudyError("-n and --jobs: whole numbers from 1 are required")
     target = store.Run.open(args.run) if args.run else None
-    if (args.validate or args.measure) and (lacking := flops.backend(args.backend).missing()):
+    if (args.validate or args.measure) and (lacking := flops.missing(args.backend)):
         raise StudyError(lacking, cli.CANNOT_RUN)
     if args.backend == "qemu" and args.n > QEMU_HEIGHT and args.validate:
         cli.say(f"qemu is some hundred times slower than the machine: -n {QEMU_HEIGHT} is enough")
@@ -101,12 +94,15 @@ def run() -> int:
     stated = in_parallel(
         [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen], args.jobs
     )
-    variants = ("shipped", "calls") if args.validate else ("shipped",) if args.measure else ()
+    functions = args.backend in flops.WITH_FUNCTIONS
+    variants = (
+        ("shipped", "calls")[: 1 + functions] if args.validate else ("shipped",) if args.measure else ()
+    )
     measured = measurements(chosen, args.backend, args.n, variants, args.jobs)
     rows: list[Row] = []
     for i, one in enumerate(stated):
         if args.validate and one is not None:
-            shipped, calls = measured["shipped"][i], measured["calls"][i]
+            shipped, calls = measured["shipped"][i], measured["calls"][i] if functions else None
             if shipped is None:
                 raise StudyError(
                     f"{chosen[i][0]}: the build for {args.backend} refuses what the phase renders"
@@ -146,7 +142,8 @@ def run() -> int:
     for row in bad:
         cli.say(
             f"{row['phase']} {row['scene']} {row['scope']} ({row['variant']}): declared {row['counted']:,}, "
-            f"{row['backend']} {row['measured']:,}: {row['relative_difference']:+.2%}"
+            f"{row['backend']} {row['measured']:,}: {row['relative_difference']:+.2%}, of which nothing "
+            f"explains {row['unexplained']:+.2%}"
         )
     return cli.FAILED if bad else cli.OK
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import pandas as pd
 
 from study.show import (
@@ -162,9 +165,16 @@ PAPER = [
 ]
 
 
-def _difference(row: Row) -> str:
-    value = row["relative_difference"]
-    return NOTHING if pd.isna(value) else f"{100 * value:+.3f}\u00a0%"
+def _difference(name: str) -> Callable[[Row], str]:
+    return lambda row: NOTHING if pd.isna(row[name]) else f"{100 * row[name]:+.3f}\u00a0%"
+
+
+def _residue(row: Row) -> str:
+    """FLOPs that the compiler is known to add, as shares of what was measured."""
+    low, high = (100 * row[name] / (row["measured"] or math.nan) for name in ("residue_low", "residue_high"))
+    if not (low or high):
+        return NOTHING
+    return f"{low:+.2f}\u00a0%" if low == high else f"{low:+.2f} … {high:+.2f}\u00a0%"
 
 
 def _within(row: Row) -> str:
@@ -219,6 +229,8 @@ VALIDATION = [
     Column("FLOP, machine's convention", "declared × counted", whole("counted")),
     Column("FLOP, machine's convention", "measured", whole("measured")),
     Column("", "by", _backend),
-    Column("", "difference", _difference),
+    Column("", "difference", _difference("relative_difference")),
+    Column("", "the compiler's doing, known", _residue),
+    Column("", "left", _difference("unexplained")),
     Column("", "verdict", _within, _within_mark),
 ]

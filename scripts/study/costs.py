@@ -1,4 +1,8 @@
-"""phases/NAME/costs.def as Python reads it: the format is at the head of common/flops.h."""
+"""phases/NAME/costs.def as Python reads it (the format is at the head of common/flops.h), and residues.def.
+
+A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
+does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,9 @@ from study.cli import StudyError
 
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
 _LINE = re.compile(r"COST(?:_MATH)?\(\s*(\w+),\s*(\w+),\s*(\w+),((?:\s*\d+\s*,?){9})\)")
+_RESIDUE = re.compile(
+    rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join(CLASSES[:7])}),\s*(-?\d+),\s*(-?\d+)\s*\)"
+)
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,37 @@ def read(path: Path) -> list[Cost]:
             raise StudyError(f"{path}:{number}: COST(function, part, width, nine numbers) is required")
         values = (int(n) for n in match[4].split(","))
         found.append(Cost(match[1], match[2], match[3], dict(zip(CLASSES, values, strict=True))))
+    return found
+
+
+@dataclass(frozen=True)
+class Residue:
+    """What a compiler adds to a part in a build (shipped, calls or both), at least and at most."""
+
+    build: str
+    function: str
+    part: str
+    kind: str
+    least: int
+    most: int
+
+
+def residues(path: Path, costs: Iterable[Cost]) -> list[Residue]:
+    """The explained residues of a phase; none without the file. Raises StudyError with file and line."""
+    if not path.exists():
+        return []
+    known = {(cost.function, cost.part) for cost in costs}
+    found = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("//"):
+            continue
+        match = _RESIDUE.match(line.strip())
+        if not match or int(match[5]) > int(match[6]):
+            text = "RESIDUE(shipped|calls|both, function, part, kind, least, most) is required"
+            raise StudyError(f"{path}:{number}: {text}")
+        if (match[2], match[3]) not in known:
+            raise StudyError(f"{path}:{number}: costs.def has no line {match[2]}, {match[3]}")
+        found.append(Residue(*match.groups()[:4], int(match[5]), int(match[6])))
     return found
 
 

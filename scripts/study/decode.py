@@ -26,7 +26,7 @@ from iced_x86 import (
 )
 
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare")
-FLOPS = {"add": 1, "mul": 1, "fma": 2, "div": 1, "sqrt": 1, "rsqrt": 1, "minmax": 1, "compare": 0}  # per lane
+FLOPS = {"add": 1, "mul": 1, "fma": 2, "div": 1, "sqrt": 1, "rsqrt": 1, "minmax": 1, "compare": 0, "any": 1}
 MIX = (
     "fp arithmetic",
     "fp compare",
@@ -128,7 +128,7 @@ def _mix(name: str, flow: int, vector: bool, stack: bool) -> str:
         return "branch" if flow not in (FlowControl.INTERRUPT, FlowControl.EXCEPTION) else "other"
     if _MASK.fullmatch(name):
         return "mask"
-    if vector or name.startswith(("CVT", "VCVT")):
+    if vector or name.startswith(("CVT", "VCVT", "VZERO")):
         for pattern, place in (
             (_CONVERT, "convert"),
             (_SHUFFLE, "logic, shuffle, blend"),

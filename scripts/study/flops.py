@@ -6,15 +6,16 @@ Conventions (common/flops.h): `paper`, one FLOP per math.h call; `machine`, what
 from __future__ import annotations
 
 import importlib
+import math
 from collections import defaultdict
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from study import run, store
+from study import costs, registry, run, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
+from study.decode import FLOPS
 from study.registry import Scene, Spec
 
 TOLERANCE = 0.01  # of declared against measured, in the machine convention
@@ -24,13 +25,27 @@ KEYS = ("flops", "by_function", "by_class", "executed", "useful")
 Row = dict[str, Any]
 
 
-# Modules with measure(spec, scene_path, height, width, variant=…) -> Measured and missing() -> str | None,
-# which says in one line what a back end lacks here and what it would add.
 BACKENDS = ("blocks", "qemu", "sde", "pmu")
+# Those that know functions; the others see totals, with the inside of libm in them.
+WITH_FUNCTIONS = ("blocks", "qemu")
+_TARGETS = {"shipped": "render", "calls": "render-calls"}
 
 
-def backend(name: str) -> ModuleType:
-    return importlib.import_module(f"study.{name}")
+def missing(backend: str) -> str | None:
+    """What a back end lacks here and what it would add, in one line; None if it can be used."""
+    module = importlib.import_module(f"study.{backend}")
+    if backend == "blocks":
+        return module.missing()
+    found = module.available()
+    return found if not isinstance(found, tuple) else None if found[0] else found[1]
+
+
+def measure(backend: str, spec: Spec, scene: Scene, height: int, variant: str = "shipped") -> Measured:
+    """One picture's timed region by that back end."""
+    module = importlib.import_module(f"study.{backend}")
+    how = {"variant": variant} if backend == "blocks" else {"target": _TARGETS[variant]}
+    wide, high = scene.size(height)
+    return module.measure(spec, scene.path, high, wide, **how)
 
 
 def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, threads: int = 1) -> Row:
@@ -69,8 +84,35 @@ def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
     return found
 
 
-def _row(stated: Row, scope: str, counted: int, measured: int, by: Measured, judged: bool) -> Row:
-    difference = (counted - measured) / measured if measured else (0.0 if counted == 0 else float("inf"))
+def explained(stated: Row, variant: str) -> dict[str, tuple[int, int]]:
+    """Function → FLOPs (machine) that its compiler is known to add, at least and at most: the phase's
+    residues.def times the parts that were executed.
+    """
+    phase = registry.find_phase(stated["phase"])
+    lines = {(c.function, c.part): c for c in costs.read(phase.path / "costs.def")}
+    found: dict[str, tuple[int, int]] = {}
+    for residue in costs.residues(phase.path / "residues.def", lines.values()):
+        if residue.build in (variant, "both"):
+            width = phase.lanes if lines[residue.function, residue.part].width == "LANES" else 1
+            times = stated["by_function"][residue.function]["parts"][residue.part] * width
+            times *= FLOPS[residue.kind]
+            low, high = found.get(residue.function, (0, 0))
+            found[residue.function] = low + residue.least * times, high + residue.most * times
+    return found
+
+
+def _row(
+    stated: Row,
+    scope: str,
+    counted: int,
+    measured: int,
+    by: Measured,
+    judged: bool = True,
+    residue: tuple[int, int] = (0, 0),
+) -> Row:
+    low, high = counted + residue[0], counted + residue[1]
+    left = max(low - measured, 0) + min(high - measured, 0)  # of the difference, by no residue
+    scale = measured or math.nan
     return {
         "phase": stated["phase"],
         "scene": stated["scene"],
@@ -82,29 +124,40 @@ def _row(stated: Row, scope: str, counted: int, measured: int, by: Measured, jud
         "measured": measured,
         "backend": by.backend,
         "calibrated": by.calibrated,
-        "relative_difference": difference,
+        "relative_difference": 0.0 if counted == measured else (counted - measured) / scale,
+        "residue_low": residue[0],
+        "residue_high": residue[1],
+        "unexplained": 0.0 if left == 0 else left / scale,
         "judged": judged,
-        "within": abs(difference) <= TOLERANCE,
+        "within": left == 0 or abs(left / scale) <= TOLERANCE,
     }
 
 
 def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> list[Row]:
     """Declared × counted against measured, machine convention: the shipped build's total, and the
-    functions of the build without inlining. libm's inside is in neither.
+    functions of the build without inlining. libm's inside is in neither. What residues.def explains of a
+    difference is told apart from the rest, and the rest is judged.
     """
-    rows = [_row(stated, "total", stated["flops"]["machine"], shipped.total.machine, shipped, True)]
+
+    def total(by: Measured, measured: int) -> Row:
+        known = explained(stated, by.variant).values()
+        residue = sum(low for low, _ in known), sum(high for _, high in known)
+        return _row(stated, "total", stated["flops"]["machine"], measured, by, residue=residue)
+
+    rows = [total(shipped, shipped.total.machine)]
     if calls is None:
         return rows
     by_name = stated["by_function"]
     folded = fold(calls, by_name)
-    total = sum(counts.machine for counts in folded.values())
-    rows.append(_row(stated, "total", stated["flops"]["machine"], total, calls, True))
+    executed = sum(counts.machine for counts in folded.values())
+    rows.append(total(calls, executed))
+    known = explained(stated, calls.variant)
     for name in sorted(by_name | folded.keys()):
         counted = by_name.get(name, {}).get("machine", 0)
         measured = folded[name].machine if name in folded else 0
         if counted or measured:
-            judged = max(counted, measured) > SMALL * total
-            rows.append(_row(stated, name, counted, measured, calls, judged))
+            judged = max(counted, measured) > SMALL * executed
+            rows.append(_row(stated, name, counted, measured, calls, judged, known.get(name, (0, 0))))
     return rows
 
 
@@ -114,7 +167,7 @@ def compare_calls(stated: Row, calls: Measured) -> list[Row]:
     for name, function in stated["by_function"].items():
         if name in calls.functions:
             counted, measured = function["calls"], calls.functions[name].calls
-            row = _row(stated, name, counted, measured, calls, True)
+            row = _row(stated, name, counted, measured, calls)
             rows.append(row | {"within": counted == measured})
     return rows
 

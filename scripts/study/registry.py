@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from study import patches
 from study.cli import StudyError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +57,10 @@ class Scene:
 
 @dataclass(frozen=True, order=True)
 class Spec:
-    """The sources of `phase` built with the cflags of `flags_from`; written opt2 or opt2@opt4."""
+    """The sources of `phase` built with the cflags of `flags_from`; written opt2 or opt2@opt4.
+
+    A phase may be an ablation, opt2+title (study.patches).
+    """
 
     phase: str
     flags_from: str
@@ -129,10 +133,27 @@ def scenes(root: Path = ROOT) -> dict[str, Scene]:
 
 
 def find_phase(name: str, root: Path = ROOT) -> Phase:
-    """The phase of that name, or a StudyError that names the nearest ones."""
+    """The phase of that name, or a StudyError that names the nearest ones.
+
+    NAME+TITLE is the ablation phases/NAME/ablations/TITLE.patch; its `path` is there once it is built.
+    """
+    if "+" in name:
+        return _ablation(name, root)
     if name not in phases(root):
         raise _unknown("phase", name, phases(root))
     return phases(root)[name]
+
+
+@functools.cache
+def _ablation(name: str, root: Path) -> Phase:
+    base, _, title = name.partition("+")
+    find_phase(base, root)
+    if title not in (known := patches.titles(base, root)):
+        raise _unknown(f"ablation of {base}", title, known)
+    try:
+        return Phase(**patches.described(name, root), path=root / "build" / name / "source")
+    except patches.PatchError as error:
+        raise StudyError(str(error)) from None
 
 
 def find_scene(name: str, root: Path = ROOT) -> Scene:

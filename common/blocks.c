@@ -1,0 +1,54 @@
+// Executions of each basic block of the phase, for build/NAME/render-blocks. The counters are
+// raised by the phase's own code (scripts/study/assembly.py puts them there); what they stand for
+// is in table.json beside the program. 64 bits: at 10^10 blocks a second they last half a century.
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "blocks_table.h"
+#include "count.h"
+
+enum { COUNTERS = BLOCKS + MASKED + REPEATED };
+
+// Named by the phase's code, as is where it keeps rax and rcx meanwhile.
+extern _Thread_local uint64_t stepwise_counters[COUNTERS];
+extern _Thread_local uint64_t stepwise_saved[2];
+_Thread_local uint64_t stepwise_counters[COUNTERS];
+_Thread_local uint64_t stepwise_saved[2];
+
+static uint64_t before[COUNTERS], counted[COUNTERS];
+static bool complete = true;
+
+uint64_t *tally_own(size_t *size) {
+    *size = COUNTERS;
+    return stepwise_counters;
+}
+
+void count_begin(void) {
+    complete = tally_sum(before, COUNTERS) && complete;
+}
+
+void count_end(void) {
+    complete = tally_sum(counted, COUNTERS) && complete;
+    for (size_t i = 0; i < COUNTERS; i++)
+        counted[i] -= before[i];
+}
+
+static json_t *numbers(const uint64_t *from, size_t size) {
+    json_t *array = json_array();
+    for (size_t i = 0; array && i < size; i++)
+        if (json_array_append_new(array, json_integer((json_int_t)from[i])) != 0) {
+            json_decref(array);
+            return NULL;
+        }
+    return array;
+}
+
+json_t *count_result(void) {
+    if (!complete)
+        return NULL;
+    // A NULL among the objects frees the others and makes the whole NULL.
+    return json_pack("{s:s, s:s, s:o, s:o, s:o}", "counts", "basic blocks", "table", TABLE_HASH,
+                     "blocks", numbers(counted, BLOCKS), "masked",
+                     numbers(counted + BLOCKS, MASKED), "repeated",
+                     numbers(counted + BLOCKS + MASKED, REPEATED));
+}

@@ -1,0 +1,36 @@
+#!/usr/bin/env python3
+"""Measures what one core can do at best (arithmetic, bandwidth) and keeps it with a run: five seconds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+from study import ceilings, roof, show, store
+
+
+def run() -> int:
+    parser = cli.parser(__doc__ or "")
+    parser.add_argument("--run", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument("--cpu", type=int, metavar="C", help="CPU to pin to; default: the last one")
+    parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
+    args = parser.parse_args()
+    target = store.Run.open(args.run) if args.run else store.latest()
+    measured = ceilings.measure(args.cpu, args.samples)
+    path = ceilings.write(target.path, measured)
+    if args.json:
+        cli.emit(measured.data | {"file": path})
+    else:
+        for by, title, columns in (
+            ("precision", "flop per core cycle", roof.COMPUTE),
+            ("level", "bytes per core cycle", roof.BANDWIDTH),
+        ):
+            print(f"{title}\n\n{show.markdown(show.table(roof.grid(measured, by), columns))}")
+        print(path)
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(run)

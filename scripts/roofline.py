@@ -1,0 +1,266 @@
+#!/usr/bin/env python3
+"""The roofline of a run and the performance of every phase against n (Tables 5 and 6, Figure 6)."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from html import escape
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+import plots
+import tables
+from study import analysis, roof, show, store
+from study.analysis import Data
+from study.ceilings import LEVELS, Ceilings
+from study.draw import STYLE, bars_of, legend, look, panels, plain_log, save
+from study.roof import Row
+
+CAPTIONS = {
+    "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
+    "above a point is the roof of its own operations",
+    "performance": "Flop per core cycle against picture height n (the paper's Fig. 6 in form)",
+}
+ROOF = "#444444"
+# Solid, dashed, dotted …: levels are told apart without colour.
+LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
+
+
+def hover(row: Row) -> str:
+    """What the page says of a point under the pointer."""
+    lines = [
+        f"{row['phase']}, {row['scene']}, n = {row['n']}",
+        f"{show.interval(row, 'flops_per_core_cycle')} flop/core cycle",
+    ]
+    if row["intensity"] > 0:
+        lines.append(f"{show.number(row['intensity'])} flop/byte")
+    for name, text in (
+        ("share_of_fma_roof", f"of the FMA roof ({row['precision']}, {row['bits']} bits)"),
+        ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
+        ("share_of_L1_own_width_roof", "of the L1 roof with registers of its own width"),
+    ):
+        if row[name] > 0:
+            lines.append(f"{show.percent(row[name])} {text}")
+    return "\n".join([*lines, f"counted by: {roof.counted_by(row)}"])
+
+
+def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float, str]]:
+    """Value and label of the FMA and the add or mul roof of each precision and width that a phase uses.
+
+    Roofs within 3 % of each other share a label.
+    """
+    used = dict.fromkeys(zip(table["precision"], table["bits"], strict=True))
+    found: list[tuple[float, list[str]]] = []
+    for precision, bits in used:
+        width = "scalar" if bits == roof.ELEMENT[precision] else f"{bits} bits"
+        add = np.fmax(limits.flops("add", precision, bits), limits.flops("mul", precision, bits))
+        for kind, value in (("FMA", limits.flops("fma", precision, bits)), ("add, mul", float(add))):
+            if not value > 0:
+                continue
+            label = f"{kind} {precision} {width}"
+            same = next((labels for other, labels in found if abs(other / value - 1) < 0.03), None)
+            if same is None:
+                found.append((value, [label]))
+            else:
+                same.append(label)
+    return [(value, ",\n".join(labels) + f": {show.number(value)}") for value, labels in sorted(found)]
+
+
+def draw_roofs(axes: Axes, limits: Ceilings, roofs: list[tuple[float, str]], right: float) -> None:
+    """Slopes of the levels up to the highest arithmetic roof, and those roofs."""
+    left, top = axes.get_xlim()[0], roofs[-1][0]
+    knees = []
+    for i, level in enumerate(LEVELS):
+        speed = limits.bandwidth(level)
+        if speed > 0:
+            knee = top / speed
+            knees.append(knee)
+            x = np.array([left, knee])
+            label = f"{level}: {show.number(speed)} byte/core cycle"
+            axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
+            low = max(axes.get_ylim()[0] * (2 if i % 2 else 1.25), 1.4 * left * speed)  # neighbours apart
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+            axes.text(low / speed, low, level, fontsize=7, ha="center", va="center", color=ROOF, bbox=box)
+    first = min(knees, default=left)
+    for value, label in roofs:
+        start = first * value / top  # where the fastest level reaches it
+        axes.plot(
+            [max(start, left), right], [value, value], color=ROOF, linewidth=1.0 if value < top else 1.6
+        )
+        axes.text(right * 1.04, value, label, fontsize=7, va="center", color=ROOF)
+
+
+def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
+    """One panel per scene, log-log. `table`: a row per scene and phase; whiskers: the 95 % interval."""
+    roofs = arithmetic_roofs(limits, table)
+    columns = min(2, table["scene"].nunique())
+    figure, grid = panels(table, 5.0, 7.2, columns)
+    title = (
+        "Cache-aware roofline of one core, measured in this run: performance against flop per byte loaded "
+        "or stored\n"
+        "the dash above a point: the roof of its own operations (div, sqrt, min/max … at their own rate)"
+    )
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
+    looks = look(table)
+    speeds = [table["flops_per_core_cycle"], table["flops_per_core_cycle_low"].dropna()]
+    bottom = min(part.min() for part in speeds if len(part)) / 2
+    top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
+    left = min(table["intensity"].min() / 3, bottom / max(limits.bandwidth("L1"), 1e-9) * 2)
+    slowest = np.nanmin([limits.bandwidth(level) for level in LEVELS])
+    right = max(table["intensity"].max() * 3, 1.6 * top / slowest)
+    for scene, axes in grid.items():
+        axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
+        axes.set(xlabel="operational intensity, flop/byte", ylabel="flop per core cycle")
+        if roofs:
+            draw_roofs(axes, limits, roofs, right)
+        for _, row in table[table["scene"] == scene].iterrows():
+            point(axes, row, looks[row["phase"], row["threads"]])
+        plain_log(axes.xaxis)
+        plain_log(axes.yaxis)
+    dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
+    dash.set_label("roof of its own operations")
+    legend(figure, grid, (dash,))
+    return figure
+
+
+def point(axes: Axes, row: pd.Series, style: dict) -> None:
+    """A phase, its whisker, the roof of its own operations above. The id is what `titled` looks for."""
+    x, y, mix = row["intensity"], row["flops_per_core_cycle"], row["mix_roof"]
+    if mix > 0:
+        axes.plot([x, x], [y, mix], color=style["color"], linewidth=0.8, linestyle=":")
+        axes.plot(x, mix, marker="_", color=style["color"], markersize=14, mew=2.2)
+    ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
+    axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
+    face = "white" if style["hollow"] else style["color"]
+    drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
+    axes.plot(x, y, marker=style["marker"], label=style["label"], gid=gid(row), zorder=5, **drawn)
+
+
+def gid(row: Row | pd.Series) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "-", f"point-{row['scene']}-{row['phase']}-{row['n']}")
+
+
+def performance(table: pd.DataFrame) -> Figure:
+    """The paper's Fig. 6 in form: flop per core cycle against n; its own values as stars on the right."""
+    title = "Performance against picture height; stars: the paper's own (i7-7700, its convention)"
+    figure = plots.against_n(table, "flops_per_core_cycle", "flop per core cycle", title)
+    looks = look(table)
+    for axes, scene in zip(figure.axes, dict.fromkeys(table["scene"]), strict=False):
+        for _, row in table[table["scene"] == scene].iterrows():
+            color = looks[row["phase"], row["threads"]]["color"]
+            # A marker that nobody sees, for the pointer to find.
+            unseen = {"marker": "o", "markersize": 9, "alpha": 0, "linestyle": "none"}
+            axes.plot(row["height"], row["flops_per_core_cycle"], color=color, gid=gid(row), **unseen)
+        for _, row in table[(table["scene"] == scene) & (table["paper_flops_per_cycle"] > 0)].iterrows():
+            star = {"color": looks[row["phase"], row["threads"]]["color"], "markeredgecolor": "black"}
+            at = {"transform": axes.get_yaxis_transform(), "clip_on": False, "markersize": 11}
+            axes.plot(1.02, row["paper_flops_per_cycle"], marker="*", linestyle="none", **star, **at)
+        plain_log(axes.yaxis)
+    return figure
+
+
+def titled(svg: str, table: pd.DataFrame) -> str:
+    """The SVG with hover text in every element that has a point's id."""
+    for row in table.to_dict("records"):
+        mark = f'<g id="{gid(row)}">'
+        svg = svg.replace(mark, f"{mark}\n<title>{escape(hover(row))}</title>", 1)
+    return svg
+
+
+def inline(path: Path) -> str:
+    """An SVG for use inside a page: no prolog, ids of its own. Pictures in <img> show no hover text."""
+    try:
+        svg = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise cli.StudyError(f"{path}: {error.strerror}") from None
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    for before in ('id="', "url(#", 'href="#'):
+        svg = svg.replace(before, f"{before}{path.stem}-")
+    return svg
+
+
+def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
+    """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
+    cpu = (data.context.get("cpu") or {}).get("model") or "unknown CPU"
+    by = "; ".join(dict.fromkeys(roof.counted_by(row) for row in table.to_dict("records")))
+    text = (
+        f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by: {by}. Points: "
+        "median over process launches; whiskers: its 95 % interval (none where launches are fewer than 6)."
+    )
+    if limits:
+        text += (
+            f" Roofs: best sample of build/ceilings, core {limits.data['core_hz'] / 1e9:.2f} GHz; bandwidth: "
+            "the most of load, store and copy."
+        )
+    return text
+
+
+def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | None:
+    """What the plot would need and the run has not."""
+    if table.empty:
+        return "nothing that was timed was counted"
+    if name == "roofline" and limits is None:
+        return "ceilings.json is missing: run scripts/ceilings.py"
+    if name == "roofline" and not (table["intensity"] > 0).any():
+        return "no back end counted bytes: run scripts/flops.py --measure"
+    return None
+
+
+def draw(data: Data, table: pd.DataFrame, limits: Ceilings | None, folder: Path) -> dict[str, list[Path]]:
+    """Name → SVG and PNG of each figure that the run has data for; the others are named on stderr."""
+    made = {}
+    with matplotlib.rc_context(STYLE):
+        for name in CAPTIONS:
+            if why := lacking(name, table, limits):
+                cli.say(f"{name}: left out, {why}")
+                continue
+            if name == "roofline" and limits:
+                shown = roof.headline(table[table["intensity"] > 0])
+                figure, note = roofline(shown, limits), caption(data, shown, limits)
+            else:
+                figure, note = performance(table), caption(data, table, None)
+            made[name] = save(figure, folder / name, note)
+            svg = made[name][0]
+            store.write_text(svg, titled(svg.read_text(encoding="utf-8"), table))
+    return made
+
+
+def run() -> int:
+    parser = cli.parser(__doc__ or "")
+    parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="DIR", help="where figures/ and tables/ go; default: RUN"
+    )
+    args = parser.parse_args()
+    data = analysis.load(args.run)
+    counted, limits, _ = roof.read(data.path)
+    table = roof.rows(data, counted, limits)
+    if table.empty:
+        again = f"run scripts/flops.py --measure --run {data.path}"
+        raise cli.StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
+    out = args.out or data.path
+    made = roof.tables(table, limits)
+    figures = draw(data, table, limits, out / "figures")
+    paths = tables.write(made, out / "tables")
+    if args.json:
+        assert limits
+        cli.emit(roof.to_json(table, limits) | {"files": [*itertools.chain(*figures.values()), *paths]})
+    else:
+        print(made["roofline"][1])
+        print("\n".join(str(path) for path in [*itertools.chain(*figures.values()), *paths]))
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(run)

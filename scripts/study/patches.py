@@ -1,0 +1,232 @@
+"""Ablations: small patches kept with their phase, and the source trees that they make.
+
+phases/NAME/ablations/TITLE.patch is written NAME+TITLE wherever the name of a phase may stand. Its head,
+lines `key: value` (a line that begins with blanks goes on with the one before), says
+
+    what        what is different, in one sentence
+    paper       what the paper claims of the step, and in brackets where: a speed-up like 1.2×, "no gain",
+                "not satisfying", or other words
+    direction   added: the patched phase has the step, removed: it lacks it
+    against     the phase, variant or ablation that it is compared with, like opt2@opt3
+    after       (optional) title of the patch of the same phase that comes before it
+    beside      (optional) a phase timed next to it, against the same
+    flags       (optional) the phase whose cflags and instruction set it is built with
+    tolerance   (optional) the phase whose tolerance it is held to, where its own phase's does not fit
+    error       (optional) why its picture need not be within any tolerance: an approximation
+    scenes      (optional) the scenes where the step can matter, separated by blanks
+    costs       (optional) why the patched costs.def says nothing of its FLOPs
+
+and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's folder).
+
+Run as a program, by make: `patches.py NAME+TITLE FOLDER` writes the patched tree. Standard library only: it
+runs before anything is installed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+REQUIRED = ("what", "paper", "direction", "against")
+OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs")
+SOURCES = ("*.[ch]", "*.def")
+HUNK = re.compile(r"@@ -(\d+)(?:,(\d+))? \+\d+(?:,(\d+))? @@")
+
+
+class PatchError(Exception):
+    """One line for the user: which patch, what is wrong with it and what would be right."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """One phases/NAME/ablations/TITLE.patch. `diff`: its lines from `--- ` on, `first` the first's."""
+
+    path: Path
+    head: dict[str, str]
+    diff: tuple[str, ...]
+    first: int
+
+    @property
+    def name(self) -> str:
+        """NAME+TITLE."""
+        return f"{self.path.parents[1].name}+{self.path.stem}"
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise PatchError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read(path: Path) -> Patch:
+    """The patch with its head understood. Raises PatchError with file and line."""
+    lines = _text(path).splitlines()
+    begin = next((i for i, line in enumerate(lines) if line.startswith("--- ")), None)
+    if begin is None:
+        raise PatchError(f"{path}: no diff (a line that begins with '--- '), as `diff -u` would make it")
+    head: dict[str, str] = {}
+    key = ""
+    for number, line in enumerate(lines[:begin], 1):
+        if key and line[:1].isspace() and line.strip():
+            head[key] += " " + line.strip()
+            continue
+        key, colon, value = line.partition(":")
+        if not line.strip() or line.startswith(("diff ", "index ", "#")):
+            key = ""
+        elif not colon or key not in REQUIRED + OPTIONAL:
+            known = ", ".join(REQUIRED + OPTIONAL)
+            raise PatchError(f"{path}:{number}: '{line[:40]}' is no line 'key: value'; the keys are {known}")
+        elif key in head:
+            raise PatchError(f"{path}:{number}: a second '{key}:'")
+        else:
+            head[key] = value.strip()
+    for key in REQUIRED:
+        if not head.get(key):
+            raise PatchError(f"{path}: its head lacks '{key}: …'")
+    if head["direction"] not in ("added", "removed"):
+        raise PatchError(f"{path}: direction is '{head['direction']}', must be added or removed")
+    return Patch(path, head, tuple(lines[begin:]), begin + 1)
+
+
+def titles(phase: str, root: Path = ROOT) -> list[str]:
+    """Of the phase's ablations, sorted."""
+    return sorted(path.stem for path in (root / "phases" / phase / "ablations").glob("[!.]*.patch"))
+
+
+def chain(name: str, root: Path = ROOT) -> list[Patch]:
+    """The patches that make NAME+TITLE, in the order in which they are applied. Raises PatchError."""
+    phase, _, title = name.partition("+")
+    found: list[Patch] = []
+    while title:
+        path = root / "phases" / phase / "ablations" / f"{title}.patch"
+        if not path.is_file():
+            known = ", ".join(titles(phase, root)) or "none"
+            wanted = f", which {found[0].path} comes after" if found else ""
+            raise PatchError(f"no ablation '{phase}+{title}'{wanted}; {phase} has {known}")
+        if path in [patch.path for patch in found]:
+            raise PatchError(f"{path}: comes after itself")
+        found.insert(0, read(path))
+        title = found[0].head.get("after", "")
+    return found
+
+
+def _place(lines: list[str], old: list[str], expected: int) -> int | None:
+    """Where the hunk's old lines stand: where expected, else at the only other place that has them."""
+    if lines[expected : expected + len(old)] == old and expected >= 0:
+        return expected
+    first = [i for i in range(len(lines) - len(old) + 1) if old and lines[i : i + len(old)] == old]
+    return first[0] if len(first) == 1 else None
+
+
+def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
+    """The files (name → text) with the patch applied, whole or not at all.
+
+    Every line of context must be there as it is: no fuzz. Raises PatchError with the patch's line.
+    """
+    made = {name: text.splitlines() for name, text in files.items()}
+    name, shift, i = "", 0, 0
+
+    def bad(what: str, at: int) -> PatchError:
+        return PatchError(f"{patch.path}:{patch.first + at}: {what}")
+
+    while i < len(patch.diff):
+        line, at = patch.diff[i], i
+        i += 1
+        if line.startswith("--- "):
+            target = patch.diff[i] if i < len(patch.diff) else ""
+            match = re.match(r"\+\+\+ (?:b/)?([^\t]+)", target)
+            if not match or match[1] not in made:
+                known = ", ".join(made)
+                raise bad(f"'{target}' names no file of the phase; there are {known}", i)
+            name, shift, i = match[1], 0, i + 1
+        elif hunk := HUNK.match(line):
+            if not name:
+                raise bad("a hunk before its file", at)
+            counts = [int(n) if n is not None else 1 for n in hunk.groups()[1:]]
+            old: list[str] = []
+            new: list[str] = []
+            while len(old) < counts[0] or len(new) < counts[1]:
+                body = patch.diff[i] if i < len(patch.diff) else "end"
+                if body[:1] not in (" ", "-", "+", ""):
+                    raise bad("the hunk ends early", at)
+                old += [body[1:]] if body[:1] != "+" else []
+                new += [body[1:]] if body[:1] != "-" else []
+                i += 1
+            if [len(old), len(new)] != counts:
+                raise bad("the hunk's lines are not as many as its head says", at)
+            begin = int(hunk[1]) - (1 if old else 0)  # of nothing: the line behind which it goes
+            where = _place(made[name], old, begin + shift)
+            if where is None:
+                about = f"does not apply to {patch.path.parents[1].name}/{name}, which has changed there"
+                raise bad(f"{about}; make the patch again", at)
+            made[name][where : where + len(old)] = new
+            shift = where - begin + len(new) - len(old)
+        elif line.strip() and not line.startswith(("diff ", "index ")):
+            raise bad(f"'{line[:40]}' is no line of a unified diff", at)
+    return {file: "".join(f"{line}\n" for line in lines) for file, lines in made.items()}
+
+
+def _phase_json(phase: str, root: Path) -> dict:
+    path = root / "phases" / phase / "phase.json"
+    if not path.is_file():
+        known = ", ".join(sorted(p.parent.name for p in root.glob("phases/[!.]*/phase.json")))
+        raise PatchError(f"no phase '{phase}'; there are {known}")
+    try:
+        return json.loads(_text(path))
+    except ValueError as error:
+        raise PatchError(f"{path}: {error}") from None
+
+
+def described(name: str, root: Path = ROOT) -> dict:
+    """phase.json of NAME+TITLE: its phase's, with what the head of the patch changes."""
+    data, head = _phase_json(name.partition("+")[0], root), chain(name, root)[-1].head
+    data |= {"name": name, "title": head["what"], "idea": head["what"]}
+    if "flags" in head:
+        other = _phase_json(head["flags"], root)
+        data |= {key: other[key] for key in ("cflags", "isa")}
+    if "tolerance" in head:
+        data["tolerance"] = _phase_json(head["tolerance"], root)["tolerance"]
+    return data
+
+
+def tree(name: str, root: Path = ROOT) -> dict[str, str]:
+    """Every source file of NAME+TITLE (name → text), and its phase.json. Raises PatchError."""
+    folder = root / "phases" / name.partition("+")[0]
+    files = {path.name: _text(path) for pattern in SOURCES for path in sorted(folder.glob(pattern))}
+    for patch in chain(name, root):
+        files = apply(files, patch)
+    return files | {"phase.json": json.dumps(described(name, root), indent=4, ensure_ascii=False) + "\n"}
+
+
+def write(name: str, folder: Path, root: Path = ROOT) -> None:
+    """The tree into a folder: only what changed, so that make rebuilds only what must be."""
+    files = tree(name, root)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in folder.iterdir():
+        if path.name not in files and not path.name.endswith(".tmp"):
+            path.unlink(missing_ok=True)
+    for file, text in files.items():
+        if not (folder / file).is_file() or (folder / file).read_text(encoding="utf-8") != text:
+            temporary = folder / f"{file}.{os.getpid()}.tmp"
+            temporary.write_text(text, encoding="utf-8")
+            temporary.rename(folder / file)
+
+
+def main() -> None:
+    if len(sys.argv) != 3 or "+" not in sys.argv[1]:
+        sys.exit("usage: patches.py NAME+TITLE FOLDER")
+    try:
+        write(sys.argv[1], Path(sys.argv[2]))
+    except (PatchError, OSError) as error:
+        sys.exit(f"patches: {error}")
+    print(sys.argv[2])  # for make: the tree is there
+
+
+if __name__ == "__main__":
+    main()

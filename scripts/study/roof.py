@@ -1,0 +1,443 @@
+"""The roofline: every timed configuration against what its machine can do (Tables 5 and 6, Figure 6).
+
+Cache-aware: bytes are those the core loads and stores, whatever level they are in (A. Ilic, F. Pratas and
+L. Sousa, IEEE Computer Architecture Letters 13(1), 2014, after S. Williams, A. Waterman and D. Patterson,
+CACM 52(4), 2009).
+
+The roof of a phase's own operation mix. A picture takes at least as many core cycles as the busiest of these
+resources, each at its measured throughput (common/ceilings.c), one instruction per `bits` of lanes:
+
+    divider               divisions and square roots, which one unit does
+    multiply              multiplications and FMAs, which the same units do
+    add, minmax, rsqrt    each by itself
+    issue                 all of them and comparisons, at the most instructions per cycle of any kind
+
+    mix roof = FLOPs / the largest of them;  share of it = those cycles / the cycles measured
+
+That is a bound and no estimate. Additions may have units of their own or not, so they are added to
+multiplications under `issue` only; latencies, branches, moves, shuffles, integers and memory are left out.
+Masked lanes count as far as they are active, so of masked code the bound is lower still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from study import ceilings, paper, show, store
+from study.analysis import Cell, Data
+from study.ceilings import LEVELS, Ceilings
+from study.cli import StudyError
+from study.counts import Counts, Measured
+from study.decode import FLOPS
+from study.show import Column, interval, number, percent, plain, whole, word
+from study.stats import Interval
+
+COUNTS = "counts.json"
+RESOURCES = {
+    **{"div": "divider", "sqrt": "divider", "mul": "multiply", "fma": "multiply"},
+    **{"add": "add", "minmax": "minmax", "rsqrt": "rsqrt"},
+}
+ISSUE = "issue"
+ELEMENT = {"double": 64, "single": 32, "half": 16, "extended": 80}
+PEAK_BITS = 256  # the paper's share of peak: of AVX2, whatever a phase itself uses
+ORDER = ("assembly blocks", "sde", "qemu", "pmu")  # of two back ends that counted the same picture, the first
+SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Least core cycles of counted operations, by resource; `unpriced`: share of FLOPs without a ceiling."""
+
+    flops: int
+    cycles: dict[str, float]
+    unpriced: float
+
+    @property
+    def bound(self) -> str | None:
+        return max(self.cycles, key=self.cycles.__getitem__, default=None)
+
+    @property
+    def roof(self) -> float:
+        """Flop per core cycle; NaN where nothing has a ceiling."""
+        least = self.cycles[self.bound] if self.bound else 0
+        return self.flops / least if least > 0 else math.nan
+
+
+def mix(lanes: Mapping[tuple[str, str, int], int], limits: Ceilings) -> Mix:
+    """`lanes`: (kind, precision, bits) → operations, lane by lane, as in study.counts."""
+    cycles: dict[str, float] = defaultdict(float)
+    flops = unpriced = 0
+    for (kind, precision, bits), n in lanes.items():
+        instructions = n * ELEMENT[precision] / bits
+        flops += FLOPS[kind] * n
+        issue, rate = limits.issue(precision, bits), limits.rate(kind, precision, bits)
+        if issue > 0:
+            cycles[ISSUE] += instructions / issue
+        if kind in RESOURCES:
+            if rate > 0:
+                cycles[RESOURCES[kind]] += instructions / rate
+            else:
+                unpriced += FLOPS[kind] * n
+    return Mix(flops, dict(cycles), unpriced / flops if flops else math.nan)
+
+
+# --- what a run has
+
+
+@dataclass(frozen=True)
+class Counted:
+    """counts.json: measurements of back ends, and declared × counted rows."""
+
+    measured: list[Measured]
+    declared: list[Row]
+
+
+def read_counts(folder: Path) -> Counted:
+    """Raises StudyError, also where there are none."""
+    path = folder / COUNTS
+    if not path.exists():
+        raise StudyError(f"{path} is missing: no counts; run scripts/flops.py --measure --run {folder}")
+    data = store.read_json(path)
+    try:
+        return Counted(
+            [Measured.from_json(one) for one in data.get("measured") or []],
+            [dict(one) for one in data.get("declared") or []],
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise StudyError(f"{path}: no counts ({error}); make them again with scripts/flops.py") from None
+
+
+def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:
+    """A run's counts and ceilings; unless strict, what is missing is empty and named in the notes."""
+    counted, limits, notes = Counted([], []), None, []
+    try:
+        counted = read_counts(folder)
+    except StudyError as error:
+        if strict:
+            raise
+        notes.append(str(error))
+    try:
+        limits = ceilings.read(folder)
+    except StudyError as error:
+        if strict:
+            raise
+        notes.append(str(error))
+    return counted, limits, notes
+
+
+def _spec(phase: str, flags_from: str | None) -> str:
+    return phase if flags_from in (None, phase) else f"{phase}@{flags_from}"
+
+
+def _nearest(found: list[tuple[int, int, Any]], cell: Cell) -> tuple[float, int | None, Any] | None:
+    """Of (width, height, counts): those of the cell's size, else of the nearest height: factor of pixels,
+    height they are scaled from (None: they are its own), counts.
+    """
+    if not found:
+        return None
+    size = (cell.width, cell.height)
+    width, height, best = min(
+        found, key=lambda one: (one[:2] != size, abs(math.log(one[0] * one[1] / cell.pixels)))
+    )
+    same = (width, height) == size
+    return (1.0, None, best) if same else (cell.pixels / (width * height), height, best)
+
+
+def _measured(counted: Counted, cell: Cell, scene_hash: str | None) -> tuple[float, int | None, Any] | None:
+    fitting = [
+        m
+        for m in counted.measured
+        if (_spec(m.phase, m.flags_from), m.scene, m.variant) == (cell.spec, cell.scene, "shipped")
+        and scene_hash in (None, m.scene_hash)
+    ]
+    best = {}
+    for m in sorted(
+        fitting, key=lambda m: (m.calibrated is not True, ORDER.index(m.backend) if m.backend in ORDER else 9)
+    ):
+        best.setdefault((m.width, m.height), m)
+    return _nearest([(*size, m) for size, m in best.items()], cell)
+
+
+def _declared(counted: Counted, cell: Cell, scene_hash: str | None) -> tuple[float, int | None, Any] | None:
+    fitting = [
+        d
+        for d in counted.declared
+        if (_spec(d["phase"], d.get("flags_from")), d["scene"]) == (cell.spec, cell.scene)
+        and d.get("scene_hash", scene_hash) in (None, scene_hash)
+    ]
+    return _nearest([(d["width"], d["height"], d) for d in fitting], cell)
+
+
+def _rate(name: str, flops: float, cycles: Interval) -> Row:
+    """FLOPs over cycles with the interval of the cycles."""
+    return {
+        name: flops / cycles.value if cycles.value > 0 else math.nan,
+        f"{name}_low": flops / cycles.high if cycles.high > 0 else math.nan,
+        f"{name}_high": flops / cycles.low if cycles.low > 0 else math.nan,
+    }
+
+
+def _whole(measured: Measured) -> Counts:
+    """With libm's inside, where the back end sees it: its time is in the cycles."""
+    made = Counts()
+    made.merge(measured.total)
+    for one in (measured.outside or {}).values():
+        made.merge(one)
+    return made
+
+
+def own_bits(cell: Cell) -> tuple[str, int]:
+    """Precision (double, single) and width of the cell's phase: the element's where it is scalar."""
+    precision = "single" if cell.facts["precision"] == "float" else "double"
+    lanes = int(cell.facts["lanes"] or 1)
+    return precision, min(lanes * ELEMENT[precision], 512)
+
+
+def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None) -> Row:
+    precision, bits = own_bits(cell)
+    core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
+    row: Row = {
+        **{"phase": cell.spec, "scene": cell.scene, "n": cell.height, "height": cell.height},
+        **{"width": cell.width, "threads": cell.threads, "precision": precision, "bits": bits},
+        **{"launches": core.launches, "interval": "95 %" if core.sufficient else "insufficient"},
+    }
+    found, stated = _measured(counted, cell, scene_hash), _declared(counted, cell, scene_hash)
+    nan = math.nan
+    flops, loads, stores, row["backend"], row["calibrated"], row["scaled_from_n"] = (
+        nan,
+        nan,
+        nan,
+        None,
+        None,
+        None,
+    )
+    operations = None
+    if found:
+        factor, row["scaled_from_n"], one = found
+        counts = _whole(one)
+        flops, loads, stores = (factor * x for x in (counts.machine, counts.load, counts.store))
+        row |= {"backend": one.backend, "calibrated": one.calibrated}
+        operations = counts.lanes
+    elif stated:
+        factor, row["scaled_from_n"], one = stated
+        flops, row["backend"] = factor * one["flops"]["machine"], "declared"
+    row["libm_counted"] = bool(found and found[2].outside is not None)
+    row |= {"flops": flops, "load_bytes": loads, "store_bytes": stores, "bytes": loads + stores}
+    row["intensity"] = flops / row["bytes"] if row["bytes"] > 0 else nan
+    row |= _rate("flops_per_core_cycle", flops, core) | _rate("flops_per_tsc_cycle", flops, tsc)
+    row["gflops"] = flops / cell.median("ns").value
+    limit = limits.flops if limits else lambda *_: nan
+    row["fma_roof"] = limit("fma", precision, bits)
+    row["avx2_fma_roof"] = limit("fma", precision, PEAK_BITS)
+    speed = row["flops_per_core_cycle"]
+    row["share_of_fma_roof"] = speed / row["fma_roof"]
+    row["share_of_avx2_peak"] = speed / row["avx2_fma_roof"]
+    made = mix(operations, limits) if limits and operations is not None else Mix(0, {}, nan)
+    row |= {"mix_roof": made.roof, "share_of_mix_roof": speed / made.roof, "mix_bound": made.bound}
+    row["unpriced_share"] = made.unpriced
+    for level in LEVELS:
+        row[f"{level}_roof"] = row["intensity"] * (limits.bandwidth(level) if limits else nan)
+    # Registers of its own width: a scalar phase moves no more than 8 bytes at a time.
+    own = limits.bandwidth("L1", max(bits, 64)) if limits else nan
+    row["L1_own_width_roof"] = row["intensity"] * own
+    row["share_of_L1_own_width_roof"] = speed / row["L1_own_width_roof"]
+    theirs = stated[0] * stated[2]["flops"]["paper"] if stated else nan
+    row["paper_convention_scaled_from_n"] = stated[1] if stated else None
+    row["paper_convention_flops"] = theirs
+    row |= _rate("paper_convention_flops_per_core_cycle", theirs, core)
+    row |= _rate("paper_convention_flops_per_tsc_cycle", theirs, tsc)
+    row["paper_convention_share_of_avx2_peak"] = (
+        row["paper_convention_flops_per_core_cycle"] / row["avx2_fma_roof"]
+    )
+    return row
+
+
+def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
+    """One row per timed configuration of one thread that has counts, in the order of the cells.
+
+    Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
+    over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
+    figure and percent; `paper_convention_…`: one FLOP per math.h call. NaN: not counted, or no ceiling.
+    """
+    table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
+    made = []
+    for cell in data.cells:
+        if cell.threads != 1:
+            continue
+        hashes = _hashes(data, cell)
+        row = _row(cell, counted, limits, hashes)
+        if row["backend"] is None:
+            continue
+        row["paper_flops_per_cycle"] = table.get(("performance", cell.scene, cell.spec), math.nan)
+        row["paper_share"] = table.get(("share_of_peak", cell.scene, cell.spec), math.nan) / 100
+        row["section"] = SECTION.get(cell.spec, "table6")
+        made.append(row)
+    return pd.DataFrame(made)
+
+
+def _hashes(data: Data, cell: Cell) -> str | None:
+    """Version of the scene that was timed."""
+    frames = data.frames
+    found = frames[frames["scene"] == cell.scene]["scene_hash"]
+    return str(found.iloc[-1]) if len(found) else None
+
+
+def headline(table: pd.DataFrame) -> pd.DataFrame:
+    """Of each scene and phase the row with the most pixels."""
+    if table.empty:
+        return table
+    pixels = table["width"] * table["height"]
+    return table.loc[pixels.groupby([table["scene"], table["phase"]], sort=False).idxmax()]
+
+
+# --- as JSON and as tables
+
+
+def to_json(table: pd.DataFrame, limits: Ceilings) -> Row:
+    points = []
+    for row in table.to_dict("records"):
+        ends = {end: row[f"flops_per_core_cycle_{end}"] for end in ("low", "high")}
+        points.append(
+            {**row, **ends, "scaled": row["scaled_from_n"] is not None and row["scaled_from_n"] > 0}
+        )
+    return {"ceilings": limits.rows, "points": points}
+
+
+def counted_by(row: Row) -> str:
+    """The back end, with what speaks against trusting it."""
+    state = {"declared": ""}.get(
+        row["backend"],
+        {True: "", False: " (not calibrated here)"}.get(row["calibrated"], " (not yet validated)"),
+    )
+    scaled = row["scaled_from_n"]
+    other = "" if scaled is None or pd.isna(scaled) else f", scaled from n = {scaled:.0f}"
+    libm = "" if row["libm_counted"] or row["backend"] == "declared" else ", without libm's inside"
+    return f"{row['backend']}{state}{other}{libm}"
+
+
+def _paper_percent(row: Row) -> str:
+    value = row["paper_share"]
+    return show.NOTHING if pd.isna(value) else f"{100 * value:.4g}\u00a0%"
+
+
+def _bound(row: Row) -> str:
+    unpriced = row["unpriced_share"]
+    more = f" ({percent(unpriced)} of the FLOPs have no ceiling)" if unpriced > 0 else ""
+    return word("mix_bound")(row) + more
+
+
+PERFORMANCE = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "n", whole("n")),
+    Column(
+        "machine's convention",
+        "flop/core cycle [95\u00a0%]",
+        lambda r: interval(r, "flops_per_core_cycle"),
+    ),
+    Column("machine's convention", "flop/TSC cycle", plain("flops_per_tsc_cycle", 4)),
+    Column("machine's convention", "share of AVX2 peak", lambda r: percent(r["share_of_avx2_peak"])),
+    Column("paper's convention", "flop/core cycle", plain("paper_convention_flops_per_core_cycle", 4)),
+    Column("paper's convention", "flop/TSC cycle", plain("paper_convention_flops_per_tsc_cycle", 4)),
+    Column(
+        "paper's convention",
+        "share of AVX2 peak",
+        lambda r: percent(r["paper_convention_share_of_avx2_peak"]),
+    ),
+    Column("the paper, i7-7700", "flop/cycle", plain("paper_flops_per_cycle", 4)),
+    Column("the paper, i7-7700", "share of AVX2 peak", _paper_percent),
+    Column("", "counted by", counted_by),
+]
+POINTS = [
+    Column("", "scene", word("scene")),
+    Column("", "phase", word("phase")),
+    Column("", "n", whole("n")),
+    Column("", "flop/core cycle [95\u00a0%]", lambda r: interval(r, "flops_per_core_cycle")),
+    Column("", "bytes/pixel", lambda r: number(r["bytes"] / (r["width"] * r["height"]), 4)),
+    Column("", "flop/byte", plain("intensity")),
+    Column("FMA roof", "own width, bits", whole("bits")),
+    Column("FMA roof", "flop/core cycle", plain("fma_roof")),
+    Column("FMA roof", "share of it", lambda r: percent(r["share_of_fma_roof"])),
+    Column("FMA roof", "share of AVX2's", lambda r: percent(r["share_of_avx2_peak"])),
+    Column("roof of its own operations", "flop/core cycle", plain("mix_roof")),
+    Column("roof of its own operations", "share of it", lambda r: percent(r["share_of_mix_roof"])),
+    Column("roof of its own operations", "set by", _bound),
+    Column("bandwidth roof, flop/core cycle", "L1", plain("L1_roof")),
+    Column("bandwidth roof, flop/core cycle", "L1, registers of its own width", plain("L1_own_width_roof")),
+    Column(
+        "bandwidth roof, flop/core cycle", "share of it", lambda r: percent(r["share_of_L1_own_width_roof"])
+    ),
+    Column("bandwidth roof, flop/core cycle", "L2", plain("L2_roof")),
+    Column("", "counted by", counted_by),
+]
+
+
+def _best(name: str) -> Column:
+    def text(row: Row) -> str:
+        one = row[name]
+        if one is None:
+            return show.NOTHING
+        return f"{number(one['value'], 4)} ({number(one['median'], 4)})" if one["value"] else show.NOTHING
+
+    return Column("best sample (median)", name, text)
+
+
+COMPUTE = [
+    Column("", "precision", word("precision")),
+    Column("", "width", word("width")),
+    *[_best(name) for name in (*ceilings.KINDS, ceilings.TOGETHER)],
+]
+BANDWIDTH = [
+    Column("", "level", word("level")),
+    Column("", "working set, KiB", whole("kib")),
+    Column("", "width", word("width")),
+    *[_best(name) for name in ("load", "store", "copy")],
+]
+
+
+def _width(one: Row) -> str:
+    scalar = one["bits"] == ELEMENT.get(one.get("precision", "double"))
+    return f"{one['bits']} bits" + (" (scalar)" if scalar else "")
+
+
+def grid(limits: Ceilings, by: str) -> list[Row]:
+    """Ceilings as rows, a column per name. `by`: precision (flop/core cycle) or level (byte/core cycle)."""
+    lines: dict[tuple, Row] = {}
+    for one in limits.rows:
+        if by in one:
+            line = lines.setdefault((one[by], one["bits"]), defaultdict(lambda: None))
+            line |= {by: one[by], "width": _width(one), one["name"]: one}
+            if "working_set_bytes" in one:
+                line["kib"] = one["working_set_bytes"] / 1024 or math.nan
+    return list(lines.values())
+
+
+def flat(found: Iterable[Row]) -> pd.DataFrame:
+    return pd.DataFrame(list(found))
+
+
+def tables(table: pd.DataFrame, limits: Ceilings | None) -> dict[str, tuple[pd.DataFrame, str]]:
+    """Name of a file → its data and its Markdown, as tables.make has them."""
+    made = {}
+    for name in ("table5", "table6"):
+        part = table[table["section"] == name] if not table.empty else table
+        if not part.empty:
+            text = show.markdown(show.table(part.to_dict("records"), PERFORMANCE))
+            made[name] = part.drop(columns="section"), text
+    if limits and not table.empty:
+        text = show.markdown(show.table(headline(table).to_dict("records"), POINTS))
+        made["roofline"] = table.drop(columns="section"), text
+    if limits:
+        for name, by, part in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):
+            data = flat(one for one in limits.rows if by in one)
+            made[name] = data, show.markdown(show.table(grid(limits, by), part))
+    return made

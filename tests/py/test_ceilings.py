@@ -1,0 +1,282 @@
+"""build/ceilings: its kernels do the work they are credited with. No time is judged."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from elftools.elf.elffile import ELFFile
+
+from study import ceilings, store
+from study.build import build
+from study.cli import StudyError
+from study.decode import Decoded, Disassembler
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "common" / "ceilings.c"
+KINDS = (*ceilings.KINDS, "add_mul")
+PACKED = {"sd": ("double", 64), "pd": ("double", 0), "ss": ("single", 32), "ps": ("single", 0)}
+WIDTHS = (128, 256, 512)
+OPERATIONS = {"minmax": 48, "sqrt": 10, "rsqrt": 10}  # of one round of the loop; 14 of the others
+
+
+@pytest.fixture(scope="module")
+def program() -> Path:
+    return build(".", "ceilings")
+
+
+@pytest.fixture(scope="module")
+def output(program: Path) -> dict:
+    done = subprocess.run([program, "--json", "--samples", "5"], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def loops(program: Path) -> dict[str, list[Decoded]]:
+    """Function → the instructions of its loop: from the target of its last jump backwards up to that jump."""
+    found = {}
+    with program.open("rb") as file:
+        elf = ELFFile(file)
+        text = elf.get_section_by_name(".text")
+        for symbol in elf.get_section_by_name(".symtab").iter_symbols():
+            begin, size = symbol["st_value"] - text["sh_addr"], symbol["st_size"]
+            if symbol["st_info"]["type"] != "STT_FUNC" or not size or begin < 0:
+                continue
+            code = Disassembler().decode(text.data()[begin : begin + size], symbol["st_value"])
+            back = [
+                one for one in code if one.mix == "branch" and symbol["st_value"] <= one.target < one.address
+            ]
+            if back:
+                found[symbol.name] = [o for o in code if back[-1].target <= o.address <= back[-1].address]
+    return found
+
+
+def kernels() -> list[tuple[str, str, int]]:
+    """Kind, suffix of its mnemonics, width of its registers."""
+    return [
+        (kind, suffix, width)
+        for kind in KINDS
+        for suffix in PACKED
+        for width in (WIDTHS if suffix[0] == "p" else (128,))
+    ]
+
+
+@pytest.mark.parametrize(("kind", "suffix", "width"), kernels())
+def test_a_loop_holds_the_operations_it_is_credited_with(
+    loops: dict, kind: str, suffix: str, width: int
+) -> None:
+    code = loops[f"{kind}_{suffix}_{width}"]
+    precision, scalar = PACKED[suffix]
+    counted = Counter(one.kind for one in code if one.kind)
+    assert {(one.precision, one.bits) for one in code if one.kind} == {(precision, scalar or width)}
+    wanted = {"add": 7, "mul": 7} if kind == "add_mul" else {kind: OPERATIONS.get(kind, 14)}
+    if kind in ("sqrt", "rsqrt"):
+        wanted["add"] = 4  # so that the operands rise
+    if kind == "minmax":
+        wanted["add"] = 1
+    assert counted == wanted
+    assert not any(one.load or one.store for one in code)
+    assert len(code) == sum(wanted.values()) + 2  # and the counting of the loop
+
+
+@pytest.mark.parametrize("motion", ["load", "store", "copy"])
+@pytest.mark.parametrize("bits", [64, 128, 256, 512])
+def test_a_loop_moves_the_bytes_it_is_credited_with(loops: dict, motion: str, bits: int) -> None:
+    code = loops[f"{motion}_{bits}"]
+    load, store_ = (sum(getattr(one, way) for one in code) for way in ("load", "store"))
+    moved = 16 * bits // 8
+    assert (load, store_) == (moved * (motion != "store"), moved * (motion != "load"))
+    assert {one.load + one.store for one in code} == {0, bits // 8}
+
+
+def test_every_kernel_passes_its_check(program: Path) -> None:
+    done = subprocess.run([program, "--check"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.endswith("0 wrong\n") and int(done.stdout.split()[0]) >= 30
+
+
+@pytest.mark.parametrize(
+    ("what", "old", "new"),
+    [
+        ("another register", "M(OP, 5) M(OP, 6)", "M(OP, 6) M(OP, 6)"),
+        ("another operation", 'RUN14(TWO, "mul" #P)', 'RUN14(TWO, "div" #P)'),
+        ("lower precision", '"sqrt" #P, "xmm"', '"sqrtps", "xmm"'),
+        ("one round too many", '"dec %[loops]\\n\\tjnz 1b', '"dec %[loops]\\n\\tjns 1b'),
+        ("another address", '" " #I "*" #BYTES "(%[p]), %%" R #I', '" " #I "*8(%[p]), %%" R #I'),
+        ("stored elsewhere", '", " #I "*" #BYTES "(%[p])', '", 8+" #I "*" #BYTES "(%[p])'),
+        ("other operands", '"add" #P', '"sub" #P'),
+    ],
+)
+def test_a_kernel_whose_work_is_wrong_is_noticed(tmp_path: Path, what: str, old: str, new: str) -> None:
+    text = SOURCE.read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "ceilings.c").write_text(text.replace(old, new), encoding="utf-8")
+    command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", tmp_path / "ceilings.c"]
+    subprocess.run([*command, ROOT / "common" / "timer.c", "-lm", "-o", tmp_path / "wrong"], check=True)
+    done = subprocess.run([tmp_path / "wrong", "--check"], capture_output=True, text=True)
+    assert done.returncode == 1, what
+    assert "did not do its work" in done.stderr
+    if what == "another operation":  # and when it measures: no figure of a kernel that is wrong
+        done = subprocess.run(
+            [tmp_path / "wrong", "--json", "--samples", "5"], capture_output=True, text=True
+        )
+        assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_figures_are_for_as_much_work_as_a_loop_holds(loops: dict, output: dict) -> None:
+    scalar = {("double", 64): "sd_128", ("single", 32): "ss_128"}
+    for row in output["ceilings"]:
+        if "precision" in row:
+            packed = f"{'pd' if row['precision'] == 'double' else 'ps'}_{row['bits']}"
+            kind = row["name"].replace("+", "_")
+            code = loops[f"{kind}_{scalar.get((row['precision'], row['bits']), packed)}"]
+            kinds = ("add", "mul") if kind == "add_mul" else (kind,)
+            assert row["loop_operations"] == sum(one.kind in kinds for one in code)
+        else:
+            code = loops[f"{row['name']}_{row['bits']}"]
+            assert row["loop_bytes"] == sum(one.load + one.store for one in code)
+
+
+# What is written
+
+
+def test_every_ceiling_is_there_once(output: dict) -> None:
+    found = Counter((r["name"], r.get("precision"), r.get("level"), r["bits"]) for r in output["ceilings"])
+    names = (*ceilings.KINDS, ceilings.TOGETHER)
+    compute = {
+        (name, precision, None, bits)
+        for name in names
+        for precision, widths in (("double", (64, 128, 256, 512)), ("single", (32, 128, 256, 512)))
+        for bits in widths
+    }
+    bandwidth = {
+        (name, None, level, bits)
+        for name in ("load", "store", "copy")
+        for level in ceilings.LEVELS
+        for bits in (64, 128, 256, 512)
+    }
+    assert set(found) == compute | bandwidth and set(found.values()) == {1}
+
+
+def test_figures_of_a_ceiling_agree(output: dict) -> None:
+    measured = [row for row in output["ceilings"] if row["value"] is not None]
+    assert measured
+    for row in measured:
+        assert row["worst"] <= row["low"] <= row["median"] <= row["high"] <= row["value"]
+        assert row["samples"] == 5
+        if "precision" in row:
+            lanes = row["bits"] // {"double": 64, "single": 32}[row["precision"]]
+            per_instruction = lanes * (2 if row["name"] == "fma" else 1)
+        else:
+            per_instruction = row["bits"] / 8 * (2 if row["name"] == "copy" else 1)
+        assert row["instructions_per_core_cycle"] * per_instruction == pytest.approx(row["value"], rel=1e-4)
+        # The best sample per second may be another than per cycle, if the clock moved: never a worse one.
+        assert row["per_second"] >= row["value"] * row["core_hz"] * (1 - 1e-4)
+        if row.get("level"):
+            assert row["working_set_bytes"] & (row["working_set_bytes"] - 1) == 0
+
+
+def test_working_sets_lie_between_the_caches(output: dict) -> None:
+    sets = {row["level"]: row["working_set_bytes"] for row in output["ceilings"] if row.get("level")}
+    sizes = output["cache_bytes"]
+    if sizes["L1"] and sizes["L2"]:
+        assert sizes["L1"] / 4 < sets["L1"] <= sizes["L1"] / 2
+        assert sizes["L2"] / 4 < sets["L2"] <= sizes["L2"] / 2
+    if sets["L3"]:
+        assert sizes["L2"] < sets["L3"] < sizes["L3"]
+    if sets["memory"]:
+        assert sets["memory"] > max(sizes.values()) and sets["memory"] <= 512 << 20
+
+
+def test_what_the_cpu_lacks_is_null_with_a_reason(program: Path) -> None:
+    environment = os.environ | {"STEPWISE_ISA_LIMIT": "none"}
+    command = [program, "--json", "--samples", "5"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    limits = ceilings.check(json.loads(done.stdout), "test")
+    assert math.isnan(limits.flops("fma", "double", 64)) and math.isnan(limits.bandwidth("L1", 256))
+    assert limits.flops("add", "single", 128) > 0
+    reasons = {row["reason"] for row in limits.rows if row["value"] is None and "precision" in row}
+    assert reasons == {f"this CPU lacks {name}" for name in ("fma", "avx", "avx512f", "avx512vl")}
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--samples", "4"], ["--samples", "5x"], ["--samples"], ["--jsn"], ["x"]]
+)
+def test_bad_arguments_are_status_2(program: Path, arguments: list[str]) -> None:
+    done = subprocess.run([program, *arguments], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("ceilings: --" if arguments != ["x"] else "ceilings: x: ")
+
+
+# What is read
+
+
+def small() -> dict:
+    """A record of two ceilings."""
+    figures = {"value": 8.0, "median": 7.9, "low": 7.8, "high": 8.0, "per_second": 3e10}
+    about = {"name": "add", "precision": "double", "bits": 256, "unit": "flop/core cycle"}
+    lacking = {**about, "bits": 512, "value": None, "reason": "this CPU lacks avx512f"}
+    rows = [{**about, **figures, "instructions_per_core_cycle": 2.0}, lacking]
+    return {"schema": 1, "tsc_hz": 2.5e9, "core_hz": 4e9, "ceilings": rows}
+
+
+def test_ceilings_are_read_back(tmp_path: Path) -> None:
+    path = ceilings.write(tmp_path, ceilings.check(small(), "test"))
+    assert path.name == "ceilings.json"
+    limits = ceilings.read(tmp_path)
+    assert (limits.flops("add", "double", 256), limits.rate("add", "double", 256)) == (8, 2)
+    assert math.isnan(limits.flops("add", "double", 512)) and math.isnan(limits.flops("mul", "double", 256))
+    assert limits.issue("double", 256) == 2 and math.isnan(limits.issue("double", 512))
+    assert math.isnan(limits.bandwidth("L1"))
+
+
+def test_missing_and_truncated_ceilings_say_what_makes_them(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"ceilings.json is missing.*run scripts/ceilings.py --run"):
+        ceilings.read(tmp_path)
+    ceilings.write(tmp_path, ceilings.check(small(), "test"))
+    path = tmp_path / "ceilings.json"
+    whole = path.read_text()
+    path.write_text(whole[: len(whole) // 2])
+    with pytest.raises(StudyError, match=r"ceilings.json:\d+:\d+: "):
+        ceilings.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d.update(schema=2), "no ceilings of schema 1"),
+        (lambda d: d.pop("tsc_hz"), "tsc_hz is no positive number"),
+        (lambda d: d.update(core_hz="fast"), "core_hz is no positive number"),
+        (lambda d: d.update(ceilings=[]), "no list of ceilings"),
+        (lambda d: d["ceilings"][0].pop("unit"), "add double 256' lacks"),
+        (lambda d: d["ceilings"][0].pop("precision"), "'add 256' lacks"),
+        (lambda d: d["ceilings"][0].update(value=math.nan), "value of the ceiling 'add double 256'"),
+        (lambda d: d["ceilings"][0].update(value=True), "value of the ceiling 'add double 256'"),
+        (lambda d: d["ceilings"][0].update(median=-1.0), "median of the ceiling 'add double 256'"),
+        (lambda d: d["ceilings"][1].pop("reason"), "add double 512' has neither value nor reason"),
+    ],
+)
+def test_a_foreign_or_broken_record_is_refused(change, said: str) -> None:
+    data = small()
+    change(data)
+    with pytest.raises(StudyError, match=said) as caught:
+        ceilings.check(data, "somewhere")
+    assert str(caught.value).startswith("somewhere: ") and "\n" not in str(caught.value)
+    with pytest.raises(StudyError):
+        ceilings.check([], "somewhere")
+
+
+def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
+    command = [sys.executable, str(ROOT / "scripts" / "ceilings.py"), "--samples", "5", "--json", "--run"]
+    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    assert done.returncode == 2 and "not a run" in done.stderr
+    store.write_json(tmp_path / "plan.json", {})
+    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["ceilings"] == ceilings.read(tmp_path).rows

@@ -1,0 +1,387 @@
+"""Where the time goes: perf's output read and refused, what counts as a frame, tables that sum to it."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study import build, hotspots, perf, registry
+from study.cli import CANNOT_RUN, StudyError
+from study.hotspots import Place, Program
+from study.registry import ROOT
+
+FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
+SCRIPT = ROOT / "scripts" / "hotspots.py"
+RECORDED = (FIXTURES / "perf-script.txt").read_text()
+needs_perf = pytest.mark.skipif(perf.missing() is not None, reason=str(perf.missing()))
+
+
+# --- perf's output
+
+
+def test_recorded_samples_and_mappings():
+    recording = perf.parse(RECORDED)
+    # By grep -c on the file.
+    assert (len(recording.samples), len(recording.mappings)) == (67, 8)
+    first = recording.samples[10]
+    assert (first.name, first.ip, first.period) == ("sdf_cone", 0x556A99B5243B, 1001001)
+    assert Path(first.dso).name == "render-calls"
+    # 0x556a99b5243b − 0x556a99b4f000 + 0x3000, from the file's first line
+    assert recording.place(first) == ("/home/user/stepwise/build/opt2/render-calls", 0x643B)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (RECORDED[:-20], "75: the last line is cut off"),
+        (RECORDED[:-20] + "\n", "75: neither a sample nor a mapping"),
+        ("Samples: 178  of event 'cpu-clock:u'\n", "1: neither a sample nor a mapping"),
+        ("", "no sample in 0 characters"),
+        ("\n".join(RECORDED.splitlines()[:8]) + "\n", "no sample"),
+    ],
+)
+def test_truncated_or_foreign_output_is_refused(text, message):
+    with pytest.raises(StudyError, match=message):
+        perf.parse(text)
+
+
+def test_other_records_and_names_with_spaces_are_no_error():
+    more = RECORDED + "1/1 1.0: PERF_RECORD_LOST_SAMPLES lost 3\n"
+    more += "1/2 1.5:  7 cycles:u:  1000 operator new(int)+0x1 (/a lib/with space (deleted))\n"
+    last = perf.parse(more).samples[-1]
+    assert (last.tid, last.name, last.dso) == (2, "operator new(int)", "/a lib/with space (deleted)")
+
+
+# --- what is of a frame
+
+
+@pytest.mark.parametrize(
+    "kinds, inside",
+    [
+        ("phase phase", "11"),
+        ("other phase libm phase other", "01110"),
+        ("libm other phase", "001"),  # set-up: the gamma table
+        ("other libm other", "000"),
+        ("other phase libm other", "0110"),  # the last pow of a frame
+        ("phase library phase", "111"),
+        ("phase library other", "100"),  # getrusage after a frame
+        ("phase libm library libm phase", "11111"),
+    ],
+)
+def test_only_the_timed_frame_counts(kinds, inside):
+    assert hotspots.in_frame(kinds.split()) == [one == "1" for one in inside]
+
+
+def recorded_program() -> Program:
+    """Functions where perf saw them: address less the offset in the symbol, in the file's own addresses."""
+    seen = re.findall(r"([0-9a-f]+) (\w+)\+0x([0-9a-f]+) \(/home\S+render-calls\)", RECORDED)
+    starts = {(int(ip, 16) - int(offset, 16) - 0x556A99B4F000 + 0x3000, name) for ip, name, offset in seen}
+    ordered = sorted(starts)
+    ends = [start for start, _ in ordered[1:]] + [ordered[-1][0] + 0x1000]
+    functions = [(start, end - start, name) for (start, name), end in zip(ordered, ends, strict=True)]
+    phase = frozenset(start for start, _, name in functions if name != "timer_core_hz")
+    return Program(Path("render-calls"), functions, phase, [(0, 0, 1 << 20)])
+
+
+def test_profile_of_the_recorded_run():
+    made = json.loads((FIXTURES / "driver.json").read_text())
+    found = hotspots.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
+    # Counted in the file by hand: 67 samples, of which the loader, the clock (8), the timer (1) and the pow
+    # before the first frame are not of one; the second pow is.
+    assert found.samples == 56
+    outside = {"__vdso_clock_gettime": 8, "_dl_lookup_direct": 1, "pow": 1, "timer_core_hz": 1}
+    assert found.left_out == outside
+    assert found.functions["sdf_cone"]["samples"] == 19
+    assert found.functions["pow (libm)"]["samples"] == 1
+    assert found.frames == 3
+    assert found.frame_ns == sorted(frame["ns"] for frame in made["frames"])[1]
+    assert sum(found.addresses.values()) == 55 * 1001001
+    # 56 samples of 1.001001 ms in 3 frames; cycles by the driver's core clock of 3 GHz.
+    assert found.cpu_ns == pytest.approx(56 * 1001001 / 3)
+    assert found.core_cycles / found.cpu_ns == pytest.approx(
+        made["frames"][1]["core_hz_before"] / 1e9, rel=0.05
+    )
+
+
+def test_cycles_are_taken_for_what_they_are():
+    """A PMU's periods are cycles and differ: shares go by them, and so does the time."""
+    text = RECORDED.replace("cpu-clock:u", "cycles:u").replace("1001001", "3000000")
+    text = re.sub(r"3000000( cycles:u:\s+\w+ sdf_cone)", r"6000000\1", text)
+    made = json.loads((FIXTURES / "driver.json").read_text())
+    found = hotspots.profile(perf.parse(text), made, recorded_program(), "calls")
+    assert found.event == "cycles" and found.core_cycles == (56 + 19) * 1e6
+    assert found.share("sdf_cone") == pytest.approx(2 * 19 / (56 + 19))
+
+
+def sample(i: int, place: str) -> perf.Sample:
+    ip = {"phase": 0x1000, "other": 0x2000}.get(place, 0x9000)
+    dso = {"libm": "/lib/libm.so.6", "library": "/lib/libc.so.6"}.get(place, "/build/x/render")
+    return perf.Sample(1, 1, float(i), 1000, "cpu-clock:u", ip + i % 16, f"f{i % 5}", dso)
+
+
+@given(st.lists(st.sampled_from(["phase", "libm", "library", "other"]), min_size=1, max_size=60))
+def test_listed_and_left_out_are_everything(kinds):
+    built = Program(
+        Path("/build/x/render"),
+        [(0x1000, 16, "sdf"), (0x2000, 16, "main")],
+        frozenset({0x1000}),
+        [(0, 0, 0x9000)],
+    )
+    mapping = perf.Mapping(1, 0, 0x9000, 0, "/build/x/render")
+    recording = perf.Recording([sample(i, kind) for i, kind in enumerate(kinds)], [mapping])
+    about = {"phase": "opt2", "flags_from": "opt2", "scene": "scene0", "width": 2, "height": 1}
+    frame = {"warmup": False, "ns": 1_000_000, "core_cycles": 3e6}
+    about |= {"frames": [frame]}
+    if "phase" not in kinds:
+        with pytest.raises(StudyError, match="no sample in the timed frames"):
+            hotspots.profile(recording, about, built, "shipped")
+        return
+    found = hotspots.profile(recording, about, built, "shipped")
+    listed = sum(one["samples"] for one in found.functions.values())
+    assert listed == found.samples
+    assert listed + sum(found.left_out.values()) == len(kinds)
+    assert sum(found.share(name) for name in found.functions) == pytest.approx(1)
+    assert sum(row["seconds"] for row in found.to_json()["functions"]) == pytest.approx(found.weight / 1e9)
+    # Whatever is shown, a column of the table is the whole frame.
+    rows = hotspots.table_rows({"profiles": [found.to_json()]}, shown=2)
+    assert sum(row.get("shipped_percent", 0) for row in rows) == pytest.approx(100)
+    assert sum(row.get("shipped_samples", 0) for row in rows) == listed
+
+
+# Published: Wilson's interval as in R. G. Newcombe, Statistics in Medicine 17 (1998), table I.
+@pytest.mark.parametrize(
+    "part, of, low, high", [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0, 0.1611)]
+)
+def test_interval_of_a_share(part, of, low, high):
+    assert hotspots.wilson(part, of) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_interval_of_nothing_is_no_number():
+    assert all(map(math.isnan, hotspots.wilson(0, 0)))
+
+
+@pytest.mark.parametrize(
+    "symbol, library, name",
+    [
+        ("sdf_mandelbulb.isra.0", False, "sdf_mandelbulb"),
+        ("header.part.0.cold", False, "header"),
+        ("vec_norm_sq", False, "vec_norm_sq"),
+        ("__sincos_fma", True, "sincos"),
+        ("__ieee754_pow_fma", True, "pow"),
+        ("sincos@plt", True, "sincos"),
+        ("pow@@GLIBC_2.29", True, "pow"),
+        ("__log_avx2", True, "log"),
+    ],
+)
+def test_names_as_in_the_source(symbol, library, name):
+    assert hotspots.canonical(symbol, library) == name
+
+
+def test_inlined_chains_without_the_compilers_headers():
+    text = (FIXTURES / "addr2line.txt").read_text()
+    chains = hotspots.parse_addr2line(text)
+    assert chains[0x617B] == ["root", "sdf_octahedron", "distance_to_shape", "sdf", "ray_march"]
+    assert chains[0x634A][1] == "sdf_cone"
+
+
+@pytest.mark.parametrize("text", ["0x10\nsdf\n", "sdf\n/phases/opt2/sdf.h:1\n", "0xzz\n"])
+def test_broken_chains_are_refused(text):
+    with pytest.raises(StudyError, match="addr2line:"):
+        hotspots.parse_addr2line(text)
+
+
+def test_an_owner_is_the_innermost_that_is_not_folded(monkeypatch):
+    chains = {0x10: ["root", "sdf_cone", "sdf"], 0x20: ["root"], 0x30: []}
+    monkeypatch.setattr(hotspots, "inlined", lambda path, addresses: chains)
+    owner = hotspots.owners(perf.Recording([], []), recorded_program(), {"root"})
+    named = [owner(Place("phase", "ray_march", address)) for address in (0x10, 0x20, 0x30, 0x40)]
+    assert named == ["sdf_cone", "root", "ray_march", "ray_march"]
+
+
+# --- programs
+
+
+def test_a_stripped_program_is_refused(tmp_path):
+    copy = tmp_path / "render"
+    shutil.copy(build.build("opt2", "render-lines"), copy)
+    subprocess.run(["strip", copy], check=True)
+    with pytest.raises(StudyError, match="has no symbols"):
+        hotspots.program(copy, ROOT / "build/opt2/lines/phase.o")
+
+
+def test_what_is_no_program_is_refused(tmp_path):
+    path = tmp_path / "render"
+    path.write_text("#!/bin/sh\n")
+    with pytest.raises(StudyError, match="no ELF file"):
+        hotspots.program(path, path)
+
+
+def text_of(path: Path) -> bytes:
+    command = ["objcopy", "-O", "binary", "-j", ".text", str(path), "/dev/stdout"]
+    return subprocess.run(command, check=True, capture_output=True).stdout
+
+
+@pytest.mark.parametrize("phase", ["baseline", "opt2", "opt4"])
+def test_the_sampled_build_is_the_shipped_code(phase):
+    """Line tables add no instruction and move none."""
+    build.build(phase), build.build(phase, "render-lines")
+    folder = ROOT / "build" / phase
+    shipped = text_of(folder / "phase.o")
+    assert len(shipped) > 1000
+    assert text_of(folder / "lines/phase.o") == shipped
+
+
+def names_of(phase: str, variant: str) -> set[str]:
+    path = build.build(phase, hotspots.TARGETS[variant])
+    found = hotspots.program(path, ROOT / "build" / phase / hotspots.OBJECTS[variant])
+    return {hotspots.canonical(name) for start, _, name in found.functions if start in found.of_phase}
+
+
+@pytest.mark.parametrize("phase", ["opt2", "opt3", "opt4"])
+def test_without_inlining_every_function_is_one(phase):
+    calls, shipped = names_of(phase, "calls"), names_of(phase, "shipped")
+    assert {"sdf_cone", "ray_march", "sdf", "soft_shadow", "vec_dot", "vec_norm"} <= calls
+    assert "sdf_cone" not in shipped and "vec_dot" not in shipped
+    assert "main" not in calls and "frame_create" not in calls
+
+
+def test_names_for_single_instructions_are_known():
+    path = build.build("opt3", "render-calls")
+    found = hotspots.wrappers(hotspots.program(path, ROOT / "build/opt3/calls/phase.o"))
+    assert {"mul_add", "choose", "root", "negate_where"} <= found  # each one intrinsic, or two
+    assert not {"vec_dot", "vec_norm", "sdf_cone", "sdf_sphere", "phase_render"} & found
+
+
+# --- tables
+
+
+def test_quotients_beside_the_shares():
+    made = json.loads((FIXTURES / "driver.json").read_text())
+    found = hotspots.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
+    found.functions = {"sdf": {"samples": 75, "weight": 75}, "rare": {"samples": 25, "weight": 25}}
+    found.weight, found.core_cycles = 100, 1000.0
+    # 1500 instructions in three quarters of 1000 cycles; 25 samples are too few for a quotient.
+    assert hotspots.per_cycle(found, {"sdf": 1500, "rare": 10, "gone": 5}) == {"sdf": 2.0}
+    active = hotspots.lanes_active({"sdf": {"useful": 3, "machine": 4}, "none": {"useful": 0, "machine": 0}})
+    assert active == {"sdf": 0.75}
+
+
+def test_the_papers_rows_are_beside():
+    theirs = hotspots.theirs("baseline")
+    # Table 2a: 8.96 s of apply_transform; its ten rows sum to 27.18 s.
+    assert theirs["apply_transform"]["paper_seconds"] == 8.96
+    assert theirs["apply_transform"]["paper_share"] == pytest.approx(8.96 / 27.18)
+    assert theirs["sincos"]["paper_usage"] == 0.15
+    assert hotspots.theirs("opt4") == {}
+
+
+def test_a_record_is_merged_by_what_it_is_of():
+    old = {"profiles": [{"phase": "opt2", "variant": "calls", "x": 1}], "beside": {"a": 1}}
+    new = {"profiles": [{"phase": "opt2", "variant": "calls", "x": 2}, {"phase": "opt3"}], "beside": {"b": 2}}
+    both = hotspots.merge(old, new)
+    assert [one.get("x") for one in both["profiles"]] == [2, None]
+    assert both["beside"] == {"a": 1, "b": 2}
+
+
+def test_another_things_json_is_refused(tmp_path):
+    (tmp_path / "hotspots.json").write_text('{"profiles": [{"phase": "opt2"}]}')
+    with pytest.raises(StudyError, match="no hotspots"):
+        hotspots.read(tmp_path / "hotspots.json")
+
+
+# --- for real
+
+
+@needs_perf
+def test_our_names_are_perfs():
+    """perf finds the program's functions its own way: the two must agree on every sample."""
+    scene = registry.find_scene("scene0")
+    recording, made = perf.record("opt2", scene, 60, None, 20, "render-calls", None)
+    path = build.build("opt2", "render-calls")
+    built = hotspots.program(path, ROOT / "build/opt2/calls/phase.o")
+    places = [(s, hotspots.locate(recording, s, built)) for s in recording.samples]
+    ours = [(s, place) for s, place in places if place.address is not None]
+    assert len(ours) > 50
+    assert [place.name for _, place in ours] == [hotspots.canonical(s.name) for s, _ in ours]
+    assert len(made["frames"]) == 20
+
+
+@needs_perf
+def test_the_script_for_real(tmp_path):
+    (tmp_path / "plan.json").write_text("{}")
+    command = [sys.executable, SCRIPT, "--phase", "opt3", "-n", "40", "--samples", "200", "--no-bounds"]
+    done = subprocess.run(
+        [*command, "--json", "--run", tmp_path], capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    rows = [row for row in made["hotspots"] if row["phase"] == "opt3"]
+    for column in ("shipped_percent", "calls_percent"):
+        assert sum(row.get(column) or 0 for row in rows) == pytest.approx(100)
+    assert any(row["function"] == "sdf_cone" and row["shipped_samples"] for row in rows)
+    for one in made["record"]["profiles"]:
+        # Sampled time is timed time, as far as a busy machine leaves the process alone.
+        assert 0.2 < one["covered"] < 1.2
+    assert hotspots.read(tmp_path / "hotspots.json")["profiles"] == made["record"]["profiles"]
+
+
+def run_script(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, SCRIPT, *arguments],
+        capture_output=True,
+        text=True,
+        env=os.environ | environment,
+        timeout=600,
+    )
+
+
+def test_without_perf_one_line_says_what_it_would_add(tmp_path, monkeypatch):
+    monkeypatch.setattr(perf, "program", lambda: None)
+    line = perf.missing()
+    assert line and "\n" not in line
+    assert "linux-perf (Debian)" in line and "linux-tools-generic (Ubuntu)" in line and "hotspots" in line
+    if not list(Path("/usr/lib").glob("linux-tools*")):
+        done = run_script("--phase", "opt2", PATH=str(tmp_path))
+        assert done.returncode == CANNOT_RUN
+        assert done.stdout == "" and done.stderr == f"hotspots.py: {line}\n"
+
+
+def test_a_kernel_that_forbids_it_names_the_setting(tmp_path, monkeypatch):
+    monkeypatch.setattr(perf, "program", lambda: "/bin/perf")
+    monkeypatch.setattr(perf, "event", lambda: None)
+    setting = tmp_path / "paranoid"
+    monkeypatch.setattr(perf, "PARANOID", setting)
+    for value, wanted in (
+        ("3", "kernel.perf_event_paranoid is 3; `sudo sysctl"),
+        ("2", "perf records nothing"),
+    ):
+        setting.write_text(value)
+        assert wanted in str(perf.missing())
+    setting.unlink()
+    assert "no perf events" in str(perf.missing())
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["-n", "0"], "-n: a height of 1 to 32768"),
+        (["--samples", "1"], "--samples: 100 to 1000000"),
+        (["--phase", "opt9"], "no phase 'opt9'"),
+        (["--scene", "sceen0"], "did you mean scene0"),
+        (["--run", "/nowhere"], "not a run"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments, message):
+    done = run_script(*arguments)
+    assert done.returncode == 2 and message in done.stderr
+    assert len(done.stderr.splitlines()) == 1 and done.stdout == ""

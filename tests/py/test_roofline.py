@@ -1,0 +1,434 @@
+"""roofline.py and study/roof.py on tests/fixtures/run, with counts and ceilings of round numbers.
+
+At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pixel of scene0, opt3 twice that.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import roofline
+from study import analysis, ceilings, roof, store
+from study.cli import StudyError
+from study.counts import Counts, Measured
+
+ROOT = Path(__file__).parents[2]
+PIXELS = {90: 160 * 90, 180: 320 * 180}
+# Instructions per core cycle; a division takes 8 cycles, a square root 16.
+RATES = {
+    **{"fma": 2.0, "add": 2.0, "mul": 2.0, "minmax": 2.0, "div": 0.125, "sqrt": 0.0625},
+    **{"rsqrt": None, "add+mul": 3.0},
+}
+BYTES = {"L1": 128.0, "L2": 64.0, "L3": 16.0, "memory": 4.0}
+
+
+def record() -> dict:
+    """ceilings.json of a machine with the rates above at every width up to 256 bits, and nothing wider."""
+    rows = []
+
+    def add(about: dict, rate: float | None, per_instruction: float) -> None:
+        if rate is None or about["bits"] == 512:
+            rows.append({**about, "value": None, "reason": "this CPU lacks it"})
+            return
+        value = rate * per_instruction
+        spread = {"value": value, "median": value * 0.99, "low": value * 0.98, "high": value}
+        rows.append({**about, **spread, "per_second": value * 4e9, "instructions_per_core_cycle": rate})
+
+    for precision, element in (("double", 64), ("single", 32)):
+        for bits in (element, 128, 256, 512):
+            for name, rate in RATES.items():
+                about = {"name": name, "precision": precision, "bits": bits, "unit": "flop/core cycle"}
+                add(about, rate, bits / element * (2 if name == "fma" else 1))
+    for level, value in BYTES.items():
+        for name in ("load", "store", "copy"):
+            for bits in (64, 128, 256, 512):
+                about = {"name": name, "level": level, "bits": bits, "unit": "byte/core cycle"}
+                about |= {"working_set_bytes": 1 << 14}
+                add(about, value / (bits / 8) * bits / 256 * (1 if name == "copy" else 0.5), bits / 8)
+    return {"schema": 1, "tsc_hz": 2.5e9, "core_hz": 4e9, "ceilings": rows}
+
+
+@pytest.fixture
+def limits() -> ceilings.Ceilings:
+    return ceilings.check(record(), "test")
+
+
+def measured(spec: str, scene: str, n: int, lanes: dict, load: float, store_: float, **more) -> Measured:
+    """Counts per pixel, of a picture n pixels high."""
+    phase, _, flags = spec.partition("@")
+    total = Counts(calls=1)
+    total.lanes.update({key: round(value * PIXELS[n]) for key, value in lanes.items()})
+    total.load, total.store = round(load * PIXELS[n]), round(store_ * PIXELS[n])
+    known = {
+        "backend": "assembly blocks",
+        "variant": "shipped",
+        "scene_hash": f"{scene}-hash",
+        "calibrated": True,
+    }
+    about = {"phase": phase, "flags_from": flags or phase, "scene": scene, "width": n * 16 // 9, "height": n}
+    return Measured(**{**known, **about, "total": total, "functions": {}, "outside": None, **more})
+
+
+# Of opt4 at n = 180: 4000 flop per pixel in 2000 cycles, 2000 bytes. Of opt3: counted at n = 90 only.
+OPT4 = measured("opt4", "scene0", 180, {("fma", "single", 256): 2000}, 1500, 500)
+OPT3 = measured("opt3", "scene0", 90, {("add", "double", 256): 6000, ("sqrt", "double", 256): 40}, 3000, 1000)
+DECLARED = {
+    **{"phase": "opt4", "flags_from": "opt4", "scene": "scene0", "scene_hash": "scene0-hash"},
+    **{"width": 320, "height": 180, "flops": {"paper": 3000 * PIXELS[180], "machine": 4100 * PIXELS[180]}},
+}
+BASELINE = {
+    **{"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "scene_hash": "scene0-hash"},
+    **{"width": 160, "height": 90, "flops": {"paper": 16000 * PIXELS[90], "machine": 12800 * PIXELS[90]}},
+}
+
+
+def write_counts(run: Path, several: list[Measured], declared: list[dict]) -> None:
+    made = [one.to_json() for one in several]
+    store.write_json(run / "counts.json", {"schema": 1, "measured": made, "declared": declared})
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    run = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+    store.write_json(run / "ceilings.json", record())
+    write_counts(run, [OPT4, OPT3], [DECLARED, BASELINE])
+    return run
+
+
+def rows_of(run: Path) -> pd.DataFrame:
+    counted, limits, _ = roof.read(run)
+    return roof.rows(analysis.load(run), counted, limits)
+
+
+def row(run: Path, phase: str, n: int) -> dict:
+    rows = rows_of(run)
+    found = rows[(rows["scene"] == "scene0") & (rows["phase"] == phase) & (rows["n"] == n)]
+    assert len(found) == 1
+    return found.iloc[0].to_dict()
+
+
+def script(*arguments: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / "roofline.py"), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+# The roof of an operation mix, by hand
+
+
+def test_the_busiest_resource_sets_the_roof(limits: ceilings.Ceilings) -> None:
+    lanes = {
+        ("fma", "double", 256): 400,  # 100 instructions
+        ("mul", "double", 256): 200,  # 50
+        ("add", "double", 256): 400,  # 100
+        ("div", "double", 256): 8,  # 2
+        ("sqrt", "double", 256): 8,  # 2
+        ("compare", "double", 256): 100,  # 25
+    }
+    made = roof.mix(lanes, limits)
+    wanted = {"multiply": 75, "add": 50, "divider": 2 * 8 + 2 * 16, "issue": 279 / 3}
+    assert made.cycles == pytest.approx(wanted)
+    assert (made.flops, made.bound, made.unpriced) == (800 + 200 + 400 + 8 + 8, "issue", 0)
+    assert made.roof == pytest.approx(1416 / 93)
+    made = roof.mix(lanes | {("div", "double", 256): 32}, limits)  # 8 divisions: 64 cycles, and 32 of roots
+    assert (made.bound, made.roof) == ("divider", pytest.approx(1440 / 96))
+
+
+def test_widths_and_precisions_add_up(limits: ceilings.Ceilings) -> None:
+    lanes = {("div", "double", 64): 3, ("sqrt", "single", 32): 2, ("div", "single", 256): 16}
+    made = roof.mix(lanes, limits)
+    assert made.cycles["divider"] == pytest.approx(3 * 8 + 2 * 16 + 2 * 8)
+    assert made.cycles["issue"] == pytest.approx((3 + 2 + 2) / 3)
+
+
+def test_operations_without_a_ceiling_are_told_and_not_free(limits: ceilings.Ceilings) -> None:
+    lanes = {("rsqrt", "single", 256): 80, ("add", "single", 256): 240, ("add", "extended", 80): 80}
+    made = roof.mix(lanes, limits)
+    assert made.flops == 400 and made.unpriced == pytest.approx(160 / 400)
+    assert made.cycles == pytest.approx({"add": 15, "issue": 40 / 3})  # an rsqrt still takes an issue slot
+    nothing = roof.mix({("add", "half", 512): 32}, limits)
+    assert nothing.unpriced == 1 and nothing.bound is None and math.isnan(nothing.roof)
+    empty = roof.mix({}, limits)
+    assert math.isnan(empty.roof) and math.isnan(empty.unpriced)
+
+
+KINDS = st.sampled_from([kind for kind, rate in RATES.items() if rate and kind != "add+mul"])
+LANES = st.dictionaries(
+    st.tuples(KINDS, st.just("double"), st.sampled_from([64, 128, 256])), st.integers(1, 10**9)
+)
+
+
+@given(LANES.filter(bool))
+def test_no_mix_is_above_the_fma_roof_nor_any_of_its_operations_alone(lanes: dict) -> None:
+    limits = ceilings.check(record(), "test")
+    made = roof.mix(lanes, limits)
+    fma = limits.flops("fma", "double", 256)
+    # Three instructions may be issued where two FMAs may: additions beside them have units of their own.
+    assert made.roof <= fma * 1.5 * (1 + 1e-12)
+    for key, n in lanes.items():
+        assert max(roof.mix({key: n}, limits).cycles.values()) <= max(made.cycles.values()) * (1 + 1e-12)
+
+
+def test_fmas_alone_have_the_fma_roof(limits: ceilings.Ceilings) -> None:
+    for precision, bits in (("double", 64), ("double", 256), ("single", 128)):
+        made = roof.mix({("fma", precision, bits): 1000}, limits)
+        assert made.roof == pytest.approx(limits.flops("fma", precision, bits))
+
+
+# Points
+
+
+def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
+    opt4 = row(run, "opt4", 180)
+    assert opt4["flops_per_core_cycle"] == pytest.approx(2)
+    assert opt4["flops_per_tsc_cycle"] == pytest.approx(3.2)
+    assert opt4["gflops"] == pytest.approx(8)  # 4 GHz
+    # The launches lie within 1 % of the median: their interval, turned round.
+    assert 2 / 1.011 < opt4["flops_per_core_cycle_low"] < 2 < opt4["flops_per_core_cycle_high"] < 2 / 0.989
+    assert opt4["bytes"] == 2000 * PIXELS[180] and opt4["intensity"] == pytest.approx(2)
+    assert (opt4["backend"], opt4["calibrated"]) == ("assembly blocks", True)
+    assert opt4["scaled_from_n"] is None or math.isnan(opt4["scaled_from_n"])
+    assert opt4["L1_roof"] == pytest.approx(2 * 128) and opt4["memory_roof"] == pytest.approx(2 * 4)
+    assert opt4["L1_own_width_roof"] == pytest.approx(2 * 128)
+
+
+def test_a_scalar_phase_moves_eight_bytes_at_a_time(run: Path) -> None:
+    write_counts(run, [measured("baseline", "scene0", 90, {("add", "double", 64): 6400}, 48000, 16000)], [])
+    baseline = row(run, "baseline", 90)  # 0.1 flop per byte and per core cycle
+    assert baseline["L1_roof"] == pytest.approx(12.8)
+    assert baseline["L1_own_width_roof"] == pytest.approx(0.1 * 128 * 64 / 256)
+    assert baseline["share_of_L1_own_width_roof"] == pytest.approx(0.1 / 3.2)
+
+
+def test_shares_are_of_the_roofs_they_name(run: Path) -> None:
+    opt4, opt3, baseline = (row(run, *one) for one in (("opt4", 180), ("opt3", 180), ("baseline", 90)))
+    assert (opt4["fma_roof"], opt4["share_of_fma_roof"]) == (32, pytest.approx(2 / 32))
+    assert (opt4["mix_roof"], opt4["share_of_mix_roof"]) == (pytest.approx(32), pytest.approx(2 / 32))
+    # opt3: 1500 adds at 2 a cycle are 750 cycles, 10 square roots 160, 1510 of both at 3 a cycle fewer.
+    assert (opt3["fma_roof"], opt3["mix_bound"]) == (16, "add")
+    assert opt3["mix_roof"] == pytest.approx(6040 / 750)
+    assert opt3["share_of_mix_roof"] == pytest.approx(750 / 4000)
+    # 12800 flop in 64000 cycles: of the scalar roof, and the paper's way.
+    assert baseline["flops_per_core_cycle"] == pytest.approx(0.2)
+    assert (baseline["share_of_fma_roof"], baseline["share_of_avx2_peak"]) == pytest.approx(
+        (0.2 / 4, 0.2 / 16)
+    )
+
+
+def test_counts_of_another_height_are_scaled_and_say_so(run: Path) -> None:
+    opt3, own = row(run, "opt3", 180), row(run, "opt3", 90)
+    assert opt3["scaled_from_n"] == 90 and "scaled from n = 90" in roof.counted_by(opt3)
+    assert math.isnan(own["scaled_from_n"]) and "scaled" not in roof.counted_by(own)
+    assert opt3["flops"] == pytest.approx(6040 * PIXELS[180]) and own["flops"] == 6040 * PIXELS[90]
+    assert opt3["intensity"] == pytest.approx(6040 / 4000)
+
+
+def test_without_a_back_end_the_declared_counts_stand_and_have_no_bytes(run: Path) -> None:
+    baseline = row(run, "baseline", 90)
+    assert (baseline["backend"], baseline["flops"]) == ("declared", 12800 * PIXELS[90])
+    assert math.isnan(baseline["bytes"]) and math.isnan(baseline["mix_roof"])
+    assert math.isnan(baseline["share_of_mix_roof"])
+
+
+def test_the_papers_convention_and_its_own_figures_stand_beside(run: Path) -> None:
+    opt4, opt3 = row(run, "opt4", 180), row(run, "opt3", 180)
+    assert opt4["paper_convention_flops_per_core_cycle"] == pytest.approx(1.5)
+    assert opt4["paper_convention_share_of_avx2_peak"] == pytest.approx(1.5 / 32)
+    assert (opt4["paper_flops_per_cycle"], opt4["paper_share"]) == (2.383, pytest.approx(0.0745))
+    assert math.isnan(opt3["paper_convention_flops_per_core_cycle"])
+    assert row(run, "baseline", 90)["paper_share"] == pytest.approx(0.01087)
+
+
+def test_libms_inside_counts_where_it_is_seen(run: Path) -> None:
+    inside = Counts(calls=1, lanes={("add", "single", 32): 2000 * PIXELS[180]}, load=2000 * PIXELS[180])
+    one = measured("opt4", "scene0", 180, {("fma", "single", 256): 2000}, 1500, 500, outside={"expf": inside})
+    write_counts(run, [one], [])
+    opt4 = row(run, "opt4", 180)
+    assert opt4["flops_per_core_cycle"] == pytest.approx(3) and opt4["intensity"] == pytest.approx(1.5)
+    assert "libm" not in roof.counted_by(opt4)
+    assert "without libm's inside" in roof.counted_by({**opt4, "libm_counted": False})
+
+
+def test_only_the_timed_code_and_scene_count(run: Path) -> None:
+    other = [
+        measured("opt4", "scene0", 180, {("add", "single", 32): 1}, 1, 1, variant="calls"),
+        measured("opt4", "scene0", 180, {("add", "single", 32): 1}, 1, 1, scene_hash="older"),
+        measured("opt4@opt3", "scene0", 180, {("add", "single", 32): 1}, 1, 1),
+        measured("opt4", "mandelbulb", 90, {("add", "single", 32): 1}, 1, 1),
+    ]
+    write_counts(run, other, [])
+    rows = rows_of(run)
+    assert list(zip(rows["scene"], rows["phase"], strict=True)) == [("mandelbulb", "opt4")]
+
+
+def test_a_calibrated_back_end_goes_before_another(run: Path) -> None:
+    doubtful = measured("opt4", "scene0", 180, {("add", "single", 32): 1}, 1, 1, calibrated=None)
+    qemu = measured("opt4", "scene0", 180, {("fma", "single", 256): 1000}, 1, 1, backend="qemu")
+    write_counts(run, [doubtful, qemu], [])
+    assert row(run, "opt4", 180)["backend"] == "qemu"
+    write_counts(run, [qemu, OPT4], [])
+    assert row(run, "opt4", 180)["backend"] == "assembly blocks"
+    write_counts(run, [doubtful], [])
+    assert "not yet validated" in roof.counted_by(row(run, "opt4", 180))
+
+
+def test_few_launches_have_no_interval(run: Path) -> None:
+    write_counts(run, [measured("opt1", "mandelbulb", 90, {("add", "double", 64): 100}, 1, 1)], [])
+    opt1 = rows_of(run).iloc[0]
+    assert opt1["flops_per_core_cycle"] > 0 and math.isnan(opt1["flops_per_core_cycle_low"])
+    assert "insufficient" in roof.tables(rows_of(run), None)["table6"][1]
+
+
+# Missing and broken input
+
+
+def test_each_missing_file_names_the_command_that_makes_it(run: Path) -> None:
+    for name, command in (
+        ("counts.json", "scripts/flops.py --measure"),
+        ("ceilings.json", "scripts/ceilings.py"),
+    ):
+        kept = (run / name).rename(run / "kept")
+        done = script(run)
+        assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+        assert f"{name} is missing" in done.stderr and command in done.stderr
+        assert not (run / "figures").exists()
+        _, _, notes = roof.read(run, strict=False)
+        assert len(notes) == 1 and command in notes[0]
+        kept.rename(run / name)
+
+
+@pytest.mark.parametrize("name", ["counts.json", "ceilings.json"])
+@pytest.mark.parametrize(
+    "content", ["truncated", "[]", '{"schema": 1, "measured": [{}], "ceilings": [{}]}', "3"]
+)
+def test_broken_files_are_one_line_and_status_2(run: Path, name: str, content: str) -> None:
+    path = run / name
+    path.write_text(path.read_text()[:1000] if content == "truncated" else content)
+    done = script(run)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert name in done.stderr and "Traceback" not in done.stderr
+    assert not (run / "figures").exists() and not (run / "tables").exists()
+
+
+def test_counts_of_nothing_that_was_timed_are_an_error(run: Path) -> None:
+    write_counts(run, [], [])
+    done = script(run)
+    assert done.returncode == 2 and "no counts of what was timed" in done.stderr
+
+
+def test_the_report_goes_on_without_ceilings(run: Path) -> None:
+    (run / "ceilings.json").unlink()
+    data = analysis.load(run)
+    counted, limits, notes = roof.read(run, strict=False)
+    table = roof.rows(data, counted, limits)
+    assert limits is None and len(notes) == 1
+    assert set(roofline.draw(data, table, limits, run / "figures")) == {"performance"}
+    assert set(roof.tables(table, limits)) == {"table5", "table6"}
+    assert table["share_of_fma_roof"].isna().all() and table["mix_roof"].isna().all()
+    (run / "counts.json").unlink()
+    counted, limits, notes = roof.read(run, strict=False)
+    table = roof.rows(data, counted, limits)
+    assert table.empty and len(notes) == 2
+    assert roofline.draw(data, table, limits, run / "figures") == {} and roof.tables(table, limits) == {}
+
+
+# Files
+
+
+def test_json_has_every_ceiling_and_point(run: Path, tmp_path: Path) -> None:
+    done = script(run, "--json", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)
+    assert made["ceilings"] == record()["ceilings"]
+    points = {(p["phase"], p["n"]): p for p in made["points"]}
+    wanted = {"phase", "scene", "n", "flops_per_core_cycle", "low", "high", "share_of_fma_roof", "backend"}
+    wanted |= {"share_of_mix_roof", "share_of_avx2_peak", "bytes", "intensity", "scaled"}
+    assert all(wanted <= point.keys() for point in points.values())
+    assert (points["opt3", 180]["scaled"], points["opt3", 90]["scaled"]) == (True, False)
+    assert points["baseline", 90]["bytes"] is None and points["baseline", 90]["share_of_mix_roof"] is None
+    assert all(Path(path).is_file() for path in made["files"])
+    assert not (run / "figures").exists()
+
+
+def test_tables_have_the_papers_values_and_no_nan(run: Path) -> None:
+    done = script(run)
+    assert done.returncode == 0, done.stderr
+    folder = run / "tables"
+    names = {"table5", "table6", "roofline", "ceilings", "bandwidth"}
+    assert {path.stem for path in folder.iterdir()} == names
+    for path in folder.glob("*.md"):
+        for line in path.read_text().splitlines():
+            assert "nan" not in line.lower() and "None" not in line
+    assert "1.087" in (folder / "table5.md").read_text() and "opt4" not in (folder / "table5.md").read_text()
+    six = (folder / "table6.md").read_text()
+    assert "| 2.383 | 7.45\u00a0% |" in six and "baseline" not in six
+    assert pd.read_csv(folder / "table6.csv")["flops_per_core_cycle"].max() == pytest.approx(2)
+
+
+def test_figures_are_the_same_each_time_and_have_hover_text(run: Path, tmp_path: Path) -> None:
+    for out in ("one", "two"):
+        assert script(run, "-o", tmp_path / out).returncode == 0
+    one = sorted((tmp_path / "one" / "figures").iterdir())
+    assert [path.name for path in one] == [
+        "performance.png",
+        "performance.svg",
+        "roofline.png",
+        "roofline.svg",
+    ]
+    for path in one:
+        assert path.read_bytes() == (tmp_path / "two" / "figures" / path.name).read_bytes()
+    for path in one[1::2]:
+        titles = [e.text for e in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}title")]
+        opt4 = next(text for text in titles if text.startswith("opt4, scene0, n = 180"))
+        assert "2.000 [" in opt4 and "2.00 flop/byte" in opt4 and "6.25\u00a0% of the FMA roof" in opt4
+        assert len(titles) == (2 if path.stem == "roofline" else len(rows_of(run)))
+
+
+def test_an_svg_for_the_page_is_whole_and_keeps_its_ids_to_itself(run: Path) -> None:
+    script(run)
+    pages = [roofline.inline(run / "figures" / f"{name}.svg") for name in roofline.CAPTIONS]
+    ids = []
+    for page, name in zip(pages, roofline.CAPTIONS, strict=True):
+        root = ElementTree.fromstring(page)
+        own = {element.get("id") for element in root.iter()} - {None}
+        used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", page))
+        assert used <= own and all(one.startswith(f"{name}-") for one in own)
+        assert page.startswith("<svg") and "<title>" in page
+        ids.append(own)
+    assert not ids[0] & ids[1]
+    with pytest.raises(StudyError, match=r"none.svg"):
+        roofline.inline(run / "none.svg")
+
+
+def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
+    counted, limits, _ = roof.read(run)
+    rows = roof.rows(analysis.load(run), counted, limits)
+    shown = roof.headline(rows[rows["intensity"] > 0])
+    assert list(shown["phase"]) == ["opt3", "opt4"] and set(shown["n"]) == {180}
+    assert limits
+    labels = dict(roofline.arithmetic_roofs(limits, shown))
+    assert labels == {
+        8: "add, mul double 256 bits: 8.00",
+        16: "FMA double 256 bits,\nadd, mul single 256 bits: 16.0",
+        32: "FMA single 256 bits: 32.0",
+    }
+    figure = roofline.roofline(shown, limits)
+    legend = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"L1: 128 byte/core cycle", "memory: 4.00 byte/core cycle", "opt3", "opt4"} <= legend
+
+
+def test_the_papers_values_are_stars_beside_its_figure(run: Path) -> None:
+    figure = roofline.performance(rows_of(run))
+    stars = [line for line in figure.axes[0].lines if line.get_marker() == "*"]
+    assert {float(line.get_ydata()[0]) for line in stars} == {0.173, 1.332, 2.383}  # Tables 5 and 6
