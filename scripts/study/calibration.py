@@ -61,7 +61,8 @@ def expected_edges(part: str, repeats: int) -> dict[str, dict[str, int]]:
     return {a: {b: n * repeats for b, n in callees.items()} for a, callees in edges.items()}
 
 
-def _flat(counts: Counts) -> dict[str, int]:
+def flat(counts: Counts) -> dict[str, int]:
+    """All its numbers by a readable name, those that are 0 left out."""
     flat = Counter({f"{kind} {bits}-bit {of}": n for (kind, of, bits), n in counts.lanes.items()})
     flat |= Counter(counts.mix)
     flat |= Counter(
@@ -82,7 +83,7 @@ def differences(
     back end that sees them."""
     found = []
     for name, known in expected(part, repeats).items():
-        right, seen = _flat(known), _flat(functions.get(name, Counts()))
+        right, seen = flat(known), flat(functions.get(name, Counts()))
         found += [
             f"{part}, {name}, {what}: {seen.get(what, 0)} instead of {right.get(what, 0)}"
             for what in sorted(right.keys() | seen.keys())

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 import re
 import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from study import assembly, blocks, calibration, registry, run, store
+from study import assembly, blocks, calibration, qemu, registry, run, store
 from study.build import build
 from study.cli import BAD_INPUT, StudyError
 from study.counts import Counts, Measured
@@ -248,6 +250,22 @@ def test_a_measurement_survives_json(measured):
         assert Measured.from_json(json.loads(json.dumps(one.to_json()))) == one
 
 
+@pytest.mark.skipif(
+    qemu.available() is not None, reason=f"{qemu.EMULATOR} is missing: counts are not held against emulation"
+)
+@pytest.mark.parametrize("phase", PHASES)
+def test_an_emulator_counts_the_same(phase):
+    """QEMU runs the timing build itself and counts by another mechanism: every number of every function."""
+    needs_cpu(phase)
+    scene = find_scene("trio").path
+    own, other = blocks.measure(phase, scene, 12), qemu.measure(phase, scene, 12)
+    assert own.functions.keys() == other.functions.keys()
+    for name, counts in own.functions.items():
+        seen = other.functions[name]
+        assert calibration.flat(counts) == calibration.flat(seen), name
+    assert own.edges == other.edges
+
+
 # --- reading assembly; what is expected is told from the text
 
 
@@ -384,6 +402,27 @@ def test_an_object_without_symbols_is_refused(tmp_path):
     subprocess.run(["strip", str(obj)], check=True)
     with pytest.raises(StudyError, match="block 0 has no symbol; do not strip it"):
         source.locate(obj, Disassembler())
+
+
+def test_an_alias_is_the_function_it_stands_for(tmp_path):
+    (tmp_path / "f.s").write_text(HEAD + "f:\n\tcall h\n\tret\n\t.type g, @function\ng:\n\tret\n\t.set h,g\n")
+    assembly.instrument(["gcc"], [tmp_path / "f.s"], tmp_path / "out")
+    table = blocks.read_table(tmp_path / "out/table.json")
+    assert table.calls == [(0, "g", None)]
+    assert [(b.symbol, b.entry) for b in table.blocks] == [("f", True), ("f", False), ("g", True)]
+
+
+def test_the_tool_says_in_one_line_what_is_wrong(tmp_path):
+    """As make calls it. A loop instruction reaches 127 bytes; nothing is left that looks whole."""
+    path = tmp_path / "f.s"
+    path.write_text(HEAD + "f:\n.L2:\n" + "\tcall g\n" * 20 + "\tloop .L2\n\tret\n")
+    command = [sys.executable, "-m", "study.assembly", "--cc", "gcc", str(tmp_path / "out"), str(path)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == BAD_INPUT
+    (line,) = done.stderr.splitlines()
+    assert "counted/f.s: cannot be assembled: " in line
+    assert not (tmp_path / "out/table.json").exists()
 
 
 # --- bad input
