@@ -7,11 +7,12 @@
 // that a mix issues more per cycle than either). Bandwidth: load, store and copy, out of L1, L2, L3
 // and memory.
 //
-// The estimate is the best sample. A ceiling is what the core could do undisturbed, and whatever
-// disturbs (an interrupt, a neighbour on the other hyper-thread, a stolen time slice) only ever
-// makes a sample slower, so the best of many short ones, spread over the program's run time, comes
-// nearest. Beside it stand the median, its 95 % interval and the worst: what was usual. What this
-// assumes of the clock: see `sample`.
+// The estimate is the best that was seen three times (within 1 %). A ceiling is what the core could
+// do undisturbed, and whatever disturbs (an interrupt, a neighbour on the other hyper-thread, a
+// stolen time slice) makes a sample slower, so the best of many short ones, spread over the
+// program's run time, comes nearest. But it may as well disturb the measuring of the clock, and
+// then a figure per cycle comes out too high: such ones scatter, a ceiling repeats itself. Beside
+// it stand the median, its 95 % interval and the worst: what was usual.
 //
 // Kernels are assembly, so that no compiler folds, hoists or drops them, and each says what it must
 // have done: after its samples the registers are held against the same arithmetic done one by one
@@ -342,16 +343,15 @@ static const char *const MOTION_NAMES[MOTIONS] = {"load", "store", "copy"};
 #define STORE_AT(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p])\n\t"
 #define STORE_FAR(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p],%[apart])\n\t"
 #define COPY_AT(MOV, R, BYTES, I) LOAD_AT(MOV, R, BYTES, I) STORE_FAR(MOV, R, BYTES, I)
-#define ALL(M, MOV, R, BYTES)                                                                      \
-    M(MOV, R, BYTES, 0)                                                                            \
-    M(MOV, R, BYTES, 1)                                                                            \
-    M(MOV, R, BYTES, 2)                                                                            \
-    M(MOV, R, BYTES, 3)                                                                            \
-    M(MOV, R, BYTES, 4)                                                                            \
-    M(MOV, R, BYTES, 5)                                                                            \
-    M(MOV, R, BYTES, 6) M(MOV, R, BYTES, 7) M(MOV, R, BYTES, 8) M(MOV, R, BYTES, 9)                \
-        M(MOV, R, BYTES, 10) M(MOV, R, BYTES, 11) M(MOV, R, BYTES, 12) M(MOV, R, BYTES, 13)        \
-            M(MOV, R, BYTES, 14) M(MOV, R, BYTES, 15)
+// clang-format off
+#define ALL(M, MOV, R, BYTES)                                                   \
+    M(MOV, R, BYTES, 0) M(MOV, R, BYTES, 1) M(MOV, R, BYTES, 2)                 \
+    M(MOV, R, BYTES, 3) M(MOV, R, BYTES, 4) M(MOV, R, BYTES, 5)                 \
+    M(MOV, R, BYTES, 6) M(MOV, R, BYTES, 7) M(MOV, R, BYTES, 8)                 \
+    M(MOV, R, BYTES, 9) M(MOV, R, BYTES, 10) M(MOV, R, BYTES, 11)               \
+    M(MOV, R, BYTES, 12) M(MOV, R, BYTES, 13) M(MOV, R, BYTES, 14)              \
+    M(MOV, R, BYTES, 15)
+// clang-format on
 struct window {
     char *base;
     ptrdiff_t apart; // from what a copy reads to what it writes
@@ -542,40 +542,37 @@ struct clocks {
 };
 
 struct samples {
-    double per_cycle[MOST_SAMPLES], per_second[MOST_SAMPLES];
+    double per_cycle[MOST_SAMPLES], per_second[MOST_SAMPLES], hz[MOST_SAMPLES];
     int count;
-    double best, hz; // core clock of the best one
 };
 
 static double seconds_of(const struct clocks *clocks, uint64_t ticks) {
     return (double)(ticks > clocks->overhead ? ticks - clocks->overhead : 1) / clocks->tsc_hz;
 }
 
-// One round: `one` is timed `count` times, with a chain of adds (33 us at 3 GHz) before and after
-// each time. Dense 512-bit FMAs lower some clocks by more than the one FMA per cycle of
-// timer_core_hz_under_load does, and a clock takes longer to come back than the chain lasts: so it
-// is the chain right beside the sample that counts, after 3 ms of the kernel for the clock to
-// settle. A chain can only be slowed (by an interrupt), and a clock taken for too low would make
-// too high a ceiling: of the four chains nearest the fastest counts.
+// One round: `one` is timed until `count` samples are good, each with a chain of adds (33 us at 3
+// GHz) before and after it. Dense 512-bit FMAs lower some clocks by more than the one FMA per cycle
+// of timer_core_hz_under_load does, and a clock takes longer to come back than the chain lasts: so
+// it is the chains right beside the sample that count. Where they differ, the clock moved or one of
+// them was disturbed (a busy hyper-thread slows it by 10 to 20 %, never twice alike): what a cycle
+// was is not known, no sample.
 static void sample(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
                    double work, int count) {
-    double seconds[MOST_SAMPLES], hz[MOST_SAMPLES + 1];
-    hz[0] = timer_core_hz(clocks->tsc_hz, 1);
-    for (int i = 0; i < count; i++) {
+    double before = timer_core_hz(clocks->tsc_hz, 1);
+    for (int tries = 0, good = 0; tries < 8 * count && good < count && s->count < MOST_SAMPLES;
+         tries++) {
         uint64_t begin = timer_tsc_begin();
         one(what);
-        seconds[i] = seconds_of(clocks, timer_tsc_end() - begin);
-        hz[i + 1] = timer_core_hz(clocks->tsc_hz, 1);
-    }
-    for (int i = 0; i < count && s->count < MOST_SAMPLES; i++, s->count++) {
-        double clock = fmax(hz[i], hz[i + 1]);
-        clock = fmax(clock, fmax(hz[i ? i - 1 : 0], hz[i + 2 <= count ? i + 2 : count]));
-        s->per_second[s->count] = work / seconds[i];
-        s->per_cycle[s->count] = work / seconds[i] / clock;
-        if (s->per_cycle[s->count] > s->best) {
-            s->best = s->per_cycle[s->count];
-            s->hz = clock;
+        double seconds = seconds_of(clocks, timer_tsc_end() - begin);
+        double after = timer_core_hz(clocks->tsc_hz, 1);
+        if (fabs(after / before - 1) < 0.003) {
+            s->per_second[s->count] = work / seconds;
+            s->hz[s->count] = (before + after) / 2;
+            s->per_cycle[s->count] = work / seconds / s->hz[s->count];
+            s->count++;
+            good++;
         }
+        before = after;
     }
 }
 
@@ -585,8 +582,19 @@ static int ascending(const void *a, const void *b) {
 }
 
 struct summary {
-    double best, median, low, high, worst, per_second;
+    double best, median, low, high, worst, per_second, hz;
 };
+
+enum { REPEATED = 3 };
+
+// The highest of `n` ascending values that has two more within 1 % below it, or else the median.
+static double repeated(const double *v, int n) {
+    double median = n % 2 ? v[n / 2] : (v[n / 2 - 1] + v[n / 2]) / 2;
+    for (int i = n - 1; i >= REPEATED - 1 && v[i] > median; i--)
+        if (v[i - (REPEATED - 1)] >= 0.99 * v[i])
+            return v[i];
+    return median;
+}
 
 // 95 % interval of the median by order statistics (binomial, normal approximation): W. J. Conover,
 // Practical Nonparametric Statistics, 3rd ed. (1999), section 3.2.
@@ -594,14 +602,16 @@ static struct summary summarize(struct samples *s) {
     int n = s->count;
     qsort(s->per_cycle, (size_t)n, sizeof *s->per_cycle, ascending);
     qsort(s->per_second, (size_t)n, sizeof *s->per_second, ascending);
+    qsort(s->hz, (size_t)n, sizeof *s->hz, ascending);
     int low = (int)floor(n / 2.0 - 0.98 * sqrt(n)), high = (int)ceil(n / 2.0 + 0.98 * sqrt(n));
     const double *v = s->per_cycle;
-    return (struct summary){.best = v[n - 1],
+    return (struct summary){.best = repeated(v, n),
                             .median = n % 2 ? v[n / 2] : (v[n / 2 - 1] + v[n / 2]) / 2,
                             .low = v[low < 0 ? 0 : low],
                             .high = v[high > n - 1 ? n - 1 : high],
                             .worst = v[0],
-                            .per_second = s->per_second[n - 1]};
+                            .per_second = repeated(s->per_second, n),
+                            .hz = s->hz[n / 2]};
 }
 
 static const double SAMPLE_SECONDS =
@@ -692,7 +702,18 @@ static void measure_transfer(enum level level, struct transfer *t, size_t *posit
 
 // --- output ---
 
+static const char *const UNSTEADY = "the core clock never held still long enough";
+
+static void print_missing(const char *unit, const char *why, const char *needs) {
+    printf("\"value\": null, \"unit\": \"%s/core cycle\", \"reason\": \"%s%s\"}", unit, why,
+           needs ? needs : "");
+}
+
 static void print_spread(struct samples *s, const char *unit, double instruction) {
+    if (s->count < REPEATED) {
+        print_missing(unit, UNSTEADY, NULL);
+        return;
+    }
     struct summary v = summarize(s);
     printf("\"value\": %.6g, \"unit\": \"%s/core cycle\", \"median\": %.6g, \"low\": %.6g, "
            "\"high\": %.6g, "
@@ -700,15 +721,14 @@ static void print_spread(struct samples *s, const char *unit, double instruction
            "\"instructions_per_core_cycle\": %.6g, "
            "\"core_hz\": %.6g}",
            v.best, unit, v.median, v.low, v.high, v.worst, s->count, v.per_second,
-           v.best / instruction, s->hz);
-}
-
-static void print_missing(const char *unit, const char *why, const char *needs) {
-    printf("\"value\": null, \"unit\": \"%s/core cycle\", \"reason\": \"%s%s\"}", unit, why,
-           needs ? needs : "");
+           v.best / instruction, v.hz);
 }
 
 static void row(const char *name, const char *what, struct samples *s, const char *unit) {
+    if (s->count < REPEATED) {
+        printf("%-8s %-22s %s\n", name, what, UNSTEADY);
+        return;
+    }
     struct summary v = summarize(s);
     printf("%-8s %-22s %8.4g %s/core cycle (median %.4g [%.4g, %.4g], worst %.4g, n = %d), %.4g "
            "G/s\n",
@@ -879,7 +899,8 @@ int main(int argc, char **argv) {
             }
             printf("}, \"timer_overhead_cycles\": %d, \"cache_bytes\": {\"L1\": %zu, \"L2\": %zu, "
                    "\"L3\": "
-                   "%zu}, \"estimate\": \"value: the best of the samples; median, low and high: "
+                   "%zu}, \"estimate\": \"value: the best that was seen three times; median, low "
+                   "and high: "
                    "median and "
                    "its 95 %% interval\", \"ceilings\": [",
                    (int)clocks.overhead, places[L1].cache, places[L2].cache, places[L3].cache);

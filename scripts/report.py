@@ -16,8 +16,9 @@ import markdown_it
 import pandas as pd
 
 import plots
+import roofline
 import tables
-from study import analysis, claims, columns, facts, ladder, paper, registry, show, store
+from study import analysis, claims, columns, facts, ladder, paper, registry, roof, sections, show, store
 from study.analysis import Data
 from study.cli import StudyError
 
@@ -102,6 +103,20 @@ def figures(data: Data, rows: pd.DataFrame, folder: Path) -> list[dict[str, str]
     ]
 
 
+def counted_figures(data: Data, folder: Path) -> dict[str, dict[str, str]]:
+    """The roofline and the performance against n, as SVG for the page itself: only so can they show what is
+    under the pointer.
+    """
+    found, limits, _ = roof.read(data.path, strict=False)
+    table = roof.rows(data, found, limits)
+    if table.empty:
+        return {}
+    return {
+        name: {"caption": roofline.CAPTIONS[name], "svg": roofline.inline(paths[0])}
+        for name, paths in roofline.draw(data, table, limits, folder).items()
+    }
+
+
 def copied(wanted: dict[Path, str], folder: Path) -> list[dict[str, str]]:
     """Copies the pictures that exist to `folder`; name, caption and data URI of each."""
     made = []
@@ -157,6 +172,8 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         ladders=ladders,
         runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
         figures={figure["name"]: figure for figure in figures(data, rows, out.parent / "figures")},
+        sections=sections.all_of(data),
+        inline=counted_figures(data, out.parent / "figures"),
         verification=show.table(data.pairs, columns.VERIFICATION),
         failing=[pair for pair in data.pairs if not pair.get("within_tolerance")],
         pictures=copied(pictures(data), out.parent / "figures"),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tables of a run as CSV, Markdown and JSON: ladder, runtime against n, verification, the paper's numbers."""
+"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, columns, ladder, paper, show, store
+from study import analysis, columns, ladder, paper, sections, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -43,6 +43,8 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
     if data.pairs:
         pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
         made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
+    for section in sections.all_of(data):
+        made |= {part.name: (part.frame, part.markdown) for part in section.parts}
     return made
 
 

@@ -148,14 +148,11 @@ def evaluate(
 def _edges(table: Table, ran: list[int]) -> dict[str, dict[str, int]]:
     edges: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for number, callee, otherwise in table.calls:
-        caller, times = (
-            table.blocks[number].symbol,
-            ran[number] - (0 if otherwise is None else ran[otherwise]),
-        )
+        caller = table.blocks[number].symbol
+        times = ran[number] - (0 if otherwise is None else ran[otherwise])
         if times < 0:
             raise StudyError(f"{table.path}: {times} calls of {callee} by {caller}, which cannot be")
-        inside = is_part(callee) and source_name(callee) == source_name(caller)
-        if times and not inside:
+        if times and not is_part(callee):
             edges[source_name(caller)][source_name(callee)] += times
     return {caller: dict(callees) for caller, callees in edges.items()}
 

@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Ceilings:
-    """One machine's ceilings. Per core cycle, the best sample of each; NaN for what it cannot do."""
+    """One machine's ceilings. Per core cycle, the best that repeated itself; NaN for what it cannot do."""
 
     data: Row
 

@@ -388,7 +388,7 @@ def _best(name: str) -> Column:
             return show.NOTHING
         return f"{number(one['value'], 4)} ({number(one['median'], 4)})" if one["value"] else show.NOTHING
 
-    return Column("best sample (median)", name, text)
+    return Column("best (median)", name, text)
 
 
 COMPUTE = [

@@ -129,7 +129,8 @@ def render(
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …). Raises DriverError(status, message).
+    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …).
+    Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     text = "".join(_lines(arguments, cpu_set(cpu, threads), 0))

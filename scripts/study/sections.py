@@ -1,0 +1,233 @@
+"""What was counted for a run, as tables for its page and its folder: FLOPs, roofline, hotspots, single "
+"steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from study import bounds, columns, flops, hotspots, roof, show, store, table1
+from study.analysis import Data
+from study.show import Column, Row, Table
+
+
+@dataclass(frozen=True)
+class Part:
+    """A table. `name` is its file's; `folded`: behind a summary on the page."""
+
+    name: str
+    caption: str
+    rows: list[Row]
+    table: Table
+    folded: bool = False
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        return pd.DataFrame(self.rows)
+
+    @property
+    def markdown(self) -> str:
+        return show.markdown(self.table)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; "
+    "`remarks`: how
+    to read the tables, and what was left out; `figures`: names of the plots that belong above them.
+    """
+
+    id: str
+    title: str
+    lacking: str
+    parts: list[Part]
+    remarks: list[str] = field(default_factory=list)
+    figures: Sequence[str] = ()
+
+
+def _part(
+    name: str, caption: str, rows: Sequence[Row], shown: Sequence[Column], folded: bool = False
+) -> list[Part]:
+    rows = list(rows)
+    return [Part(name, caption, rows, show.table(rows, shown), folded)] if rows else []
+
+
+CONVENTIONS = (
+    "Two conventions. The paper's: one FLOP for each addition, multiplication, division, root, and for "
+    "each call of "
+    "math.h. The machine's, which hardware and emulators count: the same without the calls (an FMA is "
+    "two, a minimum "
+    "or maximum one), libm's inside apart. Comparisons are FLOPs in neither. All lanes are counted; the "
+    "useful share "
+    "is that of lanes whose ray is still under way."
+)
+VALIDATION = (
+    "Declared: costs.def, derived by hand from the source and committed before it was first compared, "
+    "times the "
+    "calls that the counting build makes. Measured: every basic block that was executed, decoded. “The "
+    "compiler's "
+    "doing, known”: phases/NAME/residues.def, where the compiled code does otherwise than the source "
+    "says; what is "
+    "left is judged. Functions under 0.1 % of the picture are not shown."
+)
+
+
+def counted(path: Path) -> Section:
+    """Table 1, what its difference from the paper's is made of, and the validation."""
+    stated, _ = flops.read(path / "counts.json")
+    rows = flops.read_validation(path / "validation.json")
+    large = max((one["height"] for one in stated), default=0)
+    first = [one for one in stated if one["height"] == large]
+    judged = [r for r in rows if r["judged"]]
+    calls = [r for r in judged if r["scope"].startswith("calls of")]
+    judged = [r for r in judged if not r["scope"].startswith("calls of")]
+    remarks = [CONVENTIONS] if stated else []
+    if rows:
+        equal = sum(r["within"] for r in calls)
+        remarks += [
+            VALIDATION,
+            f"Calls by name, counting build against {rows[0]['backend']}: {equal} of {len(calls)} equal.",
+        ]
+    totals = [r for r in judged if r["scope"] == "total"]
+    return Section(
+        "flops",
+        "FLOPs: declared, counted, measured",
+        "make flops",
+        [
+            *_part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1),
+            *_part(
+                "table1-readings",
+                "What the difference from the paper's figure is made of: baseline under other rules of "
+                "counting. "
+                "The paper's own sheet is not public; none of these is claimed to be its rule",
+                table1.readings(first),
+                columns.READINGS,
+            ),
+            *_part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS, folded=True),
+            *_part("validation", "Declared against measured, whole pictures", totals, columns.VALIDATION),
+            *_part(
+                "validation-functions",
+                "Declared against measured, by function",
+                judged,
+                columns.VALIDATION,
+                True,
+            ),
+        ],
+        remarks,
+    )
+
+
+def roofline(data: Data) -> Section:
+    """Ceilings, Tables 5 and 6, the share of each roof."""
+    found, limits, notes = roof.read(data.path, strict=False)
+    table = roof.rows(data, found, limits)
+    parts: list[Part] = []
+    if not table.empty:
+        for name, title in (
+            ("table5", "Table 5: performance of baseline"),
+            ("table6", "Table 6: of the optimised phases"),
+        ):
+            rows = table[table["section"] == name].to_dict("records")
+            parts += _part(name, title, rows, roof.PERFORMANCE)
+        if limits:
+            caption = "Share of each roof, at the largest size that was timed and counted"
+            parts += _part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
+    if limits:
+        caption = "What one core does at best: flop per core cycle, best sample and median"
+        parts += _part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
+        caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
+        parts += _part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
+    return Section(
+        "roofline",
+        "Roofline",
+        "make roofline",
+        parts,
+        notes if parts else [],
+        ("roofline", "performance"),
+    )
+
+
+def hot(path: Path) -> Section:
+    """Tables 2 and 4 (functions) and 3 (what bounds them)."""
+    record = hotspots.read(path / "hotspots.json")
+    rows = hotspots.table_rows(record)
+    parts = []
+    for phase in dict.fromkeys(row["phase"] for row in rows):
+        mine = [row for row in rows if row["phase"] == phase]
+        parts += _part(
+            f"hotspots-{phase}",
+            hotspots.title(phase),
+            mine,
+            hotspots.COLUMNS,
+            phase not in ("baseline", "opt3"),
+        )
+    split = bounds.rows(record) if record.get("bounds") else []
+    parts += _part(
+        "table3", "Table 3: what the cycles went to, structs against arrays", split, bounds.COLUMNS
+    )
+    parts += _part(
+        "table3-regions", "The hot regions under the model", bounds.region_rows(record), bounds.REGIONS, True
+    )
+    remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else []), *hotspots.notes(record)] if rows else []
+    return Section("hotspots", "Hotspots, and what bounds them", "make hotspots", parts, remarks)
+
+
+def _gain(row: Row) -> str:
+    gain = row["gain"]
+    ends = {f"gain_{end}": gain[end] for end in ("low", "high")}
+    return show.interval({"gain": gain["value"], **ends}, "gain", 3, "×")
+
+
+def _psnr(name: str) -> Callable[[Row], str]:
+    """Of a step's picture: no number stands for an infinite one in JSON."""
+    return lambda row: "identical" if row[name] is None else show.number(row[name])
+
+
+STEPS = [
+    Column("", "step", lambda r: r["ablation"]),
+    Column("", "what", lambda r: r["what"]),
+    Column("", "added or removed", lambda r: r["step"]),
+    Column("", "against", lambda r: r["against"]),
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "the step's gain [95\u00a0%]", _gain),
+    Column("", "the paper", lambda r: r["paper"].partition(" (")[0]),
+    Column("", "the paper's claim", lambda r: r["claim"]),
+    Column("", "FLOPs with it over without", show.plain("flops_ratio", 3)),
+    Column("error against baseline", "PSNR linear, dB", _psnr("psnr_db")),
+    Column("error against baseline", "of what it is compared with", _psnr("against_psnr_db")),
+    Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])),
+    Column("", "tolerance", lambda r: r["verdict"], lambda r: "bad" if r["verdict"] == "OUTSIDE" else ""),
+]
+STEPS_ABOUT = (
+    "n = {n}, {launches} launches of one frame, interleaved with what each is compared with. A step is a "
+    "patch kept "
+    "with its phase (phases/NAME/ablations). The gain is the step's, whichever side has it."
+)
+
+
+def steps(path: Path) -> Section:
+    """The ablations: single steps put in or taken out."""
+    file = path / "ablations.json"
+    result = store.read_json(file) if file.exists() else {"rows": []}
+    rows = result["rows"]
+    remarks = []
+    if rows:
+        remarks = [STEPS_ABOUT.format(**result)]
+        remarks += [
+            f"not measured: {one['ablation']}: {one['reason']}"
+            for one in result["skipped"] + result["failures"]
+        ]
+    return Section(
+        "ablations",
+        "What single steps are worth",
+        "make hotspots",
+        _part("ablations", "Each step alone, against the code without it", rows, STEPS),
+        remarks,
+    )
+
+
+def all_of(data: Data) -> list[Section]:
+    return [counted(data.path), roofline(data), hot(data.path), steps(data.path)]
