@@ -200,8 +200,8 @@ def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
     )
     if limits:
         text += (
-            f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} GHz; "
-            "bandwidth: the most of load, store and copy."
+            f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} "
+            "GHz; bandwidth: the most of load, store and copy."
         )
     return text
 
