@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,35 +84,83 @@ def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
     return found
 
 
-def explained(stated: Row, variant: str) -> dict[str, tuple[int, int]]:
-    """Function → FLOPs (machine) that its compiler is known to add, at least and at most: the phase's
+# Kinds that a compiler turns into each other: 2·x is x + x.
+ALIKE = {"mul": "add"}
+
+Range = tuple[int, int]
+
+
+def by_kind(stated: Row) -> dict[str, dict[str, int]]:
+    """Function → kind → FLOPs (machine): costs.def times the parts that were executed."""
+    phase = registry.find_phase(stated["phase"])
+    found: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
+    for cost in costs.read(phase.path / "costs.def"):
+        width = phase.lanes if cost.width == "LANES" else 1
+        times = stated["by_function"][cost.function]["parts"][cost.part] * width
+        for kind, flop in FLOPS.items():
+            found[cost.function][ALIKE.get(kind, kind)] += cost.per_lane.get(kind, 0) * flop * times
+    return found
+
+
+def explained(stated: Row, variant: str) -> dict[str, dict[str, Range]]:
+    """Function → kind → FLOPs (machine) that the compiler is known to add, at least and at most: the phase's
     residues.def times the parts that were executed.
     """
     phase = registry.find_phase(stated["phase"])
     lines = {(c.function, c.part): c for c in costs.read(phase.path / "costs.def")}
-    found: dict[str, tuple[int, int]] = {}
+    found: dict[str, dict[str, Range]] = defaultdict(dict)
     for residue in costs.residues(phase.path / "residues.def", lines.values()):
         if residue.build in (variant, "both"):
             width = phase.lanes if lines[residue.function, residue.part].width == "LANES" else 1
             times = stated["by_function"][residue.function]["parts"][residue.part] * width
             times *= FLOPS[residue.kind]
-            low, high = found.get(residue.function, (0, 0))
-            found[residue.function] = low + residue.least * times, high + residue.most * times
+            kind = ALIKE.get(residue.kind, residue.kind)
+            low, high = found[residue.function].get(kind, (0, 0))
+            found[residue.function][kind] = low + residue.least * times, high + residue.most * times
     return found
+
+
+def measured_kinds(counts: Counts) -> dict[str, int]:
+    """Kind → FLOPs (machine)."""
+    found: dict[str, int] = defaultdict(int)
+    for kind, lanes in counts.by_kind().items():
+        found[ALIKE.get(kind, kind)] += FLOPS[kind] * lanes
+    return found
+
+
+def _sum(kinds: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    found: dict[str, int] = defaultdict(int)
+    for one in kinds:
+        for kind, flop in one.items():
+            found[kind] += flop
+    return found
+
+
+def _sum_ranges(kinds: Iterable[Mapping[str, Range]]) -> dict[str, Range]:
+    several = list(kinds)
+    low, high = (_sum({k: ends[i] for k, ends in one.items()} for one in several) for i in (0, 1))
+    return {kind: (low[kind], high[kind]) for kind in low}
 
 
 def _row(
     stated: Row,
     scope: str,
-    counted: int,
-    measured: int,
+    counted: Mapping[str, int],
+    measured: Mapping[str, int],
     by: Measured,
     judged: bool = True,
-    residue: tuple[int, int] = (0, 0),
+    residues: Mapping[str, Range] | None = None,
 ) -> Row:
-    low, high = counted + residue[0], counted + residue[1]
-    left = max(low - measured, 0) + min(high - measured, 0)  # of the difference, by no residue
-    scale = measured or math.nan
+    """Kind is held against kind: what explains a missing minimum explains no missing product."""
+    known = residues or {}
+    if "any" in measured:  # a back end that does not tell kinds apart
+        counted, known = {"any": sum(counted.values())}, {"any": _total(known)}
+    left = 0
+    for kind in counted.keys() | measured.keys():
+        low, high = (counted.get(kind, 0) + end for end in known.get(kind, (0, 0)))
+        left += max(low - measured.get(kind, 0), measured.get(kind, 0) - high, 0)
+    declared, found = sum(counted.values()), sum(measured.values())
+    scale = found or math.nan
     return {
         "phase": stated["phase"],
         "scene": stated["scene"],
@@ -120,17 +168,21 @@ def _row(
         "height": stated["height"],
         "scope": scope,
         "variant": by.variant,
-        "counted": counted,
-        "measured": measured,
+        "counted": declared,
+        "measured": found,
         "backend": by.backend,
         "calibrated": by.calibrated,
-        "relative_difference": 0.0 if counted == measured else (counted - measured) / scale,
-        "residue_low": residue[0],
-        "residue_high": residue[1],
+        "relative_difference": 0.0 if declared == found else (declared - found) / scale,
+        "residue_low": _total(known)[0],
+        "residue_high": _total(known)[1],
         "unexplained": 0.0 if left == 0 else left / scale,
         "judged": judged,
-        "within": left == 0 or abs(left / scale) <= TOLERANCE,
+        "within": left == 0 or left / scale <= TOLERANCE,
     }
+
+
+def _total(ranges: Mapping[str, Range]) -> Range:
+    return sum(low for low, _ in ranges.values()), sum(high for _, high in ranges.values())
 
 
 def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> list[Row]:
@@ -138,26 +190,27 @@ def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> li
     functions of the build without inlining. libm's inside is in neither. What residues.def explains of a
     difference is told apart from the rest, and the rest is judged.
     """
+    declared = by_kind(stated)
+    whole = _sum(declared.values())
 
-    def total(by: Measured, measured: int) -> Row:
-        known = explained(stated, by.variant).values()
-        residue = sum(low for low, _ in known), sum(high for _, high in known)
-        return _row(stated, "total", stated["flops"]["machine"], measured, by, residue=residue)
+    def total(by: Measured, measured: Mapping[str, int]) -> Row:
+        known = _sum_ranges(explained(stated, by.variant).values())
+        return _row(stated, "total", whole, measured, by, residues=known)
 
-    rows = [total(shipped, shipped.total.machine)]
+    rows = [total(shipped, measured_kinds(shipped.total))]
     if calls is None:
         return rows
-    by_name = stated["by_function"]
-    folded = fold(calls, by_name)
-    executed = sum(counts.machine for counts in folded.values())
-    rows.append(total(calls, executed))
+    folded = {name: measured_kinds(counts) for name, counts in fold(calls, declared).items()}
+    rows.append(total(calls, _sum(folded.values())))
+    executed = rows[-1]["measured"]
     known = explained(stated, calls.variant)
-    for name in sorted(by_name | folded.keys()):
-        counted = by_name.get(name, {}).get("machine", 0)
-        measured = folded[name].machine if name in folded else 0
-        if counted or measured:
-            judged = max(counted, measured) > SMALL * executed
-            rows.append(_row(stated, name, counted, measured, calls, judged, known.get(name, (0, 0))))
+    for name in sorted(declared.keys() | folded.keys()):
+        counted, measured = declared.get(name, {}), folded.get(name, {})
+        most = max(sum(counted.values()), sum(measured.values()))
+        if most:
+            rows.append(
+                _row(stated, name, counted, measured, calls, most > SMALL * executed, known.get(name))
+            )
     return rows
 
 
@@ -167,7 +220,7 @@ def compare_calls(stated: Row, calls: Measured) -> list[Row]:
     for name, function in stated["by_function"].items():
         if name in calls.functions:
             counted, measured = function["calls"], calls.functions[name].calls
-            row = _row(stated, name, counted, measured, calls)
+            row = _row(stated, name, {"any": counted}, {"any": measured}, calls)
             rows.append(row | {"within": counted == measured})
     return rows
 

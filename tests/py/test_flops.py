@@ -59,6 +59,16 @@ def stated(machine: int, **functions: int) -> dict:
 @pytest.fixture
 def no_residues(monkeypatch):
     monkeypatch.setattr(flops, "explained", lambda stated, variant: {})
+    as_additions(monkeypatch)
+
+
+def as_additions(monkeypatch):
+    """All FLOPs of the made-up functions are additions."""
+
+    def by_kind(one):
+        return {name: {"add": f["machine"]} for name, f in one["by_function"].items()}
+
+    monkeypatch.setattr(flops, "by_kind", by_kind)
 
 
 @pytest.mark.parametrize(
@@ -68,16 +78,38 @@ def no_residues(monkeypatch):
         (-500, -500, 0.01),
         (-700, -500, 0.0),
         (-300, 0, 0.03),
-        (-900, -800, -0.02),  # explains more than there is
+        (-900, -800, 0.02),  # explains more than there is
         (0, 0, 0.06),
     ],
 )
 def test_a_residue_explains_no_more_than_it_says(monkeypatch, low, high, left):
-    monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": (low, high)})
-    (row,) = flops.compare(stated(10600), measured({"a": counts(1, 10000)}, variant="shipped"))
+    monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": {"add": (low, high)}})
+    as_additions(monkeypatch)
+    (row,) = flops.compare(stated(10600, a=10600), measured({"a": counts(1, 10000)}, variant="shipped"))
     assert row["relative_difference"] == pytest.approx(0.06)
     assert row["unexplained"] == pytest.approx(left)
     assert row["within"] is (abs(left) <= 0.01)
+
+
+def test_a_missing_minimum_is_no_missing_product(monkeypatch):
+    """1,000 minima fewer and 1,000 square roots more: the sum agrees, the kinds do not."""
+    monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": {"minmax": (-1000, 0)}})
+    monkeypatch.setattr(flops, "by_kind", lambda one: {"a": {"minmax": 1000, "sqrt": 9000}})
+    by = measured({"a": Counts(calls=1, lanes=Counter({("sqrt", "double", 64): 10000}))}, variant="shipped")
+    (row,) = flops.compare(stated(10000, a=10000), by)
+    assert row["relative_difference"] == 0 and row["unexplained"] == pytest.approx(0.1) and not row["within"]
+
+
+def test_a_doubling_may_be_a_sum(no_residues, monkeypatch):
+    monkeypatch.setattr(flops, "by_kind", lambda one: {"a": {"add": 100}})  # products are told as additions
+    by = measured({"a": Counts(calls=1, lanes=Counter({("mul", "double", 64): 100}))}, variant="shipped")
+    assert flops.compare(stated(100, a=100), by)[0]["within"]
+
+
+def test_a_back_end_without_kinds_is_held_against_the_sum(no_residues):
+    by = measured({"a": Counts(calls=1, lanes=Counter({("any", "double", 64): 10000}))}, variant="shipped")
+    assert flops.compare(stated(10050, a=10050), by)[0]["within"]
+    assert not flops.compare(stated(10150, a=10150), by)[0]["within"]
 
 
 def test_residues_are_parts_times_lanes_times_flops(tmp_path, monkeypatch):
@@ -92,8 +124,8 @@ def test_residues_are_parts_times_lanes_times_flops(tmp_path, monkeypatch):
     phase = dataclasses.replace(registry.find_phase("opt4"), path=tmp_path)
     monkeypatch.setattr(registry, "find_phase", lambda name: phase)
     one = {"phase": "opt4", "by_function": {name: {"parts": {"call": 10}} for name in ("f", "g")}}
-    assert flops.explained(one, "calls") == {"f": (240 - 160, 240 + 160)}
-    assert flops.explained(one, "shipped") == {"f": (-160, 160), "g": (0, 20)}
+    assert flops.explained(one, "calls") == {"f": {"add": (240, 240), "fma": (-160, 160)}}
+    assert flops.explained(one, "shipped") == {"f": {"fma": (-160, 160)}, "g": {"add": (0, 20)}}
 
 
 @pytest.mark.parametrize(
@@ -144,13 +176,13 @@ def test_folding_keeps_the_total():
     [(10000, True), (10100, True), (9900, True), (10101, False), (9899, False), (0, False)],
 )
 def test_one_percent_is_the_limit(counted, within, no_residues):
-    (row,) = flops.compare(stated(counted), measured({"a": counts(1, 10000)}, variant="shipped"))
+    (row,) = flops.compare(stated(counted, a=counted), measured({"a": counts(1, 10000)}, variant="shipped"))
     assert row["within"] is within
     assert bool(flops.failures([row])) is not within
 
 
 def test_nothing_measured_or_nan_is_a_failure(no_residues):
-    (row,) = flops.compare(stated(5), measured({"a": counts(1, 0)}, variant="shipped"))
+    (row,) = flops.compare(stated(5, a=5), measured({"a": counts(1, 0)}, variant="shipped"))
     assert math.isnan(row["relative_difference"]) and flops.failures([row])
     assert flops.failures([row | {"relative_difference": math.nan, "within": abs(math.nan) <= 0.01}])
 
