@@ -6,6 +6,7 @@ include common/rules.mk
 PY := .venv/bin/python
 PHASE ?= $(PHASES)
 N ?= 360
+VALIDATION_N ?= 90
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
@@ -37,8 +38,8 @@ verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=36
 sweep: setup ## time PHASE=… (default: all), e.g. make sweep PHASE=opt4 N=360
 	@$(PY) scripts/sweep.py -n $(N) --phase $(PHASE) $(ARGS)
 
-flops: setup ## FLOPs (Table 1), declared costs held against the basic blocks that were executed
-	@$(PY) scripts/run_study.py --part flops $(ARGS)
+flops: setup ## FLOPs (Table 1), declared costs held against the blocks that were executed; PHASE=…: of one phase
+	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/flops.py --validate -n $(VALIDATION_N) --phase $(PHASE),scripts/run_study.py --part flops) $(ARGS)
 
 roofline: setup ## ceilings of this machine, every phase below them (Tables 5 and 6, Fig. 6)
 	@$(PY) scripts/run_study.py --part roofline $(ARGS)
@@ -53,7 +54,7 @@ new-phase: setup ## NAME=opt4b FROM=opt4: copy a phase to start one of your own
 	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM))
 
 format: setup-test ## rewrite C and Python in the house style
-	@.venv/bin/clang-format -i $(wildcard common/*.[ch] phases/*/*.[ch] tests/c/*.[ch])
+	@.venv/bin/clang-format -i $(wildcard common/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c)
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
 setup:

@@ -17,11 +17,12 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 from study import analysis, ladder, store
 from study.build import build
+from study.flops import read as read_counts
 from study.registry import ROOT, Spec, phases
 
 SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (
-    300  # of the ten minutes that a study may take on two cores; the rest is installing and verifying
+    240  # of the ten minutes or so that a study may take on two cores; the rest is verifying and counting
 )
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (
@@ -42,17 +43,20 @@ FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4"}  # th
 
 
 def script(
-    name: str, *arguments: str, capture: bool = False, may_lack: bool = False
+    name: str, *arguments: str, capture: bool = False, accepted: tuple[int, ...] = (cli.OK,)
 ) -> subprocess.CompletedProcess[str]:
     """Run one of the scripts; its progress goes to the terminal, its output (if captured) comes back.
 
-    `may_lack`: without a tool that it needs, the study goes on; the script has said which.
+    StudyError for an exit status that is not accepted: a traceback's is cli.FAILED, as a failed check's is.
     """
     command = [sys.executable, str(SCRIPTS / f"{name}.py"), *arguments]
     done = subprocess.run(command, stdout=subprocess.PIPE if capture else None, text=True, check=False)
-    if done.returncode not in (cli.OK, cli.FAILED, *([cli.CANNOT_RUN] if may_lack else [])):
+    if done.returncode not in accepted:
         raise cli.StudyError(f"{name}.py ended with status {done.returncode}; see above", done.returncode)
     return done
+
+
+CHECKED = (cli.OK, cli.FAILED)  # of scripts that judge what they measure
 
 
 def sweep_plan(height: int, scenes: list[str]) -> list[str]:
@@ -97,14 +101,25 @@ def sweep(options: argparse.Namespace) -> dict[str, Any]:
         height = choose_height(options.scene, options.seconds)
         arguments = [*sweep_plan(height, options.scene), "--budget", str(options.seconds)]
     cli.say(f"headline at n = {height}; a kill loses one frame, scripts/sweep.py --run goes on")
-    done = script("sweep", *arguments, "--results", str(options.results), "--json", capture=True)
+    done = script(
+        "sweep", *arguments, "--results", str(options.results), "--json", capture=True, accepted=CHECKED
+    )
     return json.loads(done.stdout) | {"height": height}
 
 
 def verify(run: Path, options: argparse.Namespace, height: int, specs: list[str]) -> bool:
     antialias = "180" if options.full else "90"
     done = script(
-        "verify", "--phase", *specs, "-n", str(height), "--antialias-n", antialias, "--run", str(run)
+        "verify",
+        "--phase",
+        *specs,
+        "-n",
+        str(height),
+        "--antialias-n",
+        antialias,
+        "--run",
+        str(run),
+        accepted=CHECKED,
     )
     return done.returncode == cli.OK
 
@@ -112,38 +127,36 @@ def verify(run: Path, options: argparse.Namespace, height: int, specs: list[str]
 def flops(run: Path, options: argparse.Namespace, height: int) -> bool:
     """Table 1 at the paper's size; what was executed at the headline's; the one against the other, small."""
     script("flops", "--scene", *options.scene, "-n", "720", "--run", str(run), capture=True)
-    script(
-        "flops", "--scene", *options.scene, "-n", str(height), "--measure", "--run", str(run), capture=True
-    )
+    measure(run, options, height)
     small = ["-n", str(VALIDATION_HEIGHT), "--validate", "--run", str(run)]
-    return script("flops", *small, capture=True).returncode == cli.OK
+    return script("flops", *small, capture=True, accepted=CHECKED).returncode == cli.OK
+
+
+def measure(run: Path, options: argparse.Namespace, height: int) -> None:
+    """What every timed program executes for a picture of that height."""
+    specs = dict.fromkeys(cell.spec for cell in analysis.load(run).cells if cell.scene in options.scene)
+    size = ["-n", str(height), "--measure", "--run", str(run)]
+    script("flops", "--scene", *options.scene, "--phase", *specs, *size, capture=True)
 
 
 def roofline(run: Path, options: argparse.Namespace, height: int) -> bool:
-    script("ceilings", "--run", str(run))
-    if not (run / "counts.json").exists():
-        script(
-            "flops",
-            "--scene",
-            *options.scene,
-            "-n",
-            str(height),
-            "--measure",
-            "--run",
-            str(run),
-            capture=True,
-        )
+    script("ceilings", "--run", str(run), capture=True)
+    if not read_counts(run / "counts.json")[1]:
+        measure(run, options, height)
     return True
 
 
 def hotspots(run: Path, options: argparse.Namespace, height: int) -> bool:
-    done = script("hotspots", "--scene", *options.scene, "--run", str(run), capture=True, may_lack=True)
+    more = ["--no-osaca"] * (not options.full)  # OSACA takes half a minute a phase
+    done = script(
+        "hotspots", "--scene", *options.scene, *more, "--run", str(run), capture=True, may_lack=True
+    )
     return done.returncode in (cli.OK, cli.CANNOT_RUN)
 
 
 def ablations(run: Path, options: argparse.Namespace, height: int) -> bool:
-    script("ablations", "--run", str(run), capture=True)
-    return True
+    size = [] if options.part or options.full else ["-n", "90"]
+    return script("ablations", *size, "--run", str(run), capture=True, accepted=CHECKED).returncode == cli.OK
 
 
 # What a run can be given besides its times, in this order.
@@ -207,8 +220,9 @@ def main() -> int:
         if not part(run, options, height):
             wrong.append(f"{name}: see above")
     step("tables, plots, report")
-    for name in ("tables", "plots", "report"):
-        script(name, str(run))
+    counted = ["roofline"] * bool(read_counts(run / "counts.json")[1])
+    for name in ("tables", "plots", *counted, "report"):
+        script(name, str(run), capture=True)
     page = ROOT / "report" / "out" / "index.html"
     cli.say(f"study: {page} after {time.monotonic() - begin:.0f} s; data in {run}")
     for sentence in wrong:

@@ -85,7 +85,11 @@ def read_results(path: Path, name: str, ended_well: bool, reason: str = "") -> T
 
 def format_step() -> Iterator[Tally]:
     tools = Path(sys.executable).parent
-    sources = [str(p) for folder in ("common", "phases", "tests/c") for p in (ROOT / folder).rglob("*.[ch]")]
+    sources = [
+        str(p)
+        for folder in ("common", "phases", "tests/c", "tests/calibration")
+        for p in (ROOT / folder).rglob("*.[ch]")
+    ]
     yield one("clang-format", run(tools / "clang-format", "--dry-run", "-Werror", *sources))
     yield one("ruff check", run(tools / "ruff", "check", "."))
     yield one("ruff format", run(tools / "ruff", "format", "--check", "."))
@@ -125,8 +129,16 @@ def c_step() -> Iterator[Tally]:
 def builds_step() -> Iterator[Tally]:
     phases = sorted(path.parent.name for path in (ROOT / "phases").glob("*/phase.json"))
     for folder, settings in BUILDS.items():
+        yield one(
+            f"{folder}/ceilings --check",
+            run("make", "-s", f"BUILD={folder}", *settings, f"{folder}/ceilings")
+            and run(f"{folder}/ceilings", "--check"),
+        )
         make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
-        targets = {phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"] for phase in phases}
+        targets = {
+            phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe", f"{folder}/{phase}/render-count"]
+            for phase in phases
+        }
         if run(*make, *itertools.chain(*targets.values())):
             yield Tally(passed=len(phases))
         else:  # which of them

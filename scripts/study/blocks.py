@@ -25,6 +25,7 @@ from study.build import build
 from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.decode import Decoded, Disassembler
+from study.elf import is_part, source_name
 from study.registry import ROOT, Spec
 
 BACKEND = "assembly blocks"
@@ -58,16 +59,6 @@ class Table:
     calls: list[tuple[int, str, int | None]]
     masked: dict[tuple[int, int], int]
     repeated: dict[tuple[int, int], int]
-
-
-def source_name(symbol: str) -> str:
-    """The name in the source, without gcc's .part.0, .constprop.0, .isra.0 and .cold."""
-    return symbol.split(".")[0] or symbol
-
-
-def is_part(symbol: str) -> bool:
-    """Split off by the compiler: entering it is no call in the source."""
-    return ".part" in symbol or ".cold" in symbol
 
 
 def read_table(path: Path) -> Table:

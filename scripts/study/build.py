@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import re
 import subprocess
+import threading
 from pathlib import Path
 
 from study.cli import CANNOT_RUN, StudyError
@@ -16,13 +17,21 @@ MISSING = re.compile(
 )
 
 
-@functools.cache
+_one_at_a_time = threading.RLock()  # two makes of one target would write the same files
+
+
 def build(spec: Spec | str, target: str = "render") -> Path:
     """Path of the binary, brought up to date once per process: what a script runs stays the same.
 
     StudyError with the compiler's last lines, or the name of the missing tool.
     """
-    path = ROOT / "build" / str(spec) / target
+    with _one_at_a_time:
+        return _build(str(spec), target)
+
+
+@functools.cache
+def _build(spec: str, target: str) -> Path:
+    path = ROOT / "build" / spec / target
     try:
         done = subprocess.run(
             ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))], capture_output=True, text=True

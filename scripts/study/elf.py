@@ -21,6 +21,16 @@ _EXECUTABLE = 1  # p_flags and, shifted, sh_flags: System V ABI, Program Loading
 _CODE = ("STT_FUNC", "STT_LOOS", "STT_GNU_IFUNC")  # pyelftools knows GNU's indirect functions by number only
 
 
+def source_name(symbol: str) -> str:
+    """The name in the source, without gcc's .part.0, .constprop.0, .isra.0 and .cold."""
+    return symbol.split(".")[0] or symbol
+
+
+def is_part(symbol: str) -> bool:
+    """Split off by the compiler: entering it is no call in the source."""
+    return ".part" in symbol or ".cold" in symbol
+
+
 @dataclass(frozen=True)
 class Function:
     """`name` is the symbol's: gcc's clones and split-off parts have a suffix behind a dot."""
@@ -31,13 +41,11 @@ class Function:
 
     @property
     def source_name(self) -> str:
-        """The name in the source, without gcc's .part.0, .constprop.0, .isra.0 and .cold."""
-        return self.name.split(".")[0]
+        return source_name(self.name)
 
     @property
     def is_part(self) -> bool:
-        """Split off by the compiler: entering it is no call in the source."""
-        return ".part" in self.name or ".cold" in self.name
+        return is_part(self.name)
 
 
 class Program:

@@ -33,9 +33,9 @@ def root(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "phases" / "baseline", tmp_path / "phases" / "baseline")
     shutil.copy(ROOT / "Makefile", tmp_path)
     monkeypatch.setattr(module, "ROOT", tmp_path)
-    module.build.cache_clear()
+    module._build.cache_clear()
     yield tmp_path
-    module.build.cache_clear()
+    module._build.cache_clear()
 
 
 def test_render_and_probe_are_built():
