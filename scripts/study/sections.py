@@ -81,7 +81,7 @@ def counted(path: Path) -> Section:
     rows = flops.read_validation(path / "validation.json")
     large = max((one["height"] for one in stated), default=0)
     first = [one for one in stated if one["height"] == large]
-    judged = [r for r in rows if r["judged"]]
+    judged = table1.by_scene(r for r in rows if r["judged"])
     calls = [r for r in judged if r["scope"].startswith("calls of")]
     judged = [r for r in judged if not r["scope"].startswith("calls of")]
     remarks = [CONVENTIONS] if stated else []

@@ -31,11 +31,18 @@ def evaluations(one: Row) -> int | None:
     return found["lanes"] if found else None
 
 
+def by_scene(declared: Iterable[Row]) -> list[Row]:
+    """In the order in which the scenes appear, phases as they are."""
+    declared = list(declared)
+    order = list(dict.fromkeys(one["scene"] for one in declared))
+    return sorted(declared, key=lambda one: order.index(one["scene"]))
+
+
 def rows(declared: Iterable[Row]) -> list[Row]:
     """One row per picture. FLOPs of both conventions in GFLOP, all lanes; `paper_gflop` the paper's own, at
     its size, and `cut` what a phase saves of baseline's (paper's convention, useful lanes).
     """
-    declared = list(declared)
+    declared = by_scene(declared)
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
     base = {(one["scene"], one["width"], one["height"]): one for one in declared if one["phase"] == BASE}
     made = []
@@ -72,7 +79,7 @@ def rows(declared: Iterable[Row]) -> list[Row]:
 def terms(declared: Iterable[Row]) -> list[Row]:
     """Where the FLOPs are: one row per picture and term, paper's convention, `share` of the picture's."""
     made = []
-    for one in declared:
+    for one in by_scene(declared):
         total = one["flops"]["paper"]
         sums: dict[str, int] = {}
         calls = one["by_class"]["call"]
