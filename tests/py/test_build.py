@@ -12,6 +12,7 @@ from study.registry import ROOT, Spec
 
 TOOLS = (
     "make",
+    "head",
     "sh",
     "python3",
     "sed",
