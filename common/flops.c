@@ -80,7 +80,7 @@ static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[
     total[0] += executed * paper(c);
     total[1] += executed * machine(c);
     total[2] += useful * machine(c);
-    total[3] += executed * c->per_lane[COMPARE];
+    total[3] += useful * paper(c);
     ok &= add(function, "calls", entry ? calls : 0) && add(function, "lanes", entry ? useful : 0);
     ok &= add(function, "paper", executed * paper(c));
     ok &= add(function, "machine", executed * machine(c));
@@ -88,12 +88,14 @@ static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[
     ok &= add(child(function, "parts"), c->part, calls);
     for (size_t k = 0; k < CLASSES; k++)
         ok &= add(classes, class_names[k], executed * c->per_lane[k]);
+    if (c->stands_for_call && entry)
+        ok &= add(classes, class_names[CALL], executed);
     return ok;
 }
 
 json_t *count_result(void) {
     json_t *functions = json_object(), *classes = json_object();
-    uint64_t total[4] = {0}; // paper, machine, useful, compare
+    uint64_t total[4] = {0}; // paper, machine, useful of the machine's, useful of the paper's
     bool ok = functions && classes && complete;
     for (size_t i = 0; ok && i < FLOPS_PARTS; i++)
         ok = account(i, child(functions, costs[i].function), classes, total);
@@ -102,8 +104,9 @@ json_t *count_result(void) {
         json_decref(classes);
         return NULL;
     }
-    return json_pack("{s:s, s:{s:I, s:I}, s:o, s:o, s:I, s:I}", "counts", "declared costs", "flops",
-                     "paper", (json_int_t)total[0], "machine", (json_int_t)total[1], "by_function",
-                     functions, "by_class", classes, "executed", (json_int_t)total[1], "useful",
-                     (json_int_t)total[2]);
+    return json_pack("{s:s, s:{s:I, s:I}, s:o, s:o, s:I, s:I, s:I}", "counts", "declared costs",
+                     "flops", "paper", (json_int_t)total[0], "machine", (json_int_t)total[1],
+                     "by_function", functions, "by_class", classes, "executed",
+                     (json_int_t)total[1], "useful", (json_int_t)total[2], "useful_paper",
+                     (json_int_t)total[3]);
 }

@@ -14,7 +14,7 @@ from pathlib import Path
 from study.cli import StudyError
 
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
-_LINE = re.compile(r"COST(?:_MATH)?\(\s*(\w+),\s*(\w+),\s*(\w+),((?:\s*\d+\s*,?){9})\)")
+_LINE = re.compile(r"COST(_MATH)?\(\s*(\w+),\s*(\w+),\s*(\w+),((?:\s*\d+\s*,?){9})\)")
 _RESIDUE = re.compile(
     rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join(CLASSES[:7])}),\s*(-?\d+),\s*(-?\d+)\s*\)"
 )
@@ -22,12 +22,13 @@ _RESIDUE = re.compile(
 
 @dataclass(frozen=True)
 class Cost:
-    """One line: operations per lane by class. `width` is LANES or 1."""
+    """One line: operations per lane by class. `width` is LANES or 1; `stands_for_call`: COST_MATH."""
 
     function: str
     part: str
     width: str
     per_lane: dict[str, int]
+    stands_for_call: bool = False
 
 
 def read(path: Path) -> list[Cost]:
@@ -43,8 +44,8 @@ def read(path: Path) -> list[Cost]:
         match = _LINE.match(line.strip())
         if not match:
             raise StudyError(f"{path}:{number}: COST(function, part, width, nine numbers) is required")
-        values = (int(n) for n in match[4].split(","))
-        found.append(Cost(match[1], match[2], match[3], dict(zip(CLASSES, values, strict=True))))
+        values = (int(n) for n in match[5].split(","))
+        found.append(Cost(*match.group(2, 3, 4), dict(zip(CLASSES, values, strict=True)), bool(match[1])))
     return found
 
 

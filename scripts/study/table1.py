@@ -64,9 +64,11 @@ def rows(declared: Iterable[Row]) -> list[Row]:
                 "compare_gop": one["by_class"]["compare"] / 1e9,
                 "useful_share": useful,
                 "flop_per_pixel": flops / (one["width"] * one["height"]),
-                "flop_per_evaluation": flops * useful / count if count else None,
+                "flop_per_evaluation": one["useful_paper"] / count if count else None,
                 "evaluations_million": count / 1e6 if count else None,
-                "cut": 1 - flops * useful / first["flops"]["paper"] if first and first is not one else None,
+                "cut": 1 - one["useful_paper"] / first["flops"]["paper"]
+                if first and first is not one
+                else None,
                 "paper_gflop": stated.get(("flop_count", one["scene"], one["phase"]), float("nan")) / 1e9
                 if same_size
                 else None,
@@ -99,7 +101,7 @@ def terms(declared: Iterable[Row]) -> list[Row]:
             )
         for term, flop in (
             ("of which math.h calls", calls),
-            ("not counted: comparisons", one["by_class"]["compare"]),
+            ("not counted: comparisons of the source", one["by_class"]["compare"]),
         ):
             made.append(
                 {
@@ -137,7 +139,7 @@ def readings(declared: Iterable[Row]) -> list[Row]:
             ("the paper's convention: one FLOP per math.h call", total),
             ("fabs, fmin, fmax and floor not counted", total - simple),
             ("degrees to radians not counted (three products a rotation)", total - radians),
-            ("comparisons counted too", total + one["by_class"]["compare"]),
+            ("comparisons of the source counted too", total + one["by_class"]["compare"]),
         ]
         if steps := functions.get("sdf_mandelbulb", {}).get("parts", {}).get("step"):
             per_lane = {(c.function, c.part): c.per_lane for c in declared_costs}

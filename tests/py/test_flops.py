@@ -11,7 +11,7 @@ from collections import Counter
 
 import pytest
 
-from study import costs, flops, registry, table1
+from study import columns, costs, flops, registry, show, table1
 from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.registry import ROOT, Spec
@@ -53,6 +53,7 @@ def stated(machine: int, **functions: int) -> dict:
         "by_class": {"compare": 0, "call": 0},
         "executed": machine,
         "useful": machine,
+        "useful_paper": machine,
     }
 
 
@@ -104,6 +105,29 @@ def test_a_doubling_may_be_a_sum(no_residues, monkeypatch):
     monkeypatch.setattr(flops, "by_kind", lambda one: {"a": {"add": 100}})  # products are told as additions
     by = measured({"a": Counts(calls=1, lanes=Counter({("mul", "double", 64): 100}))}, variant="shipped")
     assert flops.compare(stated(100, a=100), by)[0]["within"]
+
+
+def test_a_scalar_total_with_libm_inside_is_not_judged(no_residues, monkeypatch):
+    by = measured({"a": counts(1, 15000)}, variant="shipped", backend="pmu")
+    one = stated(10000, a=10000)
+    for lanes, failed in ((1, 0), (8, 1)):
+        phase = dataclasses.replace(registry.find_phase("opt4"), lanes=lanes)
+        monkeypatch.setattr(registry, "find_phase", lambda name, phase=phase: phase)
+        rows = flops.compare(one, by)
+        assert rows[0]["relative_difference"] == pytest.approx(-1 / 3) and len(flops.failures(rows)) == failed
+
+
+def test_a_function_that_was_not_seen_was_not_called():
+    (row,) = flops.compare_calls(stated(1, a=1), measured({}))
+    assert not row["within"]
+
+
+def test_a_wide_range_says_how_wide(monkeypatch):
+    monkeypatch.setattr(flops, "explained", lambda stated, variant: {"a": {"add": (-800, 0)}})
+    as_additions(monkeypatch)
+    (row,) = flops.compare(stated(10600, a=10600), measured({"a": counts(1, 10000)}, variant="shipped"))
+    (*_, verdict), *_ = show.table([row], columns.VALIDATION).cells
+    assert verdict == ("✓ explained to within 8.0\u00a0%", "good")
 
 
 def test_a_back_end_without_kinds_is_held_against_the_sum(no_residues):
@@ -228,7 +252,13 @@ def test_a_foreign_or_truncated_counts_json_is_one_line(tmp_path, text):
 def test_table1_against_the_paper_and_by_hand():
     base = stated(100) | {"phase": "baseline", "scene": "scene0", "width": 1280, "height": 720}
     base["by_function"] = {"sdf": {"lanes": 50, "calls": 50, "machine": 100, "paper": 100}}
-    half = base | {"phase": "opt1", "flops": {"paper": 60, "machine": 60}, "executed": 60, "useful": 30}
+    half = base | {
+        "phase": "opt1",
+        "flops": {"paper": 60, "machine": 60},
+        "executed": 60,
+        "useful": 30,
+        "useful_paper": 30,
+    }
     first, second = table1.rows([base, half])
     assert first["paper_gflop"] == pytest.approx(20.68) and first["cut"] is None
     assert first["flop_per_evaluation"] == 2 and first["evaluations_million"] == 50e-6
@@ -252,6 +282,10 @@ def test_costs_def_reads_as_the_compiler_reads_it(phase):
             n * declared[key].per_lane[kind] * (lanes if declared[key].width == "LANES" else 1)
             for key, n in parts.items()
         )
+        if kind == "call":  # a function that stands for a math.h call is one, whatever is inside
+            by_hand += sum(
+                n * lanes for (f, p), n in parts.items() if declared[f, p].stands_for_call and p == "call"
+            )
         assert by_hand == total, kind
 
 
