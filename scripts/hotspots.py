@@ -11,7 +11,7 @@ from typing import Any
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import bounds, hotspots, perf, registry, run, show, store
+from study import bounds, hotspots, machine, perf, registry, run, sections, show, store
 from study.cli import StudyError
 from study.registry import ROOT, Scene, Spec
 
@@ -109,9 +109,14 @@ def measure(pairs: Sequence[tuple[Spec, Scene]], args: Any) -> Row:
     return record
 
 
+def table(record: Row) -> list[Row]:
+    """Rows of Tables 2 and 4 of this machine."""
+    return hotspots.table_rows(record, widest=hotspots.core_width(machine.cpu()["microarchitecture"]))
+
+
 def text(record: Row) -> str:
     """All tables for people, each with what it says and does not say."""
-    parts = [show.markdown(show.table(hotspots.table_rows(record), hotspots.COLUMNS)), hotspots.ABOUT]
+    parts = [show.markdown(show.table(table(record), hotspots.COLUMNS)), hotspots.ABOUT]
     parts.append("\n".join(f"- {note}" for note in hotspots.notes(record)) + "\n")
     if record["bounds"]:
         parts.append(show.markdown(show.table(bounds.rows(record), bounds.COLUMNS)))
@@ -141,6 +146,8 @@ def main() -> int:
     if not 100 <= args.samples <= 1_000_000:
         raise StudyError(f"--samples: 100 to 1000000 are required, not {args.samples}")
     target = store.Run.open(args.run) if args.run else None
+    if target:
+        sections.hot(target.path)  # what is there must be sound before minutes of sampling are added to it
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
     scenes = [registry.find_scene(name) for name in args.scene]
     pairs = [(Spec.parse(name), scene) for scene in scenes for name in args.phase or ladder]
@@ -156,7 +163,7 @@ def main() -> int:
         if one["samples"] < min(ENOUGH, args.samples // 2):
             cli.say(f"{one['phase']} {one['scene']} {one['variant']}: {one['samples']} samples only")
     if args.json:
-        rows = {"hotspots": hotspots.table_rows(record), "bounds": bounds.rows(record)}
+        rows = {"hotspots": table(record), "bounds": bounds.rows(record)}
         cli.emit(rows | {"regions": bounds.region_rows(record), "record": record})
     else:
         print(text(record), end="")

@@ -47,7 +47,6 @@ def hover(row: Row) -> str:
     for name, text in (
         ("share_of_fma_roof", f"of the FMA roof ({row['precision']}, {row['bits']} bits)"),
         ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
-        ("share_of_L1_own_width_roof", "of the L1 roof with registers of its own width"),
     ):
         if row[name] > 0:
             lines.append(f"{show.percent(row[name])} {text}")
@@ -116,7 +115,8 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     bottom = min(part.min() for part in speeds if len(part)) / 2
     top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
     left = min(table["intensity"].min() / 3, bottom / max(limits.bandwidth("L1"), 1e-9) * 2)
-    slowest = np.nanmin([limits.bandwidth(level) for level in LEVELS])
+    speeds_of_levels = [limits.bandwidth(level) for level in LEVELS]
+    slowest = min((speed for speed in speeds_of_levels if speed > 0), default=1.0)
     right = max(table["intensity"].max() * 3, 1.6 * top / slowest)
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)

@@ -19,7 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from study import blocks, claims, cli, gate, images, patches, registry, run, stats
+from study import blocks, claims, cli, gate, images, patches, registry, run, stats, store
 from study.build import build
 from study.cli import StudyError
 from study.gallery import Gallery, Size
@@ -27,6 +27,7 @@ from study.registry import ROOT, Scene, Spec
 from study.run import DriverError
 
 BASELINE = "baseline"
+NO_GAIN = 1.05  # a step that gains no more than this gains nothing worth its trouble
 FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
 ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite")
 Case = tuple[Spec, str]  # a program and the name of a scene
@@ -59,7 +60,9 @@ class Ablation:
             return claims.FEW
         if self.claim is None:  # what the paper gave up: too wrong, or no faster
             given_up = self.paper.startswith("not satisfying") and list(failed)
-            return claims.HOLDS if given_up or gain.low <= 1 else claims.FAILS
+            if given_up or gain.high <= NO_GAIN:
+                return claims.HOLDS
+            return claims.FAILS if gain.low > NO_GAIN else claims.WITHIN
         if gain.low >= self.claim:
             return claims.HOLDS
         return claims.FAILS if gain.high < self.claim else claims.WITHIN
@@ -247,6 +250,24 @@ def row(
         "against_flops": flops[base] if counted else None,
         "flops_ratio": flops[with_it]["machine"] / flops[without]["machine"] if counted else None,
     }
+
+
+def read(path: Path) -> dict[str, Any]:
+    """A run's ablations.json; without that file no row. Raises StudyError for another thing's JSON."""
+    lists = ("rows", "skipped", "failures")
+    if not path.exists():
+        return {name: [] for name in lists}
+    result = store.read_json(path)
+    try:
+        for name in lists:
+            if not isinstance(result[name], list) or not all(isinstance(one, dict) for one in result[name]):
+                raise TypeError(f"{name}: no list of objects")
+    except (KeyError, TypeError) as error:
+        raise StudyError(
+            f"{path}: not what scripts/ablations.py writes ({error!r}); make it again with "
+            f"scripts/ablations.py --run {path.parent}"
+        ) from None
+    return result
 
 
 def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

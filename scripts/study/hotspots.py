@@ -281,11 +281,23 @@ class Profile:
 
     @classmethod
     def from_json(cls, data: Row) -> Profile:
-        """Raises KeyError or TypeError for another thing's JSON."""
+        """Raises KeyError, TypeError or ValueError for another thing's JSON."""
         functions = {
-            row["function"]: {"samples": row["samples"], "weight": row["weight"]} for row in data["functions"]
+            row["function"]: {"samples": row["samples"] + 0, "weight": row["weight"] + 0}
+            for row in data["functions"]
         }
-        return cls(**{**data, "functions": functions})
+        made = cls(**{**data, "functions": functions})
+        types = {"str": str, "int": int, "float": (int, float)}
+        for one in dataclasses.fields(cls):
+            value = getattr(made, one.name)
+            if one.type in types and not isinstance(value, types[one.type]):
+                raise TypeError(f"{one.name}: {value!r}")
+        if made.variant not in TARGETS:
+            raise ValueError(f"variant {made.variant!r}; there are {', '.join(TARGETS)}")
+        for name in ("weight", "samples", "cpu_ns", "frames"):
+            if not getattr(made, name) > 0:
+                raise ValueError(f"{name}: {getattr(made, name)}, which is not positive")
+        return made
 
 
 def profile(
@@ -433,9 +445,22 @@ def theirs(phase: str) -> dict[str, Row]:
     }
 
 
-def table_rows(record: Row, shown: int = SHOWN) -> list[Row]:
+# Golden Cove and its kin take in six operations a cycle: Intel, 64 and IA-32 Architectures Optimization
+# Reference Manual. A fused pair is one operation: what is a little above six is left out with the rest.
+_SIX_WIDE = ("Alder Lake", "Raptor Lake", "Meteor Lake")
+_SIX_WIDE += ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids")
+WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; no x86 core here is wider
+
+
+def core_width(microarchitecture: str | None) -> int:
+    """Of a core by study.machine's name for it, in operations per cycle; the widest for any other."""
+    return 6 if microarchitecture in _SIX_WIDE else WIDEST
+
+
+def table_rows(record: Row, shown: int = SHOWN, widest: int = WIDEST) -> list[Row]:
     """Rows of Tables 2 and 4 from a run's hotspots.json: per phase the `shown` functions of the most time,
-    those of the paper, and the rest, so that each column sums to the frame.
+    those of the paper, and the rest, so that each column sums to the frame. Quotients of instructions over
+    core cycles above `widest` are left out: no core does that, the samples are another function's.
     """
     profiles = [Profile.from_json(one) for one in record["profiles"]]
     rows = []
@@ -457,7 +482,7 @@ def table_rows(record: Row, shown: int = SHOWN) -> list[Row]:
                 about
                 | {"function": name}
                 | _cells(by, [name])
-                | {"per_cycle": extra.get("per_cycle", {}).get(name)}
+                | {"per_cycle": _possible(extra.get("per_cycle", {}).get(name), widest)}
                 | {"lanes_active": extra.get("lanes_active", {}).get(name)}
                 | stated.get(re.sub(r" \(libm\)$", "", name), {})
             )
@@ -468,6 +493,10 @@ def table_rows(record: Row, shown: int = SHOWN) -> list[Row]:
             about | {"function": name} | cells for name, cells in stated.items() if name not in shown_names
         ]
     return rows
+
+
+def _possible(per_cycle: float | None, widest: int) -> float | None:
+    return per_cycle if per_cycle is not None and per_cycle <= widest else None
 
 
 def _cells(by: dict[str, Profile], names: Sequence[str]) -> Row:
@@ -525,7 +554,8 @@ counted to the function of the source that it is from. “Without inlining”: e
 the paper's were, at the price of the calls: where that frame takes much longer than the shipped one's, its
 shares are those of another program. Shares sum to the frame. A sample is at the instruction that was about
 to retire: waiting for a result shows where it is used, so that a small function can seem to run more
-instructions per cycle than the core is wide, and the next one fewer. The paper's seconds are of another
+instructions per cycle than it does, and the next one fewer; what would be more than the core takes in (6 a
+cycle of Intel's Golden Cove and its kin, else 8, as Zen 5) is not shown. The paper's seconds are of another
 machine and size, its share is of the ten functions that it lists, and its usage is VTune's.
 """
 
@@ -559,8 +589,13 @@ def read(path: Path) -> Row:
     try:
         for one in record["profiles"]:
             Profile.from_json(one)
-    except (KeyError, TypeError) as error:
-        raise StudyError(f"{path}: no hotspots ({error}); make them with scripts/hotspots.py --run") from None
+        for name, kind in (("profiles", list), ("bounds", list), ("beside", dict)):
+            if not isinstance(record.get(name, kind()), kind):
+                raise TypeError(f"{name}: {record[name]!r}")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StudyError(
+            f"{path}: no hotspots ({error}); remove it and make them with scripts/hotspots.py --run"
+        ) from None
     return record
 
 

@@ -46,6 +46,9 @@ RESOURCES = {
 }
 ISSUE = "issue"
 ELEMENT = {"double": 64, "single": 32, "half": 16, "extended": 80}
+MOST_UNPRICED = 0.05  # of the FLOPs
+# Whose counts have libm's inside in them; the others' only where it is told apart (Measured.outside).
+LIBM_INSIDE = ("sde", "pmu")
 PEAK_BITS = 256  # the paper's share of peak: of AVX2, whatever a phase itself uses
 ORDER = ("assembly blocks", "sde", "qemu", "pmu")  # of two back ends that counted the same picture, the first
 SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
@@ -67,9 +70,9 @@ class Mix:
 
     @property
     def roof(self) -> float:
-        """Flop per core cycle; NaN where nothing has a ceiling."""
+        """Flop per core cycle; NaN where too little has a ceiling for a bound of the whole."""
         least = self.cycles[self.bound] if self.bound else 0
-        return self.flops / least if least > 0 else math.nan
+        return self.flops / least if least > 0 and self.unpriced <= MOST_UNPRICED else math.nan
 
 
 def mix(lanes: Mapping[tuple[str, str, int], int], limits: Ceilings) -> Mix:
@@ -77,8 +80,11 @@ def mix(lanes: Mapping[tuple[str, str, int], int], limits: Ceilings) -> Mix:
     cycles: dict[str, float] = defaultdict(float)
     flops = unpriced = 0
     for (kind, precision, bits), n in lanes.items():
-        instructions = n * ELEMENT[precision] / bits
         flops += FLOPS[kind] * n
+        if kind == "any" or precision not in ELEMENT or bits <= 0:  # hardware events that tell less apart
+            unpriced += FLOPS[kind] * n
+            continue
+        instructions = n * ELEMENT[precision] / bits
         issue, rate = limits.issue(precision, bits), limits.rate(kind, precision, bits)
         if issue > 0:
             cycles[ISSUE] += instructions / issue
@@ -119,6 +125,8 @@ def read_counts(folder: Path) -> Counted:
 def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, list[str]]:
     """A run's counts and ceilings; unless strict, what is missing is empty and named in the notes."""
     counted, limits, notes = Counted([], []), None, []
+    if not strict and (folder / ceilings.FILE).exists():
+        limits = ceilings.read(folder)  # a broken file is an error; only one that is not there is a note
     try:
         counted = read_counts(folder)
     except StudyError as error:
@@ -126,7 +134,7 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
             raise
         notes.append(str(error))
     try:
-        limits = ceilings.read(folder)
+        limits = limits or ceilings.read(folder)
     except StudyError as error:
         if strict:
             raise
@@ -230,7 +238,9 @@ def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str 
     elif stated:
         factor, row["scaled_from_n"], one = stated
         flops, row["backend"] = factor * one["flops"]["machine"], "declared"
-    row["libm_counted"] = bool(found and found[2].outside is not None)
+    row["libm_counted"] = bool(found and (found[2].outside is not None or row["backend"] in LIBM_INSIDE))
+    if not loads + stores > 0:  # a back end that counts none
+        loads = stores = nan
     row |= {"flops": flops, "load_bytes": loads, "store_bytes": stores, "bytes": loads + stores}
     row["intensity"] = flops / row["bytes"] if row["bytes"] > 0 else nan
     row |= _rate("flops_per_core_cycle", flops, core) | _rate("flops_per_tsc_cycle", flops, tsc)
@@ -246,10 +256,6 @@ def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str 
     row["unpriced_share"] = made.unpriced
     for level in LEVELS:
         row[f"{level}_roof"] = row["intensity"] * (limits.bandwidth(level) if limits else nan)
-    # Registers of its own width: a scalar phase moves no more than 8 bytes at a time.
-    own = limits.bandwidth("L1", max(bits, 64)) if limits else nan
-    row["L1_own_width_roof"] = row["intensity"] * own
-    row["share_of_L1_own_width_roof"] = speed / row["L1_own_width_roof"]
     theirs = stated[0] * stated[2]["flops"]["paper"] if stated else nan
     row["paper_convention_scaled_from_n"] = stated[1] if stated else None
     row["paper_convention_flops"] = theirs
@@ -372,10 +378,6 @@ POINTS = [
     Column("roof of its own operations", "share of it", lambda r: percent(r["share_of_mix_roof"])),
     Column("roof of its own operations", "set by", _bound),
     Column("bandwidth roof, flop/core cycle", "L1", plain("L1_roof")),
-    Column("bandwidth roof, flop/core cycle", "L1, registers of its own width", plain("L1_own_width_roof")),
-    Column(
-        "bandwidth roof, flop/core cycle", "share of it", lambda r: percent(r["share_of_L1_own_width_roof"])
-    ),
     Column("bandwidth roof, flop/core cycle", "L2", plain("L2_roof")),
     Column("", "counted by", counted_by),
 ]

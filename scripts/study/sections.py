@@ -1,16 +1,19 @@
-"""What was counted for a run, as tables for its page and its folder: FLOPs, roofline, hotspots, single "
-"steps."""
+"""What was counted for a run, as tables for its page and its folder: FLOPs, roofline, hotspots, single
+steps. A file that is broken ends in a StudyError that names it and its script, never in a traceback.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
 
-from study import bounds, columns, flops, hotspots, roof, show, store, table1
+from study import ablations, bounds, columns, flops, hotspots, roof, show, table1
 from study.analysis import Data
+from study.cli import StudyError
 from study.show import Column, Row, Table
 
 
@@ -35,9 +38,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Section:
-    """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; "
-    "`remarks`: how
-    to read the tables, and what was left out; `figures`: names of the plots that belong above them.
+    """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; `remarks`:
+    how to read the tables, and what was left out; `figures`: names of the plots that belong above them.
     """
 
     id: str
@@ -48,98 +50,133 @@ class Section:
     figures: Sequence[str] = ()
 
 
+# What reading another thing's JSON can raise, from here down to a cell's text.
+BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
+
+
+@contextlib.contextmanager
+def _from(file: Path | str, script: str) -> Iterator[None]:
+    """Whatever the content of `file` makes fail becomes a StudyError: the file, why, and who writes it."""
+    try:
+        yield
+    except BROKEN as error:
+        name = script.partition(" ")[0]
+        raise StudyError(
+            f"{file}: not what {name} writes ({error!r}); remove it and make it again with {script}"
+        ) from error
+
+
 def _part(
     name: str, caption: str, rows: Sequence[Row], shown: Sequence[Column], folded: bool = False
 ) -> list[Part]:
     rows = list(rows)
-    return [Part(name, caption, rows, show.table(rows, shown), folded)] if rows else []
+    if not rows:
+        return []
+    part = Part(name, caption, rows, show.table(rows, shown), folded)
+    _ = part.markdown  # here, where a cell that is no text is still known to be the file's
+    return [part]
 
 
 CONVENTIONS = (
-    "Two conventions. The paper's: one FLOP for each addition, multiplication, division, root, and for "
-    "each call of "
-    "math.h. The machine's, which hardware and emulators count: the same without the calls (an FMA is "
-    "two, a minimum "
-    "or maximum one), libm's inside apart. Comparisons are FLOPs in neither. All lanes are counted; the "
-    "useful share "
-    "is that of lanes whose ray is still under way."
+    "Two conventions. The paper's: one FLOP for each addition, multiplication, division, root, and for each "
+    "call of math.h. The machine's, which hardware and emulators count: the same without the calls (an FMA "
+    "is two, a minimum or maximum one), libm's inside apart. Comparisons are FLOPs in neither. All lanes are "
+    "counted; the useful share is that of lanes whose ray is still under way."
 )
 VALIDATION = (
-    "Declared: costs.def, derived by hand from the source and committed before it was first compared, "
-    "times the "
-    "calls that the counting build makes. Measured: every basic block that was executed, decoded. “The "
-    "compiler's "
-    "doing, known”: phases/NAME/residues.def, where the compiled code does otherwise than the source "
-    "says; what is "
-    "left is judged. Functions under 0.1 % of the picture are not shown."
+    "Declared: costs.def, derived by hand from the source and committed before it was first compared, times "
+    "the calls that the counting build makes. Measured: by {backends}. “The compiler's doing, known”: "
+    "phases/NAME/residues.def, where the compiled code does otherwise than the source says; what is left is "
+    "judged. Functions under 0.1 % of the picture are not shown."
 )
+# How each back end comes by its figure, beside its name.
+MEANS = {
+    "assembly blocks": "every basic block that was executed, decoded",
+    "qemu": "every block that the emulator executed, decoded",
+    "sde": "Intel's emulator, by instruction",
+    "pmu": "the CPU's own counters",
+}
+HEIGHT = 720  # of the paper's pictures
+
+
+def _pictures(stated: Iterable[Row]) -> list[Row]:
+    """Per scene and phase the picture of the paper's height, else the largest. Flags change no FLOP."""
+    best: dict[tuple, Row] = {}
+    for one in stated:
+        which = one["scene"], one["phase"]
+        if one["flags_from"] != one["phase"]:
+            continue
+        rank = [(row["height"] == HEIGHT, row["height"]) for row in (one, best.get(which, one))]
+        if which not in best or rank[0] > rank[1]:
+            best[which] = one
+    return list(best.values())
+
+
+def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
+    """How to read the validation, by the back ends that were there: each has its own sums."""
+    names = dict.fromkeys(row["backend"] for row in rows)
+    told = "; ".join(f"{name} ({MEANS[name]})" if name in MEANS else name for name in names)
+    said = [VALIDATION.format(backends=told)] if names else []
+    for name in names:
+        equal = [row["within"] for row in calls if row["backend"] == name]
+        if equal:
+            said.append(f"Calls by name, counting build against {name}: {sum(equal)} of {len(equal)} equal.")
+    return said
 
 
 def counted(path: Path) -> Section:
     """Table 1, what its difference from the paper's is made of, and the validation."""
-    stated, _ = flops.read(path / "counts.json")
-    rows = flops.read_validation(path / "validation.json")
-    large = max((one["height"] for one in stated), default=0)
-    first = [one for one in stated if one["height"] == large]
-    judged = table1.by_scene(r for r in rows if r["judged"])
-    calls = [r for r in judged if r["scope"].startswith("calls of")]
-    judged = [r for r in judged if not r["scope"].startswith("calls of")]
-    remarks = [CONVENTIONS] if stated else []
-    if rows:
-        equal = sum(r["within"] for r in calls)
-        remarks += [
-            VALIDATION,
-            f"Calls by name, counting build against {rows[0]['backend']}: {equal} of {len(calls)} equal.",
-        ]
-    totals = [r for r in judged if r["scope"] == "total"]
-    return Section(
-        "flops",
-        "FLOPs: declared, counted, measured",
-        "make flops",
-        [
-            *_part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1),
-            *_part(
-                "table1-readings",
-                "What the difference from the paper's figure is made of: baseline under other rules of "
-                "counting. "
-                "The paper's own sheet is not public; none of these is claimed to be its rule",
-                table1.readings(first),
-                columns.READINGS,
-            ),
-            *_part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS, folded=True),
-            *_part("validation", "Declared against measured, whole pictures", totals, columns.VALIDATION),
-            *_part(
-                "validation-functions",
-                "Declared against measured, by function",
-                judged,
-                columns.VALIDATION,
-                True,
-            ),
-        ],
-        remarks,
-    )
+    remarks, parts = [], []
+    file = path / "counts.json"
+    with _from(file, f"scripts/flops.py --run {path}"):
+        first = _pictures(flops.read(file)[0])
+        remarks += [CONVENTIONS] if first else []
+        parts += _part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1)
+        parts += _part(
+            "table1-readings",
+            "What the difference from the paper's figure is made of: baseline under other rules of "
+            "counting. The paper's own sheet is not public; none of these is claimed to be its rule",
+            table1.readings(first),
+            columns.READINGS,
+        )
+        parts += _part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS, folded=True)
+    file = path / "validation.json"
+    with _from(file, f"scripts/flops.py --validate --run {path}"):
+        rows = flops.read_validation(file)
+        judged = table1.by_scene(r for r in rows if r["judged"])
+        calls = [r for r in judged if r["scope"].startswith("calls of")]
+        judged = [r for r in judged if not r["scope"].startswith("calls of")]
+        totals = [r for r in judged if r["scope"] == "total"]
+        remarks += _said(rows, calls)
+        caption = "Declared against measured, whole pictures"
+        parts += _part("validation", caption, totals, columns.VALIDATION)
+        caption = "Declared against measured, by function"
+        parts += _part("validation-functions", caption, judged, columns.VALIDATION, folded=True)
+    return Section("flops", "FLOPs: declared, counted, measured", "make flops", parts, remarks)
 
 
 def roofline(data: Data) -> Section:
     """Ceilings, Tables 5 and 6, the share of each roof."""
-    found, limits, notes = roof.read(data.path, strict=False)
-    table = roof.rows(data, found, limits)
     parts: list[Part] = []
-    if not table.empty:
-        for name, title in (
-            ("table5", "Table 5: performance of baseline"),
-            ("table6", "Table 6: of the optimised phases"),
-        ):
-            rows = table[table["section"] == name].to_dict("records")
-            parts += _part(name, title, rows, roof.PERFORMANCE)
+    both = f"{data.path / 'counts.json'} or ceilings.json"
+    with _from(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
+        found, limits, notes = roof.read(data.path, strict=False)
+        table = roof.rows(data, found, limits)
+        if not table.empty:
+            for name, title in (
+                ("table5", "Table 5: performance of baseline"),
+                ("table6", "Table 6: of the optimised phases"),
+            ):
+                rows = table[table["section"] == name].to_dict("records")
+                parts += _part(name, title, rows, roof.PERFORMANCE)
+            if limits:
+                caption = "Share of each roof, at the largest size that was timed and counted"
+                parts += _part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
         if limits:
-            caption = "Share of each roof, at the largest size that was timed and counted"
-            parts += _part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
-    if limits:
-        caption = "What one core does at best: flop per core cycle, best sample and median"
-        parts += _part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
-        caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
-        parts += _part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
+            caption = "What one core does at best: flop per core cycle, best sample and median"
+            parts += _part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
+            caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
+            parts += _part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
     return Section(
         "roofline",
         "Roofline",
@@ -158,28 +195,25 @@ HOTSPOTS = {
 }
 
 
-def hot(path: Path) -> Section:
-    """Tables 2 and 4 (functions) and 3 (what bounds them)."""
-    record = hotspots.read(path / "hotspots.json")
-    rows = hotspots.table_rows(record)
-    parts = []
-    for phase in dict.fromkeys(row["phase"] for row in rows):
-        mine = [row for row in rows if row["phase"] == phase]
-        parts += _part(
-            f"hotspots-{phase}",
-            HOTSPOTS.get(phase, f"The same of {phase}"),
-            mine,
-            hotspots.COLUMNS,
-            phase not in ("baseline", "opt3"),
-        )
-    split = bounds.rows(record) if record.get("bounds") else []
-    parts += _part(
-        "table3", "Table 3: what the cycles went to, structs against arrays", split, bounds.COLUMNS
-    )
-    parts += _part(
-        "table3-regions", "The hot regions under the model", bounds.region_rows(record), bounds.REGIONS, True
-    )
-    remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else []), *hotspots.notes(record)] if rows else []
+def hot(path: Path, microarchitecture: str | None = None) -> Section:
+    """Tables 2 and 4 (functions) and 3 (what bounds them). `microarchitecture`: of the run's CPU."""
+    file = path / "hotspots.json"
+    parts, remarks = [], []
+    with _from(file, f"scripts/hotspots.py --run {path}"):
+        record = hotspots.read(file)
+        rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
+        for phase in dict.fromkeys(row["phase"] for row in rows):
+            mine = [row for row in rows if row["phase"] == phase]
+            title = HOTSPOTS.get(phase, f"The same of {phase}")
+            folded = phase not in ("baseline", "opt3")
+            parts += _part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, folded)
+        split = bounds.rows(record) if record.get("bounds") else []
+        caption = "Table 3: what the cycles went to, structs against arrays"
+        parts += _part("table3", caption, split, bounds.COLUMNS)
+        caption = "The hot regions under the model"
+        parts += _part("table3-regions", caption, bounds.region_rows(record), bounds.REGIONS, folded=True)
+        if rows:
+            remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else []), *hotspots.notes(record)]
     return Section("hotspots", "Hotspots, and what bounds them", "make hotspots", parts, remarks)
 
 
@@ -211,31 +245,26 @@ STEPS = [
 ]
 STEPS_ABOUT = (
     "n = {n}, {launches} launches of one frame, interleaved with what each is compared with. A step is a "
-    "patch kept "
-    "with its phase (phases/NAME/ablations). The gain is the step's, whichever side has it."
+    "patch kept with its phase (phases/NAME/ablations). The gain is the step's, whichever side has it."
 )
 
 
 def steps(path: Path) -> Section:
     """The ablations: single steps put in or taken out."""
     file = path / "ablations.json"
-    result = store.read_json(file) if file.exists() else {"rows": []}
-    rows = result["rows"]
-    remarks = []
-    if rows:
-        remarks = [STEPS_ABOUT.format(**result)]
-        remarks += [
-            f"not measured: {one['ablation']}: {one['reason']}"
-            for one in result["skipped"] + result["failures"]
-        ]
-    return Section(
-        "ablations",
-        "What single steps are worth",
-        "make hotspots",
-        _part("ablations", "Each step alone, against the code without it", rows, STEPS),
-        remarks,
-    )
+    remarks, parts = [], []
+    with _from(file, f"scripts/ablations.py --run {path}"):
+        result = ablations.read(file)
+        rows = result["rows"]
+        if rows:
+            left_out = [*result["skipped"], *result["failures"]]
+            remarks = [STEPS_ABOUT.format(**result)]
+            remarks += [f"not measured: {one['ablation']}: {one['reason']}" for one in left_out]
+        parts = _part("ablations", "Each step alone, against the code without it", rows, STEPS)
+    return Section("ablations", "What single steps are worth", "make hotspots", parts, remarks)
 
 
 def all_of(data: Data) -> list[Section]:
-    return [counted(data.path), roofline(data), hot(data.path), steps(data.path)]
+    """Every section, in the order of the page. Raises StudyError for a broken file."""
+    name = (data.context.get("cpu") or {}).get("microarchitecture")
+    return [counted(data.path), roofline(data), hot(data.path, name), steps(data.path)]

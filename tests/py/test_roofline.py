@@ -200,15 +200,31 @@ def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
     assert (opt4["backend"], opt4["calibrated"]) == ("assembly blocks", True)
     assert opt4["scaled_from_n"] is None or math.isnan(opt4["scaled_from_n"])
     assert opt4["L1_roof"] == pytest.approx(2 * 128) and opt4["memory_roof"] == pytest.approx(2 * 4)
-    assert opt4["L1_own_width_roof"] == pytest.approx(2 * 128)
 
 
-def test_a_scalar_phase_moves_eight_bytes_at_a_time(run: Path) -> None:
-    write_counts(run, [measured("baseline", "scene0", 90, {("add", "double", 64): 6400}, 48000, 16000)], [])
-    baseline = row(run, "baseline", 90)  # 0.1 flop per byte and per core cycle
-    assert baseline["L1_roof"] == pytest.approx(12.8)
-    assert baseline["L1_own_width_roof"] == pytest.approx(0.1 * 128 * 64 / 256)
-    assert baseline["share_of_L1_own_width_roof"] == pytest.approx(0.1 / 3.2)
+def test_operations_that_hardware_tells_no_kind_of_have_no_mix_roof(limits: ceilings.Ceilings) -> None:
+    """AMD's events have neither precision nor width, Intel's and SDE's no kind: no roof follows from them."""
+    for key in (("any", "any", 0), ("any", "double", 256), ("add", "any", 0)):
+        made = roof.mix({key: 4000, ("fma", "double", 256): 10}, limits)
+        assert made.unpriced > 0.9 and math.isnan(made.roof), key
+    few = roof.mix({("any", "any", 0): 1, ("fma", "double", 256): 4000}, limits)
+    assert few.roof == pytest.approx(16, rel=1e-3)
+
+
+def test_hardware_counts_have_libm_inside_and_no_bytes(run: Path) -> None:
+    lanes = {("any", "single", 256): 4000}
+    write_counts(run, [measured("opt4", "scene0", 180, lanes, 0, 0, backend="pmu", calibrated=None)], [])
+    opt4 = row(run, "opt4", 180)
+    assert opt4["flops_per_core_cycle"] == pytest.approx(2) and math.isnan(opt4["bytes"])
+    assert roof.counted_by(opt4) == "pmu (not yet validated)"
+
+
+def test_a_broken_ceilings_file_is_not_a_missing_one(run: Path) -> None:
+    (run / "ceilings.json").write_text('{"schema": 1, "ceil')
+    with pytest.raises(StudyError, match=r"ceilings\.json:1"):
+        roof.read(run, strict=False)
+    (run / "ceilings.json").unlink()
+    assert roof.read(run, strict=False)[1] is None
 
 
 def test_shares_are_of_the_roofs_they_name(run: Path) -> None:

@@ -1,0 +1,272 @@
+"""Sections of a run's page: which pictures and back ends they speak of, and one line for a broken file."""
+
+from __future__ import annotations
+
+import copy
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from study import ablations, analysis, hotspots, sections
+from study.cli import StudyError
+from study.registry import ROOT
+
+PICTURE = {"phase": "baseline", "flags_from": "baseline", "scene": "scene0", "width": 16, "height": 9}
+
+
+def declared(phase: str = "baseline", height: int = 9, scene: str = "scene0") -> dict[str, Any]:
+    function = {"calls": 2, "lanes": 2, "paper": 60, "machine": 50, "useful": 50, "parts": {"call": 2}}
+    return {
+        **PICTURE,
+        **{"phase": phase, "flags_from": phase, "scene": scene, "height": height},
+        "scene_hash": "0123456789abcdef",
+        "threads": 1,
+        "flops": {"paper": 60 * height, "machine": 50 * height},
+        "by_function": {"sdf": function},
+        "by_class": {"add": 50, "compare": 5, "call": 10},
+        "executed": 50,
+        "useful": 40,
+        "useful_paper": 48,
+    }
+
+
+def checked(scope: str = "total", backend: str = "assembly blocks", within: bool = True) -> dict[str, Any]:
+    return {
+        **PICTURE,
+        **{"scope": scope, "variant": "calls", "backend": backend, "calibrated": True},
+        **{"counted": 50, "measured": 50, "relative_difference": 0.0, "unexplained": 0.0},
+        **{"residue_low": 0, "residue_high": 0, "explained_to": 0.0, "judged": True, "within": within},
+    }
+
+
+def sampled(per_cycle: float = 2.5) -> dict[str, Any]:
+    profile = {
+        **PICTURE,
+        **{"variant": "calls", "event": "cpu-clock", "frames": 2, "frame_ns": 2e6, "cpu_ns": 2e6},
+        **{"core_cycles": 6e6, "samples": 100, "weight": 1000, "covered": 1.0, "left_out": {}},
+        "functions": [{"function": "sdf", "samples": 100, "weight": 1000}],
+    }
+    mca = {"throughput": 3.0, "latency": 9.0, "block_throughput": 3.0, "uops": 10.0, "width": 6}
+    mca |= {"resources": 0.1, "registers": 0.1, "memory": 0.0}
+    split = {"retiring": 0.6, "memory": 0.0, "core": 0.4, "ports": 0.1, "dependencies": 0.3}
+    region = {"region": "sdf", "function": "sdf", "loop": False, "share": 0.9, "instructions": 8, "calls": 0}
+    region |= {"mca": mca | {"split": split}, "measured": 4.0}
+    bound = {
+        **PICTURE,
+        **{"by": "model", "processor": "x", "model": "llvm-mca 14", "remark": None, "covered": 0.9},
+        **{"split": split, "cpu_ns": 2e6, "samples": 100, "compared": None, "regions": [region]},
+    }
+    beside = {"scene0|baseline|16|9": {"per_cycle": {"sdf": per_cycle}, "lanes_active": {}}}
+    return {"schema": 1, "profiles": [profile], "beside": beside, "bounds": [bound]}
+
+
+def stepped() -> dict[str, Any]:
+    interval = {"value": 2.0, "low": 1.9, "high": 2.1, "launches": 6, "sufficient": True}
+    row = {
+        **{"ablation": "opt1+x", "against": "opt1", "scene": "scene0", "width": 16, "height": 9},
+        **{"step": "added", "what": "a step", "paper": "2× (section 3)", "paper_value": 2.0},
+        **{"gain": interval, "claim": "holds", "psnr_db": None, "fraction_over_1_255": 0.0},
+        **{"against_psnr_db": None, "verdict": "identical", "flops_ratio": 0.9},
+    }
+    return {"schema": 1, "n": 9, "launches": 6, "rows": [row], "skipped": [], "failures": []}
+
+
+CONTENTS: dict[str, Callable[[], Any]] = {
+    "counts.json": lambda: {"schema": 1, "declared": [declared(), declared("opt1")], "measured": []},
+    "validation.json": lambda: {"schema": 1, "rows": [checked(), checked("sdf"), checked("calls of sdf")]},
+    "hotspots.json": sampled,
+    "ablations.json": stepped,
+}
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run with one small row of everything that the sections show."""
+    folder = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run"))
+    for name, made in CONTENTS.items():
+        (folder / name).write_text(json.dumps(made()))
+    return folder
+
+
+def parts_of(section: sections.Section) -> dict[str, sections.Part]:
+    return {part.name: part for part in section.parts}
+
+
+def put(run: Path, name: str, content: Any) -> None:
+    (run / name).write_text(json.dumps(content))
+
+
+def test_a_sound_run_has_every_part(run: Path) -> None:
+    names = {name for section in sections.all_of(analysis.load(run)) for name in parts_of(section)}
+    expected = {"table1", "table1-terms", "validation", "validation-functions", "ablations"}
+    assert names >= expected | {"hotspots-baseline", "table3", "table3-regions"}
+
+
+# Broken files. A path leads to what is replaced; REMOVE takes it away.
+REMOVE = object()
+WHOLE: tuple = ()
+BROKEN = [
+    *(("ablations.json", WHOLE, value) for value in ({}, [], None, "x")),
+    *(("ablations.json", ("rows",), value) for value in (None, {}, [{}], [None])),
+    ("ablations.json", ("skipped",), REMOVE),
+    ("ablations.json", ("skipped",), [{}]),
+    ("ablations.json", ("launches",), REMOVE),
+    *(("ablations.json", ("rows", 0, "gain"), value) for value in (None, 2.0, {})),
+    ("ablations.json", ("rows", 0, "what"), 5),
+    *(("counts.json", WHOLE, value) for value in ({}, [], None)),
+    *(("counts.json", ("declared", 0), value) for value in ({}, "x", None)),
+    ("counts.json", ("declared", 0, "by_class"), REMOVE),
+    ("counts.json", ("declared", 0, "executed"), "x"),
+    ("counts.json", ("declared", 0, "height"), "x"),
+    ("counts.json", ("declared", 0, "flops", "paper"), 0),
+    ("counts.json", ("measured",), [{}]),
+    ("counts.json", ("measured",), ["x"]),
+    *(("validation.json", WHOLE, value) for value in ({}, [], None)),
+    *(("validation.json", ("rows", 0), value) for value in ({}, "x")),
+    ("validation.json", ("rows", 0, "calibrated"), "x"),
+    ("validation.json", ("rows", 0, "calibrated"), []),
+    ("validation.json", ("rows", 0, "measured"), None),
+    *(("hotspots.json", WHOLE, value) for value in ({}, [], None)),
+    *(("hotspots.json", ("bounds",), value) for value in ({}, [{}], ["x"])),
+    ("hotspots.json", ("bounds", 0, "regions"), [{}]),
+    ("hotspots.json", ("beside",), None),
+    ("hotspots.json", ("beside", "scene0|baseline|16|9"), None),
+    ("hotspots.json", ("beside", "scene0|baseline|16|9", "per_cycle", "sdf"), "x"),
+    *(("hotspots.json", ("profiles", 0, "weight"), value) for value in (0, -1, None)),
+    *(("hotspots.json", ("profiles", 0, "cpu_ns"), value) for value in ("x", 0, None)),
+    ("hotspots.json", ("profiles", 0, "samples"), 0),
+    ("hotspots.json", ("profiles", 0, "variant"), "none"),
+    ("hotspots.json", ("profiles", 0, "functions", 0, "weight"), "x"),
+]
+
+
+def broken(name: str, where: tuple, value: Any) -> Any:
+    whole = [copy.deepcopy(CONTENTS[name]())]
+    target: Any = whole
+    for step, key in zip((0, *where), (*where, None), strict=True):
+        if key is None and value is REMOVE:
+            del target[step]
+        elif key is None:
+            target[step] = value
+        else:
+            target = target[step]
+    return whole[0]
+
+
+@pytest.mark.parametrize("name, where, value", BROKEN)
+def test_a_broken_file_is_one_line_with_its_name(run: Path, name: str, where: tuple, value: Any) -> None:
+    data = analysis.load(run)
+    put(run, name, broken(name, where, value))
+    with pytest.raises(StudyError) as caught:
+        sections.all_of(data)
+    said = str(caught.value)
+    script = {"counts": "flops", "validation": "flops"}.get(Path(name).stem, Path(name).stem)
+    assert said.startswith(str(run / name)) and f"scripts/{script}.py" in said
+    assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
+
+
+@pytest.mark.parametrize("script", ["tables.py", "report.py"])
+@pytest.mark.parametrize("name, where, value", [BROKEN[0], ("counts.json", ("declared", 0), {})])
+def test_the_scripts_end_in_status_2(
+    run: Path, tmp_path: Path, script: str, name: str, where: tuple, value: Any
+) -> None:
+    put(run, name, broken(name, where, value))
+    command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert name in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("where, value", [(("beside",), None), (("bounds",), [{}])])
+def test_hotspots_refuses_a_broken_file_before_it_samples(
+    run: Path, monkeypatch: pytest.MonkeyPatch, where: tuple, value: Any
+) -> None:
+    import hotspots as script
+
+    put(run, "hotspots.json", broken("hotspots.json", where, value))
+    before = (run / "hotspots.json").read_text()
+    monkeypatch.setattr(script, "measure", lambda pairs, args: pytest.fail("it sampled"))
+    monkeypatch.setattr(script.perf, "missing", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["hotspots.py", "--run", str(run)])
+    with pytest.raises(StudyError, match=r"hotspots\.json"):
+        script.main()
+    assert (run / "hotspots.json").read_text() == before
+
+
+def test_ablations_without_a_file_are_none(tmp_path: Path) -> None:
+    assert ablations.read(tmp_path / "ablations.json") == {"rows": [], "skipped": [], "failures": []}
+
+
+# What is shown
+
+
+def test_each_scene_and_phase_has_its_picture(run: Path) -> None:
+    """720 where it was counted, also beside a larger one; else the largest there is."""
+    pictures = [("scene0", "baseline", 90), ("scene0", "baseline", 720), ("scene0", "baseline", 1080)]
+    pictures += [("trio", "baseline", 90), ("trio", "baseline", 45), ("scene0", "opt1", 180)]
+    rows = [declared(phase, height, scene) for scene, phase, height in pictures]
+    put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
+    shown = parts_of(sections.counted(run))["table1"].rows
+    found = {(row["scene"], row["phase"], row["height"]) for row in shown}
+    assert len(shown) == 3
+    assert found == {("scene0", "baseline", 720), ("trio", "baseline", 90), ("scene0", "opt1", 180)}
+
+
+def test_other_flags_are_the_same_flops(run: Path) -> None:
+    rows = [declared("opt1", 720), declared("opt1", 90) | {"flags_from": "opt2"}]
+    put(run, "counts.json", {"schema": 1, "declared": rows, "measured": []})
+    assert [row["height"] for row in parts_of(sections.counted(run))["table1"].rows] == [720]
+
+
+def test_back_ends_are_named_and_summed_apart(run: Path) -> None:
+    rows = [checked("calls of sdf"), checked("calls of root"), checked("calls of sdf", "qemu")]
+    rows += [checked("calls of root", "qemu", within=False), checked("total", "pmu")]
+    put(run, "validation.json", {"schema": 1, "rows": rows})
+    said = sections.counted(run).remarks
+    about = next(line for line in said if "Measured: by" in line)
+    assert all(name in about for name in ("assembly blocks (every basic block", "qemu (", "pmu ("))
+    assert [line for line in said if line.startswith("Calls by name")] == [
+        "Calls by name, counting build against assembly blocks: 2 of 2 equal.",
+        "Calls by name, counting build against qemu: 1 of 2 equal.",
+    ]
+    put(run, "validation.json", {"schema": 1, "rows": [checked("total", "pmu")]})
+    assert not any("block" in line for line in sections.counted(run).remarks)
+
+
+@pytest.mark.parametrize(
+    "per_cycle, name, shown",
+    [
+        (5.9, "Emerald Rapids", 5.9),
+        (6.7, "Emerald Rapids", None),
+        *((6.7, name, 6.7) for name in ("Zen 5", None)),
+        *((9.06, name, None) for name in ("Zen 5", None)),
+    ],
+)
+def test_no_core_runs_more_than_its_width(
+    run: Path, per_cycle: float, name: str | None, shown: float | None
+) -> None:
+    put(run, "hotspots.json", sampled(per_cycle))
+    row = parts_of(sections.hot(run, name))["hotspots-baseline"].rows[0]
+    assert (row["function"], row["per_cycle"]) == ("sdf", shown)
+
+
+def test_the_width_is_of_the_runs_cpu(run: Path) -> None:
+    put(run, "hotspots.json", sampled(6.7))
+    data = analysis.load(run)
+    for name, shown in (("Granite Rapids", None), ("Zen 5", 6.7)):
+        data.context["cpu"] = {"microarchitecture": name}
+        parts = {k: v for section in sections.all_of(data) for k, v in parts_of(section).items()}
+        assert parts["hotspots-baseline"].rows[0]["per_cycle"] == shown
+
+
+def test_prose_has_no_stray_quotes() -> None:
+    texts = [sections.CONVENTIONS, sections.VALIDATION, sections.STEPS_ABOUT, hotspots.ABOUT]
+    for text in [*texts, sections.__doc__, sections.Section.__doc__]:
+        assert text and '"' not in text
