@@ -114,10 +114,9 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     speeds = [table["flops_per_core_cycle"], table["flops_per_core_cycle_low"].dropna()]
     bottom = min(part.min() for part in speeds if len(part)) / 2
     top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
-    left = min(table["intensity"].min() / 3, bottom / max(limits.bandwidth("L1"), 1e-9) * 2)
-    speeds_of_levels = [limits.bandwidth(level) for level in LEVELS]
-    slowest = min((speed for speed in speeds_of_levels if speed > 0), default=1.0)
-    right = max(table["intensity"].max() * 3, 1.6 * top / slowest)
+    left, right = table["intensity"].min() / 3, table["intensity"].max() * 3
+    if slopes := [speed for speed in map(limits.bandwidth, LEVELS) if speed > 0]:
+        left, right = min(left, 2 * bottom / max(slopes)), max(right, 1.6 * top / min(slopes))
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
         axes.set(xlabel="operational intensity, flop/byte", ylabel="flop per core cycle")

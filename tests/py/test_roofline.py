@@ -119,8 +119,8 @@ def row(run: Path, phase: str, n: int) -> dict:
     return found.iloc[0].to_dict()
 
 
-def script(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, str(ROOT / "scripts" / "roofline.py"), *map(str, arguments)]
+def script(*arguments: object, name: str = "roofline.py") -> subprocess.CompletedProcess:
+    command = [sys.executable, str(ROOT / "scripts" / name), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True)
 
 
@@ -211,20 +211,63 @@ def test_operations_that_hardware_tells_no_kind_of_have_no_mix_roof(limits: ceil
     assert few.roof == pytest.approx(16, rel=1e-3)
 
 
-def test_hardware_counts_have_libm_inside_and_no_bytes(run: Path) -> None:
-    lanes = {("any", "single", 256): 4000}
-    write_counts(run, [measured("opt4", "scene0", 180, lanes, 0, 0, backend="pmu", calibrated=None)], [])
+@pytest.mark.parametrize("key", [("any", "any", 0), ("any", "single", 256)])  # AMD's events, Intel's
+def test_hardware_counts_have_libm_inside_no_bytes_and_no_roof_of_their_mix(run: Path, key: tuple) -> None:
+    pmu = measured("opt4", "scene0", 180, {key: 4000}, 0, 0, backend="pmu", calibrated=None)
+    write_counts(run, [pmu, OPT3], [])
     opt4 = row(run, "opt4", 180)
-    assert opt4["flops_per_core_cycle"] == pytest.approx(2) and math.isnan(opt4["bytes"])
+    assert opt4["flops_per_core_cycle"] == pytest.approx(2)
+    assert all(math.isnan(opt4[name]) for name in ("load_bytes", "store_bytes", "bytes", "intensity"))
     assert roof.counted_by(opt4) == "pmu (not yet validated)"
+    done = script(run)
+    assert done.returncode == 0, done.stderr
+    line = next(line for line in done.stdout.splitlines() if "| opt4 |" in line)
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[4:6] == ["–", "–"] and cells[10:13] == [
+        "–",
+        "–",
+        "– (100\u00a0% of the FLOPs have no ceiling)",
+    ]
+    svg = (run / "figures" / "roofline.svg").read_text()
+    assert "point-scene0-opt3-180" in svg and "point-scene0-opt4" not in svg
+
+
+def test_no_resource_sets_a_roof_that_is_none(run: Path) -> None:
+    lanes = {("any", "single", 256): 2000, ("add", "single", 256): 2000}
+    write_counts(run, [measured("opt4", "scene0", 180, lanes, 1, 1, backend="sde")], [])
+    opt4 = row(run, "opt4", 180)
+    assert math.isnan(opt4["mix_roof"]) and opt4["mix_bound"] is None
+    assert opt4["unpriced_share"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    ("backend", "outside", "seen"),
+    [("assembly blocks", None, False), ("qemu", {}, True), ("sde", None, True), ("pmu", None, True)],
+)
+def test_each_back_end_says_whether_it_saw_libms_inside(
+    run: Path, backend: str, outside: dict | None, seen: bool
+) -> None:
+    lanes = {("add", "single", 256): 2000}
+    write_counts(run, [measured("opt4", "scene0", 180, lanes, 1, 1, backend=backend, outside=outside)], [])
+    opt4 = row(run, "opt4", 180)
+    assert opt4["libm_counted"] is seen
+    assert roof.counted_by(opt4) == backend + ("" if seen else ", without libm's inside")
 
 
 def test_a_broken_ceilings_file_is_not_a_missing_one(run: Path) -> None:
     (run / "ceilings.json").write_text('{"schema": 1, "ceil')
     with pytest.raises(StudyError, match=r"ceilings\.json:1"):
         roof.read(run, strict=False)
+    (run / "counts.json").unlink()  # which is a note, and does not hide the other
+    for name in ("tables.py", "report.py"):
+        done = script(run, name=name)
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+        assert "ceilings.json:1" in done.stderr
     (run / "ceilings.json").unlink()
     assert roof.read(run, strict=False)[1] is None
+    (run / "counts.json").write_text("{")
+    with pytest.raises(StudyError, match=r"counts\.json:1"):
+        roof.read(run, strict=False)
 
 
 def test_shares_are_of_the_roofs_they_name(run: Path) -> None:
@@ -442,6 +485,21 @@ def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
     figure = roofline.roofline(shown, limits)
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"L1: 128 byte/core cycle", "memory: 4.00 byte/core cycle", "opt3", "opt4"} <= legend
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("lost", ["precision", "level", "both"])
+def test_a_machine_without_ceilings_is_drawn_without_warning(run: Path, lost: str) -> None:
+    data = record()
+    for one in data["ceilings"]:
+        if lost == "both" or lost in one:
+            one |= {"value": None, "reason": "did not repeat itself"}
+    store.write_json(run / "ceilings.json", data)
+    counted, limits, _ = roof.read(run)
+    rows = roof.rows(analysis.load(run), counted, limits)
+    assert limits
+    axes = roofline.roofline(roof.headline(rows[rows["intensity"] > 0]), limits).axes[0]
+    assert all(0 < low < high < math.inf for low, high in (axes.get_xlim(), axes.get_ylim()))
 
 
 def test_the_papers_values_are_stars_beside_its_figure(run: Path) -> None:
