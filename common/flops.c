@@ -19,8 +19,10 @@ static const struct cost {
     unsigned per_lane[CLASSES];
     bool stands_for_call;
 } costs[FLOPS_PARTS] = {
-#define COST(function, part, width, ...) {#function, #part, width, {__VA_ARGS__}, false},
-#define COST_MATH(function, part, width, ...) {#function, #part, width, {__VA_ARGS__}, true},
+#define LINE(f, p, w, a, m, x, d, s, r, n, c, k, math)                                             \
+    {#f, #p, w, {a, m, x, d, s, r, n, c, k}, math},
+#define COST(f, p, w, a, m, x, d, s, r, n, c, k) LINE(f, p, w, a, m, x, d, s, r, n, c, k, false)
+#define COST_MATH(f, p, w, a, m, x, d, s, r, n, c, k) LINE(f, p, w, a, m, x, d, s, r, n, c, k, true)
 #include "costs.def"
 };
 

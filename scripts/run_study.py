@@ -15,7 +15,7 @@ from typing import Any
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import analysis, ladder, store
+from study import analysis, ceilings, ladder, store
 from study.build import build
 from study.flops import read as read_counts
 from study.registry import ROOT, Spec, phases
@@ -220,7 +220,8 @@ def main() -> int:
         if not part(run, options, height):
             wrong.append(f"{name}: see above")
     step("tables, plots, report")
-    counted = ["roofline"] * bool(read_counts(run / "counts.json")[1])
+    complete = read_counts(run / "counts.json")[1] and (run / ceilings.FILE).exists()
+    counted = ["roofline"] * bool(complete)
     for name in ("tables", "plots", *counted, "report"):
         script(name, str(run), capture=True)
     page = ROOT / "report" / "out" / "index.html"
