@@ -165,6 +165,7 @@ def _row(
     scale = found or math.nan
     return {
         "phase": stated["phase"],
+        "flags_from": stated["flags_from"],
         "scene": stated["scene"],
         "width": stated["width"],
         "height": stated["height"],
@@ -266,7 +267,7 @@ def write_validation(path: Path, rows: Iterable[Row]) -> None:
     """Adds to validation.json; newer rows of the same phase, scene and back end replace older ones."""
 
     def key(row: Row) -> tuple:
-        return tuple(row[name] for name in ("backend", "phase", "scene"))
+        return tuple(row[name] for name in ("backend", "phase", "flags_from", "scene"))
 
     rows = list(rows)
     new = {key(row) for row in rows}
