@@ -1,4 +1,7 @@
-"""The paper's statements (results/paper/claims.csv) held against a run. Another machine may say otherwise."""
+"""The papers' statements (results/paper/claims.csv) held against a run. Another machine may say otherwise.
+
+Here those that a sweep checks; the others are study.register's.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +10,28 @@ from typing import Any
 
 import pandas as pd
 
-from study import ladder, paper, show
+from study import ladder, paper, register, show
 from study.analysis import Cell, Data
 from study.stats import Interval
 
-HOLDS, FAILS, OPEN = "holds here", "does not hold here", "not measured"
+HOLDS, FAILS, OPEN = register.HOLDS, register.FAILS, register.OPEN
 FEW, UNSURE, WITHIN = "too few launches", "cannot be told apart here", "within the interval here"
+WORDS = ("text", "quote", "source", "scene", "note", "command")
 EVEN = 1.10  # what counts as the same time: a clock or a page can be worth several percent
 Claim = dict[str, Any]
 Found = tuple[str, str]  # what was found here, verdict
 
 
 def check(data: Data, rows: pd.DataFrame) -> list[dict[str, str]]:
-    """One object per claim: quote, source, scene, note, elsewhere, here, verdict."""
+    """One object per claim: text, quote, source, scene, note, command, elsewhere, here, verdict."""
     theirs = paper.ladder().set_index(["scene", "phase"])
     made = []
     for claim in paper.read("claims").astype(object).to_dict("records"):
-        here, verdict = CHECKS[claim["quantity"]](data, rows, claim)
-        words = {
-            key: "" if pd.isna(claim[key]) else claim[key] for key in ("quote", "source", "scene", "note")
-        }
+        check, words = claim["quantity"], {key: "" if pd.isna(claim[key]) else claim[key] for key in WORDS}
+        if check in CHECKS:
+            here, verdict = CHECKS[check](data, rows, claim)
+        else:
+            here, verdict = register.CHECKS[check](data, claim)
         made.append({**words, "elsewhere": _elsewhere(theirs, claim), "here": here, "verdict": verdict})
     return made
 
