@@ -3,7 +3,7 @@
 
 Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before
 anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule
-the same).
+the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py).
 """
 
 import json
@@ -54,11 +54,12 @@ def main() -> None:
     phase, flags = load(name, folder), load(flags_from, folder)
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
-    replace(folder / "flags.mk", f"PHASE_CFLAGS := {flags['cflags']}\n")
+    cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
+    replace(folder / "flags.mk", f"PHASE_CFLAGS := {cflags}\n")
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
-        f"#define PHASE_FLAGS {json.dumps(' '.join(filter(None, [flags['cflags'], sanitizers])))}",
+        f"#define PHASE_FLAGS {json.dumps(' '.join(filter(None, [cflags, sanitizers])))}",
         f"#define PHASE_COMPILER {json.dumps(compiler)}",
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
         f"#define PHASE_NEEDS(need) {' '.join(f'need({json.dumps(i)})' for i in isa)}",

@@ -48,6 +48,17 @@ def _arguments(
     height: int,
     width: int | None,
     *,
+    target: str = "render",
+    **options: Any,
+) -> list[str]:
+    return [str(build(spec, target)), *_options(scene_path, height, width, **options)]
+
+
+def _options(
+    scene_path: Path,
+    height: int,
+    width: int | None,
+    *,
     aov: bool = False,
     out: Path | None = None,
     threads: int = 1,
@@ -55,9 +66,8 @@ def _arguments(
     warmup: int = 0,
     hit_distance: float | None = None,
     max_steps: int | None = None,
-    target: str = "render",
 ) -> list[str]:
-    arguments = [str(build(spec, target)), str(scene_path), "-n", str(height), "--reps", str(reps)]
+    arguments = [str(scene_path), "-n", str(height), "--reps", str(reps)]
     for option, value in [
         ("-w", width),
         ("-o", out),
@@ -152,6 +162,21 @@ def frames(
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
     for line in _lines(arguments, cpu_set(cpu, threads), env_bytes):
         yield _parse(line, arguments[0])
+
+
+def execute(
+    program: Path,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    cpu: int | None = None,
+    env_bytes: int = 0,
+    **options: Any,
+) -> dict[str, Any]:
+    """As `render`, of a driver that was built elsewhere: another compiler's, or other flags'."""
+    arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
+    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes)), arguments[0])
 
 
 def _parse(text: str, program: str) -> dict[str, Any]:

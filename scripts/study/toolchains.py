@@ -1,0 +1,233 @@
+"""Every phase by every compiler and set of flags: what a flag buys, and at what price.
+
+The paper compares GCC and ICC under three sets of flags without saying at what error. A program here is
+(compiler, set of flags, phase), built into a folder of its own by the house's recipe with CFLAGS_MORE.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from study import cli, images, run, stats
+from study.cli import StudyError
+from study.images import Picture
+from study.registry import ROOT, Scene, Spec
+
+COMPILERS = ("gcc", "clang", "icx")
+# Behind the phase's own flags (-O3, its -m flags, -ffp-contract=off); a later flag wins.
+SETS = {
+    "as shipped": "",
+    "the CPU's -m flags": "-march=native",
+    "and contraction": "-march=native -ffp-contract=fast",
+    "and fast-math": "-march=native -ffp-contract=fast -ffast-math",
+}
+BASE = "gcc", "as shipped"
+
+
+@dataclass(frozen=True)
+class Program:
+    """What is timed: a phase's sources by one compiler and one set of flags."""
+
+    compiler: str
+    flags: str  # key of SETS
+    phase: str
+
+    @property
+    def folder(self) -> Path:
+        return Path("build") / "toolchains" / f"{self.compiler}-{list(SETS).index(self.flags)}"
+
+    @property
+    def path(self) -> Path:
+        return ROOT / self.folder / self.phase / "render"
+
+
+def resolved(compiler: str) -> str:
+    """What -march=native stands for on this CPU, as the compiler itself says it; "" if it does not."""
+    command = [compiler, "-march=native", "-###", "-E", "-x", "c", "/dev/null"]
+    try:
+        said = subprocess.run(command, capture_output=True, text=True, timeout=30).stderr
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    words = said.replace('"', "").split()
+    if "-target-cpu" in words:
+        return f"-target-cpu {words[words.index('-target-cpu') + 1]}"
+    return " ".join(dict.fromkeys(w for w in words if w.startswith("-m") and not w.startswith("-mno-")))
+
+
+def present(names: list[str]) -> tuple[list[str], list[dict[str, str]]]:
+    """Compilers that are there, and a reason for each that is not. gcc must be: everything is over it."""
+    found = [name for name in names if shutil.which(name)]
+    lacking = [
+        {"compiler": name, "reason": f"{name} is not installed; it would add its programs to the table"}
+        for name in names
+        if name not in found
+    ]
+    if BASE[0] not in found:
+        raise StudyError("gcc is missing: every ratio is over it; install gcc", cli.CANNOT_RUN)
+    return found, lacking
+
+
+def build(program: Program) -> str | None:
+    """Builds it; None, or the last lines of what the compiler said."""
+    command = ["make", "-s", "-C", str(ROOT), f"CC={program.compiler}", f"BUILD={program.folder}"]
+    environment = os.environ | {"CFLAGS_MORE": SETS[program.flags]}
+    done = subprocess.run(
+        [*command, str(program.folder / program.phase / "render")],
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    if done.returncode == 0:
+        return None
+    lines = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
+    return " / ".join(lines[-3:]) or f"make ended with status {done.returncode}"
+
+
+def build_all(programs: list[Program], jobs: int) -> dict[Program, str]:
+    """Builds all, one folder at a time in each job (they share common/). What cannot be built, with why."""
+    folders: dict[Path, list[Program]] = {}
+    for program in programs:
+        folders.setdefault(program.folder, []).append(program)
+    with ThreadPoolExecutor(jobs) as pool:
+        made = pool.map(lambda group: [(p, build(p)) for p in group], folders.values())
+        done = list(tqdm(made, "build", len(folders), leave=False, disable=None))
+    return {program: why for group in done for program, why in group if why}
+
+
+def picture(program: Program, scene: Scene, height: int, folder: Path) -> Picture | StudyError:
+    """Its picture with every plane, or why there is none."""
+    out = folder / f"{program.folder.name}-{program.phase}-{scene.name}-{height}.exr"
+    width, _ = scene.size(height)
+    try:
+        run.execute(program.path, scene.path, height, width, aov=True, out=out)
+        return images.read(out)
+    except StudyError as error:
+        return error
+
+
+def measure(
+    programs: list[Program], scene: Scene, height: int, launches: int, seed: int, cpu: int
+) -> dict[Program, list[float]]:
+    """Nanoseconds of one frame per process launch, every program once a round in random order."""
+    times: dict[Program, list[float]] = {program: [] for program in programs}
+    dice = random.Random(seed)
+    order = [one for _ in range(launches) for one in dice.sample(programs, len(programs))]
+    here = os.sched_getaffinity(0)
+    if others := set(run.USABLE) - {cpu}:
+        os.sched_setaffinity(0, others)  # this process only waits: not on the measured CPU
+    try:
+        for program in tqdm(order, f"time {scene.name}", leave=False, disable=None):
+            width, _ = scene.size(height)
+            padding = dice.randint(0, 4096)
+            made = run.execute(program.path, scene.path, height, width, cpu=cpu, env_bytes=padding)
+            times[program].append(float(made["frames"][0]["ns"]))
+    finally:
+        os.sched_setaffinity(0, here)
+    return times
+
+
+def changed(one: Picture, other: Picture) -> float:
+    """Share of pixels with any bit of colour, depth or shape changed."""
+    differs = np.zeros(one["R"].shape, bool)
+    for name in ("R", "G", "B", "Z", "id"):
+        a, b = (p[name].astype(np.float32).view(np.uint32) for p in (one, other))
+        differs |= a != b
+    return float(differs.mean())
+
+
+def row(
+    program: Program,
+    scene: Scene,
+    height: int,
+    times: dict[Program, list[float]],
+    pictures: dict[Program, Picture],
+    truth: Picture | None,
+) -> dict[str, Any]:
+    """One line. `speedup`: over gcc as shipped, of the same phase. Errors: to truth, where there is one."""
+    base = Program(*BASE, program.phase)
+    about = {"compiler": program.compiler, "flags": program.flags, "more": SETS[program.flags]}
+    mine, theirs = pictures[program], pictures[base]
+    found = {
+        **about,
+        "phase": program.phase,
+        "scene": scene.name,
+        "n": height,
+        "ms": stats.median_interval([ns / 1e6 for ns in times[program]]),
+        "speedup": stats.ratio_interval(times[base], times[program]),
+        "changed_fraction": changed(theirs, mine),
+        "non_finite": images.non_finite(mine),
+        "psnr_to_shipped_db": images.compare(theirs, mine)["psnr_db"],
+    }
+    if truth is not None:
+        error = images.compare(truth, mine)
+        for name in ("psnr_db", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99"):
+            found[f"truth_{name}"] = error[name]
+    return found
+
+
+def truth_of(scene: Scene, height: int) -> Picture | None:
+    """Truth's picture (study.truth), reduced to a phase's planes; None, with a word, where it has none."""
+    from study import truth
+
+    if scene.fractal:
+        return None  # converged only: one sample a pixel says nothing there
+    with contextlib.suppress(StudyError):
+        made = truth.picture(scene, scene.size(height))
+        return {name: made[name] for name in images.AOVS}
+    cli.say(f"no truth of {scene.name}: errors to it are left out")
+    return None
+
+
+COLUMNS = [
+    ("scene", "scene"),
+    ("phase", "phase"),
+    ("compiler", "compiler"),
+    ("flags", "flags"),
+    ("ms", "ms [95 %]"),
+    ("speedup", "× over gcc as shipped"),
+    ("changed", "pixels changed %"),
+    ("to_shipped", "dB to shipped"),
+    ("to_truth", "dB to truth"),
+    ("wrong", "hits and shapes wrong ppm"),
+]
+
+
+def shown(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows as people read them."""
+
+    def decibels(value: float | None) -> str | None:
+        return None if value is None else "∞" if value == np.inf else f"{value:.1f}"
+
+    def wrong(one: dict[str, Any]) -> str | None:
+        if "truth_psnr_db" not in one:
+            return None
+        return f"{one['truth_mask_mismatch_ppm'] + one['truth_id_mismatch_ppm']:.0f}"
+
+    return [
+        {
+            **one,
+            "changed": f"{100 * one['changed_fraction']:.3g}",
+            "to_shipped": decibels(one["psnr_to_shipped_db"]),
+            "to_truth": decibels(one.get("truth_psnr_db")),
+            "wrong": wrong(one),
+        }
+        for one in rows
+    ]
+
+
+def programs(compilers: list[str], sets: list[str], specs: list[Spec]) -> list[Program]:
+    """All of them; for every phase the base is among them, whatever was asked for."""
+    wanted = [Program(*BASE, spec.phase) for spec in specs]
+    wanted += [Program(c, f, spec.phase) for spec in specs for c in compilers for f in sets]
+    return list(dict.fromkeys(wanted))

@@ -1,0 +1,101 @@
+"""Compilers and flags: what is asked for is what is built, and a changed bit is a changed pixel."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from study import cli, images, registry, toolchains
+from study.cli import StudyError
+from study.registry import ROOT, Spec
+from study.toolchains import BASE, SETS, Program
+
+
+def picture(height: int = 4, width: int = 5) -> images.Picture:
+    made = {name: np.ones((height, width), np.float32) for name in images.AOVS}
+    return made | {"id": np.zeros((height, width), np.float32)}
+
+
+def test_one_ulp_in_one_channel_changes_that_pixel_alone() -> None:
+    a, b = picture(), picture()
+    b["G"][1, 2] = np.nextafter(np.float32(1), np.float32(2))
+    assert toolchains.changed(a, b) == 1 / 20
+    b["Z"][0, 0] = -1
+    assert toolchains.changed(a, b) == 2 / 20
+
+
+def test_a_nan_is_no_equal_of_itself_unless_its_bits_are() -> None:
+    a, b = picture(), picture()
+    a["R"][0, 0] = np.nan
+    assert toolchains.changed(a, b) == 1 / 20
+
+
+def test_the_base_is_built_whatever_is_asked_for() -> None:
+    made = toolchains.programs(["clang"], ["and fast-math"], [Spec.parse("opt4")])
+    assert made == [Program(*BASE, "opt4"), Program("clang", "and fast-math", "opt4")]
+    assert len({(one.folder, one.phase) for one in made}) == 2
+
+
+def test_flags_reach_the_program_behind_the_phases_own() -> None:
+    program = Program("gcc", "and contraction", "opt1")
+    assert toolchains.build(program) is None
+    scene = registry.find_scene("two_spheres")
+    done = subprocess.run([program.path, scene.path, "-n", "8", "--json"], capture_output=True, check=True)
+    flags = json.loads(done.stdout)["flags"]
+    assert flags == f"{registry.find_phase('opt1').cflags} {SETS['and contraction']}"
+
+
+def test_what_does_not_build_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(toolchains.SETS, "as shipped", "-mno-such-flag")
+    why = toolchains.build(Program("gcc", "as shipped", "opt1"))
+    assert why and "no-such-flag" in why
+    monkeypatch.setitem(toolchains.SETS, "as shipped", "")
+    assert toolchains.build(Program("gcc", "as shipped", "opt1")) is None
+
+
+def test_a_missing_compiler_is_named_and_gcc_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, lacking = toolchains.present(["gcc", "no-such-cc"])
+    assert found == ["gcc"] and lacking[0]["compiler"] == "no-such-cc"
+    monkeypatch.setenv("PATH", os.devnull)
+    with pytest.raises(StudyError, match="gcc is missing") as caught:
+        toolchains.present(["gcc"])
+    assert caught.value.exit_status == cli.CANNOT_RUN
+
+
+def test_native_is_recorded_as_what_it_stands_for() -> None:
+    assert "-march=" in toolchains.resolved("gcc")
+    assert toolchains.resolved("no-such-cc") == ""
+
+
+def test_the_command_writes_its_rows(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        ROOT / "scripts" / "toolchains.py",
+        "--phase",
+        "opt1",
+        "--scene",
+        "two_spheres",
+    ]
+    command += [
+        "--compiler",
+        "gcc",
+        "--flags",
+        "and contraction",
+        "-n",
+        "16",
+        "--launches",
+        "1",
+        "--no-truth",
+    ]
+    done = subprocess.run([*command, "--run", tmp_path, "--json"], capture_output=True, text=True)
+    assert done.returncode == cli.OK, done.stderr
+    made = json.loads(done.stdout)
+    assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
+    assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
+    assert made["rows"][0]["changed_fraction"] == 0
