@@ -30,8 +30,8 @@ _Thread_local struct flops_tally flops_tally[FLOPS_PARTS];
 _Thread_local unsigned flops_active = 1;
 
 enum { COUNTERS = 2 * FLOPS_PARTS };
-static uint64_t before[COUNTERS],
-    counted[COUNTERS]; // calls and lanes by turns, as in struct flops_tally
+// Calls and lanes by turns, as in struct flops_tally.
+static uint64_t before[COUNTERS], counted[COUNTERS];
 static bool complete = true;
 
 uint64_t *tally_own(size_t *size) {

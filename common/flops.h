@@ -4,24 +4,23 @@
 //
 // A line of costs.def, in the order of the columns:
 //
-//     COST(function, part, width, add, mul, fma, div, sqrt, rsqrt, minmax, compare, call) //
-//     derivation
+//     COST(function, part, width, add, mul, fma, div, sqrt, rsqrt, minmax, compare, call) // derivation
 //
 // function, part  `call` is the entry of a function; other parts are branches and loop bodies of it
-// that do not
-//                 run at every call. Costs are the function's own, without those of functions that
-//                 have lines of their own; a helper without a line belongs to its callers.
+//                 that do not run at every call. Costs are the function's own, without those of
+//                 functions that have lines of their own; a helper without a line belongs to its
+//                 callers.
 // width           lanes that the part's instructions work on: LANES, or 1 where it is scalar
 // add … compare   operations per lane: sums and differences; products; fused multiply-adds;
-// quotients; square
-//                 roots; approximate reciprocals and their roots; minima and maxima; comparisons
+//                 quotients; square roots; approximate reciprocals and their roots; minima and
+//                 maxima; comparisons
 // call            calls of math.h other than sqrt, or what stands in their place: sin, pow, fabs,
-// fmin, floor …
+//                 fmin, floor …
 //
-// Two conventions, named wherever a figure stands:
+// Two conventions, named wherever a figure stands; comparisons count in neither:
 //     machine = add + mul + 2·fma + div + sqrt + rsqrt + minmax: what hardware and SDE count.
-//     libm's inside apart. paper   = the same + call: one FLOP for each math.h call (section 2 of
-//     the paper). Comparisons count in neither.
+//               libm's inside apart.
+//     paper   = the same + call: one FLOP for each math.h call (section 2 of the paper).
 // COST_MATH declares a function that stands for a math.h call itself (a phase's own exp): in the
 // paper's convention its entry is one FLOP, whatever is inside.
 #ifndef STEPWISE_FLOPS_H

@@ -18,6 +18,9 @@ def run() -> int:
     parser.add_argument("--samples", type=int, metavar="N", help="of each ceiling, 5 to 1000; default: 30")
     args = parser.parse_args()
     target = store.Run.open(args.run) if args.run else store.latest()
+    context = target.path / "context.json"
+    known = store.read_json(context) if context.exists() else {}
+    ceilings.refuse(target.path, known)
     measured = ceilings.measure(args.cpu, args.samples)
     path = ceilings.write(target.path, measured)
     if args.json:

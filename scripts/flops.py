@@ -12,21 +12,26 @@ from pathlib import Path
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import columns, flops, registry, show, store, table1
+from study import columns, flops, libm, registry, show, store, table1
+from study.build import build
 from study.cli import StudyError
 from study.counts import Measured
 from study.flops import BACKENDS, Row
 from study.registry import Scene, Spec
 from study.run import NO_ISA, UNSUPPORTED, DriverError
 
+HEIGHT = 720  # of the paper's pictures
 QEMU_HEIGHT = 24  # it is about a hundred times slower than the machine
+MATH_SAID = "calls of math.h, by function and in all: {} of {} within 1 % of the calls into libm"
 
 
 def pairs(phases: Iterable[str] | None, scenes: Iterable[str]) -> list[tuple[Spec, Scene]]:
     """What can be counted: phases that have a costs.def and whose instructions this CPU has."""
     found = []
-    for name in phases or registry.phases():
+    for name in phases or registry.ladder():
         spec = Spec.parse(name)
+        if "+" in spec.phase:
+            build(spec, "render-count")  # its patched source, costs.def among it, is made by its build
         if not (registry.find_phase(spec.phase).path / "costs.def").is_file():
             text = f"phases/{spec.phase}/costs.def is missing: FLOPs per function, see common/flops.h"
             if phases:
@@ -69,23 +74,31 @@ def measurements(
 
 def run() -> int:
     parser = cli.parser(__doc__, {1: "a count is further than 1 % from what was measured"})
-    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all; also opt2@opt4")
+    parser.add_argument("--phase", nargs="+", metavar="NAME", help="default: all; also opt2@opt4, opt1+bulb")
     parser.add_argument(
         "--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb, and trio with --validate"
     )
-    parser.add_argument("-n", type=int, default=720, metavar="HEIGHT", help="picture height (%(default)s)")
+    heights = f"picture height ({HEIGHT}; {QEMU_HEIGHT} with qemu, which is a hundred times slower)"
+    parser.add_argument("-n", type=int, metavar="HEIGHT", help=heights)
     parser.add_argument("--validate", action="store_true", help="against measurement, exit 1 beyond 1 %%")
-    parser.add_argument("--backend", choices=BACKENDS, default="blocks", help="what measures (%(default)s)")
-    parser.add_argument("--measure", action="store_true", help="also measure the shipped build, for the run")
+    parser.add_argument(
+        "--backend", choices=BACKENDS, help="what measures, with --validate or --measure (blocks)"
+    )
+    parser.add_argument("--measure", action="store_true", help="also measure the shipped build")
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), metavar="N")
     parser.add_argument("--run", type=Path, metavar="RUN", help="add to this run's counts.json")
     args = parser.parse_args()
+    if args.backend and not (args.validate or args.measure):
+        raise StudyError(f"--backend {args.backend} measures nothing by itself: add --validate or --measure")
+    args.backend = args.backend or "blocks"
+    if args.n is None:
+        args.n = QEMU_HEIGHT if args.backend == "qemu" else HEIGHT
     if args.n < 1 or args.jobs < 1:
         raise StudyError("-n and --jobs: whole numbers from 1 are required")
     target = store.Run.open(args.run) if args.run else None
     if (args.validate or args.measure) and (lacking := flops.missing(args.backend)):
         raise StudyError(lacking, cli.CANNOT_RUN)
-    if args.backend == "qemu" and args.n > QEMU_HEIGHT and args.validate:
+    if args.backend == "qemu" and args.n > QEMU_HEIGHT:
         cli.say(f"qemu is some hundred times slower than the machine: -n {QEMU_HEIGHT} is enough")
     scenes = args.scene or ["scene0", "mandelbulb", *(["trio"] if args.validate else [])]
     chosen = pairs(args.phase, scenes)
@@ -112,11 +125,10 @@ def run() -> int:
                 rows += [
                     row | {"scope": f"calls of {row['scope']}"} for row in flops.compare_calls(one, calls)
                 ]
+                rows += [*libm.compare(one, shipped), *libm.compare(one, calls)]
     counted = [one for one in stated if one is not None]
+    made = [m for m in measured.get("shipped", []) if m is not None]
     if target:
-        made = [
-            m for several in measured.values() for m in several if m is not None and m.variant == "shipped"
-        ]
         flops.write(target.path / "counts.json", counted, made)
         if args.validate:
             flops.write_validation(target.path / "validation.json", rows)
@@ -127,18 +139,23 @@ def run() -> int:
             {"table1": table, "rows": rows, "failed": len(bad)}
             if args.validate
             else {"table1": table, "declared": counted}
+            | ({"measured": [one.to_json() for one in made]} if made else {})
         )
     elif args.validate:
-        listed = [row for row in rows if row["judged"] and not row["scope"].startswith("calls of")]
+        apart = ("calls of", libm.MATH)
+        listed = [row for row in rows if row["judged"] and not row["scope"].startswith(apart)]
         print(show.markdown(show.table(listed, columns.VALIDATION)))
-        calls_rows = [row for row in rows if row["scope"].startswith("calls of")]
-        equal = sum(row["within"] for row in calls_rows)
-        print(f"calls by name: {equal} of {len(calls_rows)} functions equal")
+        for title, said in (("calls of", "calls by name: {} of {} functions equal"), (libm.MATH, MATH_SAID)):
+            of = [row["within"] for row in rows if row["scope"].startswith(title)]
+            if of:
+                print(said.format(sum(of), len(of)))
     else:
         print(show.markdown(show.table(table, columns.TABLE1)))
         print(show.markdown(show.table(table1.terms(counted), columns.TERMS)))
         if readings := table1.readings(counted):
             print(show.markdown(show.table(readings, columns.READINGS)))
+        if made:
+            print(show.markdown(show.table([flops.summary(one) for one in made], columns.MEASURED)))
     for row in bad:
         cli.say(
             f"{row['phase']} {row['scene']} {row['scope']} ({row['variant']}): declared {row['counted']:,}, "

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
+import textwrap
 from html import escape
 from pathlib import Path
 
@@ -23,7 +25,7 @@ import tables
 from study import analysis, roof, show, store
 from study.analysis import Data
 from study.ceilings import LEVELS, Ceilings
-from study.draw import STYLE, bars_of, legend, look, panels, plain_log, save
+from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
 from study.roof import Row
 
 CAPTIONS = {
@@ -49,7 +51,8 @@ def hover(row: Row) -> str:
         ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
     ):
         if row[name] > 0:
-            lines.append(f"{show.percent(row[name])} {text}")
+            why = roof.doubtful(row, name)
+            lines.append(f"{show.percent(row[name])} {text}{f' ({why}!)' if why else ''}")
     return "\n".join([*lines, f"counted by: {roof.counted_by(row)}"])
 
 
@@ -79,7 +82,7 @@ def draw_roofs(axes: Axes, limits: Ceilings, roofs: list[tuple[float, str]], rig
     """Slopes of the levels up to the highest arithmetic roof, and those roofs."""
     left, top = axes.get_xlim()[0], roofs[-1][0]
     knees = []
-    for i, level in enumerate(LEVELS):
+    for level in LEVELS:
         speed = limits.bandwidth(level)
         if speed > 0:
             knee = top / speed
@@ -87,9 +90,11 @@ def draw_roofs(axes: Axes, limits: Ceilings, roofs: list[tuple[float, str]], rig
             x = np.array([left, knee])
             label = f"{level}: {show.number(speed)} byte/core cycle"
             axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
-            low = max(axes.get_ylim()[0] * (2 if i % 2 else 1.25), 1.4 * left * speed)  # neighbours apart
+            low = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
             box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
-            axes.text(low / speed, low, level, fontsize=7, ha="center", va="center", color=ROOF, bbox=box)
+            along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
+            along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
+            axes.text(low / speed, low, level, fontsize=7, color=ROOF, bbox=box, **along)
     first = min(knees, default=left)
     for value, label in roofs:
         start = first * value / top  # where the fastest level reaches it
@@ -104,12 +109,15 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     roofs = arithmetic_roofs(limits, table)
     columns = min(2, table["scene"].nunique())
     figure, grid = panels(table, 5.0, 7.2, columns)
+    other = next(iter(table["foreign_ceilings"].dropna()), "")
     title = (
-        "Cache-aware roofline of one core, measured in this run: performance against flop per byte loaded "
-        "or stored\n"
+        f"Cache-aware roofline of one core{'' if other else ', measured in this run'}: performance against "
+        "flop per byte loaded or stored\n"
         "the dash above a point: the roof of its own operations (div, sqrt, min/max … at their own rate)"
     )
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
+    if other:
+        title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, color=BAD if other else "black")
     looks = look(table)
     speeds = [table["flops_per_core_cycle"], table["flops_per_core_cycle_low"].dropna()]
     bottom = min(part.min() for part in speeds if len(part)) / 2
@@ -128,7 +136,9 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
         plain_log(axes.yaxis)
     dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
     dash.set_label("roof of its own operations")
-    legend(figure, grid, (dash,))
+    above = table[["share_of_fma_roof", "share_of_mix_roof"]].gt(1).any(axis=None)
+    ring = [Line2D([], [], label="above its roof: see below", **RING)] if above else []
+    legend(figure, grid, (dash, *ring))
     return figure
 
 
@@ -143,6 +153,8 @@ def point(axes: Axes, row: pd.Series, style: dict) -> None:
     face = "white" if style["hollow"] else style["color"]
     drawn = {"color": style["color"], "markerfacecolor": face, "markersize": 9, "linestyle": "none"}
     axes.plot(x, y, marker=style["marker"], label=style["label"], gid=gid(row), zorder=5, **drawn)
+    if row["share_of_fma_roof"] > 1 or row["share_of_mix_roof"] > 1:
+        axes.plot(x, y, **RING)
 
 
 def gid(row: Row | pd.Series) -> str:
@@ -202,7 +214,7 @@ def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
             f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} "
             "GHz; bandwidth: the most of load, store and copy."
         )
-    return text
+    return "\n".join([text, *roof.remarks(table)])
 
 
 def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | None:
@@ -249,6 +261,8 @@ def run() -> int:
         again = f"run scripts/flops.py --measure --run {data.path}"
         raise cli.StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
     out = args.out or data.path
+    for remark in roof.remarks(roof.headline(table)):
+        cli.say(remark)
     made = roof.tables(table, limits)
     figures = draw(data, table, limits, out / "figures")
     paths = tables.write(made, out / "tables")

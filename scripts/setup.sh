@@ -1,6 +1,7 @@
 #!/bin/sh
 # setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
-# What adds a table but can be done without (perf, llvm-mca) is tried once, and named in a line when it does not come.
+# What adds a table but can be done without (perf, llvm-mca) is tried until apt has answered, and named in a line
+# when it does not come.
 #
 # System packages come by apt-get (Debian 12 and later, Ubuntu 24.04 and later), as root or by sudo where it asks
 # for no password; Python packages from requirements.lock, checked by hash, into .venv. Exit status: 0 all is there,
@@ -69,6 +70,16 @@ missing_packages() {
     fi
 }
 
+# The lists of packages, once a run. apt-get's status is 0 where it reached nothing: its output says so.
+updated='' reached=''
+update_once() {
+    [ -z "$updated" ] || return "$updated"
+    updated=0
+    $sudo apt-get update -q >"$log" 2>&1 </dev/null || updated=$?
+    [ "$updated" != 0 ] || grep -q 'Failed to fetch' "$log" || reached=yes
+    return "$updated"
+}
+
 install_packages() {
     sudo=
     [ "$(id -u)" = 0 ] || sudo='sudo -n'
@@ -78,8 +89,8 @@ install_packages() {
     fi
     say "installing$missing by apt-get (log: build/setup.log)"
     # shellcheck disable=SC2086
-    { $sudo apt-get update -q && $sudo env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y -q --no-install-recommends $missing; } >"$log" 2>&1 </dev/null ||
+    { update_once && $sudo env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -q --no-install-recommends $missing >"$log" 2>&1 </dev/null; } ||
         die "apt-get could not install$missing: $(grep -E '^(E|W):' "$log" | tail -1); log: build/setup.log"
 }
 
@@ -106,16 +117,24 @@ optional() { # command, what it adds, packages of which the first that exists is
     grep -qsx "$command" build/setup.without && return
     sudo=
     [ "$(id -u)" = 0 ] || sudo='sudo -n'
-    for package in "$@"; do
-        if command -v apt-get >/dev/null && $sudo true 2>/dev/null; then
-            { apt-cache show "$package" >/dev/null 2>&1 || $sudo apt-get update -q; } >"$log" 2>&1 </dev/null || continue
+    answered=
+    if command -v apt-get >/dev/null && $sudo true 2>/dev/null && update_once; then
+        answered=$reached
+        for package in "$@"; do
+            apt-cache show "$package" >/dev/null 2>&1 || continue # not this distribution's name for it
             say "installing $package by apt-get: $adds"
-            $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" \
-                >"$log" 2>&1 </dev/null && command -v "$command" >/dev/null && return
-        fi
-    done
+            if $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" \
+                >"$log" 2>&1 </dev/null; then
+                command -v "$command" >/dev/null && return
+            elif grep -qE 'Failed to fetch|Unable to fetch|Could not get lock|No space left' "$log"; then
+                answered= # another time it may come
+            fi
+        done
+    fi
     say "$command is not here and could not be installed ($*): without it there is no $adds; the rest goes on"
-    printf '%s\n' "$command" >>build/setup.without
+    if [ "$answered" = yes ]; then
+        printf '%s\n' "$command" >>build/setup.without
+    fi
 }
 optional perf "table of hotspots" linux-perf linux-tools-generic
 optional llvm-mca "model of what bounds the hot loops by LLVM" llvm

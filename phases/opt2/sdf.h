@@ -76,6 +76,8 @@ static inline double sdf_box(const double *p, const struct placed *s) {
     for (int i = 0; i < 3; i++) {
         q[i] = fabs(p[i]) - s->size[i];
         outside[i] = most_of(q[i], 0.0);
+        if (outside[i] == 0.0)
+            COUNT(sdf_box, within);
     }
     return vec_norm(outside) + least_of(most_of(q[0], most_of(q[1], q[2])), 0.0);
 }
@@ -90,11 +92,15 @@ static inline double sdf_cone(const double *p, const struct placed *s) {
     COUNT(sdf_cone, call);
     double radius = sqrt(p[0] * p[0] + p[2] * p[2]);
     double x = radius - s->b, y = p[1] - s->c; // from the top rim
-    double rim = p[1] < 0.0 ? s->a : s->b;
+    double rim = p[1] < 0.0 ? s->a : (COUNT(sdf_cone, upper), s->b);
     double cap_x = most_of(radius - rim, 0.0), cap_y = fabs(p[1]) - s->c;
     double along = clamp(-(x * s->slope[0] + y * s->slope[1]) * s->per_slope_sq, 0.0, 1.0);
+    if (along == 1.0)
+        COUNT(sdf_cone, top);
+    if (cap_x == 0.0)
+        COUNT(sdf_cone, under);
     double side_x = x + s->slope[0] * along, side_y = y + s->slope[1] * along;
-    double sign = 1.0 - 2.0 * (side_x < 0.0 && cap_y < 0.0);
+    double sign = 1.0 - 2.0 * (side_x < 0.0 && (COUNT(sdf_cone, beside), cap_y < 0.0));
     return sign * sqrt(least_of(cap_x * cap_x + cap_y * cap_y, side_x * side_x + side_y * side_y));
 }
 

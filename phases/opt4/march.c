@@ -27,6 +27,16 @@ static inline mask reaches(real distance, real t, real hit_distance) {
     return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
 }
 
+// Newton's last step: the distance falls by −n·d along the ray, so more than h is left to go, 33 times
+// on scene0's plane at the horizon. There reaches() stops 6e-6 above the plane, 2e-4 short of it; with
+// this step 1.5e-5, and 103 dB to the truth instead of 96 (n = 90). Of exact distances alone, from
+// outside, and no further than place_at() is exact.
+static inline real newton(real h, struct vec direction, struct vec normal) {
+    COUNT(newton, call);
+    real slope = most_of(set(-1.0f) * vec_dot(direction, normal), set(0x1p-5f));
+    return choose(greater(h, set(0.0f)), h / slope, h);
+}
+
 void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
                struct hit *hit) {
     COUNT(ray_march, call);
@@ -39,7 +49,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
     real t = set(0.0f), last = set(0.0f), shape = set(-1.0f), evals = set(0.0f);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
         real nearest = set(-1.0f);
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - count_of(done));
         COUNT(ray_march, step);
         real distance = sdf(world->approach, t, scene, done, &nearest);
         evals = evals + but_not(done, set(1.0f));
@@ -55,13 +65,18 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
                 break;
         }
     }
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     COUNT(ray_march, end);
-    *hit = (struct hit){.found = found, .t = t + last, .shape = shape, .evals = evals};
+    *hit = (struct hit){.found = found, .shape = shape, .evals = evals};
     if (bits(found)) {
-        hit->point = place_at(origin, direction, t, last);
         hit->normal = normal_at(t, last, direction, found, shape, world);
+        if (scene->model.features.count[SHAPE_MANDELBULB] == 0) {
+            ACTIVE(count_of(found));
+            last = newton(last, direction, hit->normal);
+        }
+        hit->point = place_at(origin, direction, t, last);
     }
+    hit->t = t + last;
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
@@ -75,13 +90,13 @@ static real soft_shadow(mask active, struct exit exit, const struct world *world
     real strength = set((float)model->shadow_strength), zero = set(0.0f), nearest = zero;
     real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
     for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - count_of(done));
         COUNT(soft_shadow, eval);
         real h = sdf(world->approach, t, scene, done, &nearest);
         done = either(done, reaches(h, t, hit_distance));
         if (bits(done) == ALL)
             break;
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - count_of(done));
         COUNT(soft_shadow, step);
         real square = h * h, y = square / (set(2.0f) * previous);
         real inside = neg_mul_add(y, y, square), beyond = t - y;
@@ -93,7 +108,7 @@ static real soft_shadow(mask active, struct exit exit, const struct world *world
         mask darker =
             but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
         if (bits(darker)) {
-            ACTIVE(__builtin_popcount((unsigned)bits(darker)));
+            ACTIVE(count_of(darker));
             COUNT(soft_shadow, darker);
             least = choose(darker, strength * root(inside) / beyond, least);
         }
@@ -111,12 +126,12 @@ static real hard_shadow(real distance, mask active, struct exit exit, const stru
     real hit_distance = set((float)scene->model.march.hit_distance);
     real lit = set(1.0f), nearest = lit, t = set((float)scene->model.march.surface_offset);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - count_of(done));
         COUNT(hard_shadow, test);
         done = either(done, not_in(less(t, distance)));
         if (bits(done) == ALL)
             break;
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - count_of(done));
         COUNT(hard_shadow, step);
         real h = sdf(world->approach, t, scene, done, &nearest);
         mask blocked = but_not(done, reaches(h, t, hit_distance));

@@ -165,7 +165,7 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
     // to a float's precision, after the one iteration that escapes.
     mask far = greater(m, set(1024.0f)), escaped = either(done, far);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(escaped)));
+        ACTIVE(LANES - count_of(escaped));
         COUNT(sdf_mandelbulb, iteration);
         real x2 = x * x, y2 = y * y, z2 = z * z;
         real k3 = x2 + z2, k4 = k3 - y2;
@@ -195,7 +195,7 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         real r = root(vec_dot(p, p));
         distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+    ACTIVE(LANES - count_of(done));
     return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
 }
 

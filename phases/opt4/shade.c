@@ -130,7 +130,7 @@ static struct vec difference(const struct placed *placed, const struct approach 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(real t, real dt, mask done, float step,
                                    const struct world *world) {
-    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+    ACTIVE(LANES - count_of(done));
     COUNT(scene_difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++) {
@@ -165,7 +165,7 @@ static mask in_contact(real t, real dt, mask found, real shape, float step,
 // `contact`: hits near another shape, whose difference is the scene's.
 static struct vec gradient_of(int shape, real t, real dt, mask found, mask contact, float step,
                               const struct world *world) {
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     COUNT(gradient_of, call);
     const struct placed *placed = &world->scene->placed[shape];
     const struct approach *approach = &world->approach[shape];
@@ -175,6 +175,7 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
         rounded = difference(placed, approach, t, dt, not_in(found), step);
     if (bits(near))
         rounded = vec_choose(near, scene_difference(t, dt, not_in(near), step, world), rounded);
+    ACTIVE(count_of(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX: exact = box_gradient(p, placed); break;
@@ -184,7 +185,6 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
     case SHAPE_PLANE: exact = vec_set(placed->size); break;
     default: return rounded;
     }
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
     COUNT(gradient_of, closed);
     COUNT(gradient_of, scalar);
     exact = turned_back(placed, exact);
@@ -208,14 +208,14 @@ struct vec normal_at(real t, real dt, struct vec direction, mask found, real sha
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
     mask contact = in_contact(t, dt, found, shape, step, world);
     for (int rest = bits(found); rest;) {
-        ACTIVE(__builtin_popcount((unsigned)bits(found)));
+        ACTIVE(count_of(found));
         COUNT(normal_at, shape);
         int i = (int)id[__builtin_ctz((unsigned)rest)];
         mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
         gradient = vec_choose(same, gradient_of(i, t, dt, same, contact, step, world), gradient);
         rest &= ~bits(same);
     }
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     real length = vec_norm(gradient);
     mask away = greater(vec_dot(direction, gradient), set(0.0f));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
@@ -247,10 +247,10 @@ static struct vec light_at(struct place p, struct vec n, struct vec direction, m
     struct vec color = vec_scale(base, set(0.01f)); // ambient
     if (!bits(lit))
         return color;
-    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
+    ACTIVE(count_of(lit));
     COUNT(light_at, lit);
     real reach = shadow(p, to_light, distance, lit, world) / distance;
-    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
+    ACTIVE(count_of(lit));
     // Of the light's direction: minus the paper's R.
     real shine = vec_dot(vec_reflect(to_light, n), direction);
     real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
@@ -265,7 +265,7 @@ static struct vec light_at(struct place p, struct vec n, struct vec direction, m
 
 void trace(struct place origin, struct vec direction, mask active, int bounce,
            const struct world *world, struct shaded *result) {
-    ACTIVE(__builtin_popcount((unsigned)bits(active)));
+    ACTIVE(count_of(active));
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
@@ -275,18 +275,18 @@ void trace(struct place origin, struct vec direction, mask active, int bounce,
     mask found = result->hit.found;
     if (!bits(found))
         return;
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     struct place p = result->hit.point;
     struct vec n = result->hit.normal;
     struct surfaces surface = gather(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
         COUNT(trace, mirrors);
         // One reflective ray makes the call; the others are masked out of it and of its colour.
         mask mirror = both(found, greater(surface.reflectivity, set(0.0f)));
         if (bits(mirror)) {
-            ACTIVE(__builtin_popcount((unsigned)bits(mirror)));
+            ACTIVE(count_of(mirror));
             COUNT(trace, mirrored);
             struct place start = place_at(p, n, set((float)model->march.surface_offset), set(0.0f));
             struct shaded seen;
@@ -295,7 +295,7 @@ void trace(struct place origin, struct vec direction, mask active, int bounce,
             color = vec_along(color, vec_choose(mirror, seen.color, color), share);
         }
     }
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(count_of(found));
     if (model->features.fog) {
         COUNT(trace, fog);
         real far_sq = vec_dot(p.hi, p.hi);

@@ -11,7 +11,7 @@ import math
 import os
 import random
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,6 +66,16 @@ class Ablation:
         if gain.low >= self.claim:
             return claims.HOLDS
         return claims.FAILS if gain.high < self.claim else claims.WITHIN
+
+
+def said(row: Mapping[str, Any]) -> str:
+    """A row's claim; of a step that the paper gave up also why that holds: too wrong, no faster, or both."""
+    if row["claim"] != claims.HOLDS or row["paper_value"] is not None:
+        return row["claim"]
+    high = row["gain"]["high"] if isinstance(row["gain"], Mapping) else row["gain"].high
+    why = ["too wrong"] * bool(row["paper"].startswith("not satisfying") and row["failed"])
+    why += ["no faster"] * bool(high <= NO_GAIN)
+    return f"{row['claim']}: {' and '.join(why)}"
 
 
 def _read(name: str, root: Path) -> list[Ablation]:
@@ -279,6 +289,7 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [
         {
             **row,
+            "claim": said(row),
             "short": row["paper"].partition(" (")[0],
             "psnr": decibels(row["psnr_db"]),
             "against_psnr": decibels(row["against_psnr_db"]),

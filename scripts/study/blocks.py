@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
 import subprocess
 import threading
 from collections import Counter, defaultdict
@@ -19,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study import calibration, run, store
+from study import backend, calibration, run, store
 from study.assembly import digest
 from study.build import build
 from study.cli import StudyError
@@ -28,7 +27,7 @@ from study.decode import Decoded, Disassembler
 from study.elf import is_part, source_name
 from study.registry import ROOT, Spec
 
-BACKEND = "assembly blocks"
+BACKEND = "blocks"
 TARGETS = {"shipped": "render-blocks", "calls": "render-blocks-calls"}
 ABSURD = 1 << 62  # executions of a block: centuries
 CALIBRATION_REPEATS = 7
@@ -171,7 +170,6 @@ def measure(
     folder = build(spec, target).parent
     table = read_table(folder / target.removeprefix("render-") / "table.json")
     total, functions, edges = evaluate(table, said)
-    header = {key: said[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
     return Measured(
         backend=BACKEND,
         variant=variant,
@@ -180,7 +178,7 @@ def measure(
         outside=None,
         calibrated=calibrated(),
         edges=edges,
-        **header,
+        **backend.header(said),
     )
 
 
@@ -202,23 +200,9 @@ def calibrate(part: str, repeats: int = CALIBRATION_REPEATS) -> list[str]:
 @functools.cache
 def _calibrated() -> bool:
     program = build("calibration", "calibrate-blocks")
-    key = hashlib.sha256()
-    for path in (program, calibration.EXPECTED, *sorted((ROOT / "scripts" / "study").glob("*.py"))):
-        key.update(hashlib.sha256(path.read_bytes()).digest())
-    lacking = calibration.parts()
-    runnable = [part for part, flags in lacking.items() if not flags]
-    key.update(repr(runnable).encode())
-    cache = program.parent / "blocks.json"
-    try:
-        known = store.read_json(cache)
-        if known["key"] == key.hexdigest():
-            return known["differences"] == []
-    except (StudyError, KeyError, TypeError):
-        pass  # never made, or not whole: made again
-    differences = [line for part in runnable for line in calibrate(part)]
-    made = {"key": key.hexdigest(), "parts": runnable, "differences": differences}
-    store.write_json(cache, made)
-    return not differences
+    files = (program, calibration.EXPECTED, *sorted((ROOT / "scripts" / "study").glob("*.py")))
+    runnable = [part for part, lacking in calibration.parts().items() if not lacking]
+    return backend.known_work(program.parent / "blocks.json", files, runnable, calibrate)
 
 
 def calibrated() -> bool:

@@ -538,28 +538,10 @@ def topdown(spec: Spec, scene: Scene, height: int, width: int | None = None) -> 
     return {"split": split, "remark": f"PMU: {reading.remark}"}
 
 
-def model(
-    profile: Profile,
-    built: Program,
-    instructions: Mapping[str, int] | None = None,
-    say: Callable[[str], None] = lambda line: None,
-    processor: Processor | None = None,
-    osaca: bool = True,
-) -> Row:
-    """The modelled split of a shipped build's samples, and its hot regions.
-
-    `instructions`: of one frame by function of the program, counted; without them no time is predicted.
-    `osaca` False leaves it out (it takes seconds a region). Missing tools are said and left out.
-    """
-    processor = processor or this_processor()
-    use_osaca = osaca
-    for lacking in (mca_missing(), osaca_missing() if use_osaca else None):
-        if lacking:
-            say(lacking)
-    use_osaca = use_osaca and osaca_missing() is None
-    cpu, remark = None, None
-    if found := mca_program():
-        cpu, remark = mcpu(processor, found[1])
+def _modelled_regions(
+    profile: Profile, built: Program, cpu: str | None, archs: Sequence[str], say: Callable[[str], None]
+) -> list[Row]:
+    """The regions that hold time, by llvm-mca for `cpu` (None: not) and by OSACA with one of `archs`."""
     rows, arch = [], None
     for region in regions(profile, built):
         if region.share < LEAST:
@@ -577,12 +559,37 @@ def model(
             if cpu and row["instructions"]:
                 mca = run_mca(text, cpu)
                 row["mca"] = {**vars(mca), "split": mca.split}
-            if use_osaca and row["instructions"] and region.share >= LEAST_OSACA:
-                arch = arch or osaca_arch(text, OSACA_ARCH[processor.name])
+            if archs and row["instructions"] and region.share >= LEAST_OSACA:
+                arch = arch or osaca_arch(text, archs)
                 row["osaca"] = vars(run_osaca(text, arch))
         except StudyError as error:
             say(f"{profile.spec} {region.name}: {error}")
         rows.append(row)
+    return rows
+
+
+def model(
+    profile: Profile,
+    built: Program,
+    instructions: Mapping[str, int] | None = None,
+    say: Callable[[str], None] = lambda line: None,
+    processor: Processor | None = None,
+    osaca: bool = True,
+) -> Row:
+    """The modelled split of a shipped build's samples, and its hot regions.
+
+    `instructions`: of one frame by function of the program, counted; without them no time is predicted.
+    `osaca` False leaves it out (it takes seconds a region). Missing tools are said and left out.
+    """
+    processor = processor or this_processor()
+    for lacking in (mca_missing(), osaca_missing() if osaca else None):
+        if lacking:
+            say(lacking)
+    cpu, remark = None, None
+    if found := mca_program():
+        cpu, remark = mcpu(processor, found[1])
+    archs = OSACA_ARCH[processor.name] if osaca and osaca_missing() is None else []
+    rows = _modelled_regions(profile, built, cpu, archs, say)
     modelled = [row for row in rows if "mca" in row]
     covered = sum(row["share"] for row in modelled)
     split = (

@@ -6,19 +6,23 @@ import json
 import math
 import os
 import subprocess
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study import run, store
+from study import machine, run, store
 from study.build import build
 from study.cli import CANNOT_RUN, StudyError
 
 FILE = "ceilings.json"
 LEVELS = ("L1", "L2", "L3", "memory")
 KINDS = ("fma", "add", "mul", "minmax", "div", "sqrt", "rsqrt")
-TOGETHER = "add+mul"  # in turn: more per cycle than either where the units differ
+# Mixed: more per cycle than either where the units differ, and which mix is best depends on how.
+TOGETHER = ("add+mul", "add+2mul", "2add+mul")
 SECONDS = 120  # it takes five; ten on a slow machine
+TSC_TOLERANCE = 0.01  # of one machine's: a calibration of 20 ms is far better
+_CPU = ("model", "vendor", "family", "model_number", "stepping")  # what tells machines apart
 _NUMBERS = ("value", "median", "low", "high", "per_second", "instructions_per_core_cycle")
 
 Row = dict[str, Any]
@@ -33,6 +37,18 @@ class Ceilings:
     @property
     def rows(self) -> list[Row]:
         return self.data["ceilings"]
+
+    def foreign(self, context: Mapping[str, Any], tsc_hz: float) -> str | None:
+        """Why these are another machine's than a run's (context.json, TSC rate); None: nothing says so.
+
+        `tsc_hz` NaN: not known. What either record lacks is not compared.
+        """
+        own, theirs = self.data.get("cpu") or {}, context.get("cpu") or {}
+        changed = _differ(own, theirs) or abs(self.data["tsc_hz"] / tsc_hz - 1) > TSC_TOLERANCE
+        if not changed:
+            return None
+        here, there = describe(own, self.data["tsc_hz"]), describe(theirs, tsc_hz)
+        return f"ceilings of another machine: {here}; what was timed ran on {there}"
 
     def _value(self, field: str, **about: Any) -> float:
         found = (r for r in self.rows if all(r.get(key) == value for key, value in about.items()))
@@ -49,7 +65,7 @@ class Ceilings:
 
     def issue(self, precision: str, bits: int) -> float:
         """Arithmetic instructions of any kind per core cycle: the most that was seen of any."""
-        rates = [self.rate(name, precision, bits) for name in (*KINDS, TOGETHER)]
+        rates = [self.rate(name, precision, bits) for name in (*KINDS, *TOGETHER)]
         return max((rate for rate in rates if rate > 0), default=math.nan)
 
     def bandwidth(self, level: str, bits: int | None = None) -> float:
@@ -60,6 +76,29 @@ class Ceilings:
             if r.get("level") == level and r["value"] is not None and bits in (None, r["bits"])
         ]
         return max(found, default=math.nan)
+
+
+def describe(cpu: Mapping[str, Any], tsc_hz: float) -> str:
+    """A machine in a few words; its numbers tell apart what calls itself by one name."""
+    numbers = [cpu.get(key) for key in ("family", "model_number", "stepping")]
+    told = f" ({'/'.join(map(str, numbers))})" if None not in numbers else ""
+    clock = f", TSC {tsc_hz / 1e9:.3f} GHz" if tsc_hz > 0 else ""
+    return f"{cpu.get('model') or 'a CPU that is not recorded'}{told}{clock}"
+
+
+def _differ(own: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
+    """Whether two records of a CPU are of different ones. What either lacks is not compared."""
+    return any(None not in (own.get(k), theirs.get(k)) and own[k] != theirs[k] for k in _CPU)
+
+
+def refuse(folder: Path, context: Mapping[str, Any]) -> None:
+    """StudyError if the run in `folder` was made on another machine than this one."""
+    here, there = machine.cpu(), context.get("cpu") or {}
+    if _differ(here, there):
+        raise StudyError(
+            f"{folder}: a run of another machine, {describe(there, math.nan)}; its ceilings cannot be "
+            f"measured here, on {describe(here, math.nan)}"
+        )
 
 
 def check(data: Any, where: str) -> Ceilings:
@@ -76,6 +115,8 @@ def check(data: Any, where: str) -> Ceilings:
     for key in ("tsc_hz", "core_hz"):
         if not _positive(data.get(key)):
             raise wrong(f"{key} is no positive number")
+    if not isinstance(data.get("cpu", {}), dict):
+        raise wrong("cpu is no object")
     for row in rows:
         about = " ".join(str(row.get(key)) for key in ("name", "precision", "level", "bits") if key in row)
         if not {"name", "bits", "value", "unit"} <= row.keys() or not row.keys() & {"precision", "level"}:
@@ -94,7 +135,10 @@ def _positive(value: Any) -> bool:
 
 
 def measure(cpu: int | None = None, samples: int | None = None) -> Ceilings:
-    """Runs build/ceilings, pinned to `cpu` (the last usable one), for about five seconds."""
+    """Runs build/ceilings, pinned to `cpu` (the last usable one), for about five seconds.
+
+    Beside what it printed stands which CPU this is.
+    """
     program = build(".", "ceilings")
     arguments = [str(program), "--json", *(["--samples", str(samples)] if samples else [])]
     cpus = run.cpu_set(run.USABLE[-1] if cpu is None else cpu, 1)
@@ -117,7 +161,8 @@ def measure(cpu: int | None = None, samples: int | None = None) -> Ceilings:
         data = json.loads(done.stdout)
     except json.JSONDecodeError:
         raise StudyError(f"{program}: printed no JSON object but {done.stdout[:60]!r}") from None
-    return check(data, str(program))
+    about = machine.cpu()
+    return check(data | {"cpu": {key: about[key] for key in _CPU}}, str(program))
 
 
 def read(folder: Path) -> Ceilings:

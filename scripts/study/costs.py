@@ -2,6 +2,7 @@
 
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.
+Of kind `call`: so many of the declared calls of math.h fewer go to libm, since they are an instruction.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from pathlib import Path
 from study.cli import StudyError
 
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
-_LINE = re.compile(r"COST(_MATH)?\(\s*(\w+),\s*(\w+),\s*(\w+),((?:\s*\d+\s*,?){9})\)")
+_LINE = re.compile(r"COST(_MATH)?\(\s*(\w+),\s*(\w+),\s*(LANES|1),((?:\s*\d+\s*,){8}\s*\d+\s*)\)\s*(//.*)?")
 _RESIDUE = re.compile(
-    rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join(CLASSES[:7])}),\s*(-?\d+),\s*(-?\d+)\s*\)"
+    rf"RESIDUE\(\s*(shipped|calls|both),\s*(\w+),\s*(\w+),\s*({'|'.join((*CLASSES[:7], 'call'))}),"
+    r"\s*(-?\d+),\s*(-?\d+)\s*\)\s*(//.*)?"
 )
 
 
@@ -41,9 +43,10 @@ def read(path: Path) -> list[Cost]:
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith("//"):
             continue
-        match = _LINE.match(line.strip())
+        match = _LINE.fullmatch(line.strip())
         if not match:
-            raise StudyError(f"{path}:{number}: COST(function, part, width, nine numbers) is required")
+            text = "COST(function, part, LANES or 1, nine numbers with commas between) is required"
+            raise StudyError(f"{path}:{number}: {text}")
         values = (int(n) for n in match[5].split(","))
         found.append(Cost(*match.group(2, 3, 4), dict(zip(CLASSES, values, strict=True)), bool(match[1])))
     return found
@@ -51,7 +54,9 @@ def read(path: Path) -> list[Cost]:
 
 @dataclass(frozen=True)
 class Residue:
-    """What a compiler adds to a part in a build (shipped, calls or both), at least and at most."""
+    """What a compiler adds to a part in a build (shipped, calls or both), at least and at most. `kind`: of
+    CLASSES, comparisons apart.
+    """
 
     build: str
     function: str
@@ -70,7 +75,7 @@ def residues(path: Path, costs: Iterable[Cost]) -> list[Residue]:
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if not line.strip() or line.lstrip().startswith("//"):
             continue
-        match = _RESIDUE.match(line.strip())
+        match = _RESIDUE.fullmatch(line.strip())
         if not match or int(match[5]) > int(match[6]):
             text = "RESIDUE(shipped|calls|both, function, part, kind, least, most) is required"
             raise StudyError(f"{path}:{number}: {text}")

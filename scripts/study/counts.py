@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from study.cli import StudyError
 from study.decode import FLOPS, Decoded
 
+OLD_NAMES = {"assembly blocks": "blocks"}  # of back ends, in files of earlier runs
 # Kind, precision and width in bits (the element's where scalar): what FLOPs are told apart by.
 Operation = tuple[str, str, int]
 
@@ -19,7 +21,8 @@ class Counts:
     """Of one function without its callees, or of everything.
 
     `lanes`: operations executed, lane by lane, with only the active ones of masked instructions. `load`,
-    `store`: bytes as the core sees them. `mix`: instructions by study.decode.MIX.
+    `store`: bytes as the core sees them. `mix`: instructions by study.decode.MIX. `doublings`: lanes of
+    the sums x + x, which are among `lanes`, too.
     """
 
     calls: int = 0
@@ -28,6 +31,7 @@ class Counts:
     load: int = 0
     store: int = 0
     mix: Counter[str] = field(default_factory=Counter)
+    doublings: int = 0
 
     @property
     def machine(self) -> int:
@@ -35,9 +39,16 @@ class Counts:
         return sum(FLOPS[kind] * n for (kind, _, _), n in self.lanes.items())
 
     def add(self, one: Decoded, times: int, active: int | None = None) -> None:
-        """`times` executions of an instruction; `active`: lanes summed over them, where it is masked."""
+        """`times` executions of an instruction; `active`: lanes summed over them, where it is masked.
+        StudyError for one whose arithmetic is not counted.
+        """
         if not times:
             return
+        if one.uncounted:
+            raise StudyError(
+                f"{one.mnemonic} was executed at {one.address:#x}: what it computes is not counted; "
+                "build the phase without it"
+            )
         self.instructions += times
         self.mix[one.mix] += times
         self.load += one.load * times
@@ -45,6 +56,7 @@ class Counts:
         if one.kind and one.precision:
             lanes = one.lanes * times if active is None else active
             self.lanes[one.kind, one.precision, one.bits] += lanes
+            self.doublings += lanes if one.doubling else 0
 
     def merge(self, other: Counts) -> None:
         """Adds another's."""
@@ -52,6 +64,7 @@ class Counts:
         self.instructions += other.instructions
         self.load += other.load
         self.store += other.store
+        self.doublings += other.doublings
         self.lanes.update(other.lanes)
         self.mix.update(other.mix)
 
@@ -64,9 +77,10 @@ class Counts:
             return [b - a for a, b in itertools.pairwise(upto)]
 
         made = [
-            Counts(calls, instructions, load=load, store=store)
-            for calls, instructions, load, store in zip(
-                *(parts(n) for n in (self.calls, self.instructions, self.load, self.store)), strict=True
+            Counts(calls, instructions, load=load, store=store, doublings=doublings)
+            for calls, instructions, load, store, doublings in zip(
+                *map(parts, (self.calls, self.instructions, self.load, self.store, self.doublings)),
+                strict=True,
             )
         ]
         for counter in ("lanes", "mix"):
@@ -94,6 +108,7 @@ class Counts:
             "load_bytes": self.load,
             "store_bytes": self.store,
             "mix": dict(sorted(self.mix.items())),
+            "doublings": self.doublings,
         }
 
     @classmethod
@@ -106,6 +121,7 @@ class Counts:
             data["load_bytes"],
             data["store_bytes"],
             Counter(data["mix"]),
+            data.get("doublings", 0),
         )
 
 
@@ -117,7 +133,7 @@ class Measured:
     `variant`: "shipped" (the very code that is timed) or "calls" (the same source without inlining).
     `calibrated`: whether the back end gave the calibration program's known counts on this machine; None:
     it was never run on the real thing. `edges`: caller to callee (of the phase or a library) to the number
-    of direct calls, where the back end sees them.
+    of direct calls, where the back end sees them. `compiler`, `flags`: of the program; `cpu`: it ran on.
     """
 
     backend: str
@@ -133,6 +149,9 @@ class Measured:
     outside: dict[str, Counts] | None
     calibrated: bool | None
     edges: dict[str, dict[str, int]] = field(default_factory=dict)
+    compiler: str | None = None
+    flags: str | None = None
+    cpu: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         data = {k: v for k, v in vars(self).items() if k not in ("total", "functions", "outside")}
@@ -147,6 +166,7 @@ class Measured:
         known = dict(data)
         known["total"] = Counts.from_json(data["total"])
         known["functions"] = {name: Counts.from_json(c) for name, c in data["functions"].items()}
+        known["backend"] = OLD_NAMES.get(data["backend"], data["backend"])
         outside = data["outside"]
         known["outside"] = outside and {name: Counts.from_json(c) for name, c in outside.items()}
         return cls(**known)

@@ -3,7 +3,8 @@
 What counts as a FLOP (the machine convention): ADD SUB MUL DIV SQRT RCP RSQRT MIN MAX, HADD and ADDSUB, one
 per lane; FMA two per lane. Comparisons are told apart and count none; conversions, rounding, logic and
 shuffles are no FLOPs. That is what Intel's SDE and FP_ARITH_INST_RETIRED count (Intel SDM vol. 3B, 20.3),
-DPP left out: no phase uses it. Decoder: iced-x86.
+DPP left out. What does arithmetic in another way (_UNCOUNTED, DPP among it) is refused where it is executed.
+Decoder: iced-x86.
 """
 
 from __future__ import annotations
@@ -53,8 +54,17 @@ _CLASS = {
     **{"MUL": "mul", "DIV": "div", "SQRT": "sqrt"},
 }
 _PLAIN = re.compile(rf"V?({'|'.join(sorted(_CLASS, key=len, reverse=True))})([PS])([SDH])")
+_SCALAR_COPY = re.compile(r"V?MOVS([SD])")
+_COPY = re.compile(r"V?MOV(AP|UP|S)[SD]|V?MOVDQ[AU]")
+_SUM = re.compile(r"V?ADD[PS][SDH]")
 _FMA = re.compile(r"VFN?M(?:ADDSUB|SUBADD|ADD|SUB)(?:132|213|231)?([PS])([SDH])")
 _X87 = re.compile(r"F(ADD|SUBR?|MUL|DIVR?|SQRT|U?COMI?)(P|PP)?|FI(ADD|SUBR?|MUL|DIVR?|COM)P?")
+# Arithmetic that is none of the classes: dot products, scaling, ranges, complex, 16-bit, x87's functions.
+_UNCOUNTED = re.compile(
+    r"V?DPP[SD]|V(SCALEF|RANGE|MINMAX|EXP2|RECIP28)[PS][SDH]|V4FN?MADD[PS]S|VFC?(MADD|MUL)C[PS]H|VDPB?F?(BF|PH)\w*"
+    r"|TDP\w+|PF(ADD|SUBR?|MUL|MIN|MAX|RCP\w*|RSQ\w*|ACC|N?P?N?ACC)|FSIN|FCOS|FSINCOS|FPTAN|FPATAN|F2XM1|FYL2X(P1)?"
+    r"|FSCALE|FPREM1?|FTST"
+)
 _CONVERT = re.compile(r"V?CVT.*|CDQE?|CWDE?|CQO|V?ROUND.*|VRNDSCALE.*|VREDUCE.*")
 _SHUFFLE = re.compile(
     r"V?(P?(AND|ANDN|OR|XOR)(PS|PD|[DQ])?|P?BLEND.*|P?SHUF.*|P?UNPCK.*|PERM.*|INSERT.*|EXTRACT.*|BROADCAST.*|PBROADCAST.*"
@@ -80,7 +90,9 @@ class Decoded:
     `kind`: one of CLASSES, or None; `bits`: width of what it works on (the element's where scalar). `mask`:
     number of the k register that says which lanes count, or None. `load`, `store`: bytes that the core sees,
     all lanes. `repeat`: a string instruction whose bytes are per iteration, rcx of them. `target`: where a
-    direct call or jump goes, else 0. `ends_block`: control leaves, or may leave, behind it.
+    direct call or jump goes, else 0. `doubling`: a sum x + x, as which compilers write 2·x. `uncounted`:
+    arithmetic that is not of CLASSES, so that nothing true can be said of its FLOPs. `ends_block`: control
+    leaves, or may leave, behind it.
     """
 
     address: int
@@ -98,6 +110,8 @@ class Decoded:
     target: int = 0
     is_call: bool = False
     ends_block: bool = False
+    doubling: bool = False
+    uncounted: bool = False
     known: bool = True
 
     @property
@@ -113,7 +127,7 @@ def _arithmetic(name: str) -> tuple[str, bool, int] | None:
         return "fma", match[1] == "P", _ELEMENT[match[2]]
     if match := _PLAIN.fullmatch(name):
         return _CLASS[match[1]], match[2] == "P", _ELEMENT[match[3]]
-    if (match := _X87.fullmatch(name)) and name not in ("FCOMI", "FSUBP0"):
+    if match := _X87.fullmatch(name):
         word = (match[1] or match[3]).removesuffix("R")
         kind = {"ADD": "add", "SUB": "add", "MUL": "mul", "DIV": "div", "SQRT": "sqrt"}.get(word, "compare")
         return kind, False, 80
@@ -155,6 +169,71 @@ def _vector_bits(instruction: Instruction) -> int:
     return widest
 
 
+class _Value:
+    """Held in one or more places, the same in its lower `bits`."""
+
+    def __init__(self) -> None:
+        self.bits = 512
+
+
+class _Values:
+    """Which vector registers and words on the stack are known to hold the same, along straight-line code."""
+
+    def __init__(self, info: InstructionInfoFactory) -> None:
+        self._info = info
+        self.forget()
+
+    def forget(self) -> None:
+        """Control may have come from elsewhere."""
+        self._held: dict[tuple, _Value] = {}
+
+    def _place(self, instruction: Instruction, i: int) -> tuple | None:
+        """A vector register, or a word at rsp plus a constant; None: anything else."""
+        if instruction.op_kind(i) == OpKind.REGISTER:
+            register = instruction.op_register(i)
+            return (
+                (RegisterExt.full_register(register),) if RegisterExt.is_vector_register(register) else None
+            )
+        plain = instruction.memory_base == Register.RSP and instruction.memory_index == Register.NONE
+        if instruction.op_kind(i) == OpKind.MEMORY and plain:
+            return Register.RSP, instruction.memory_displacement
+        return None
+
+    def _value(self, place: tuple) -> _Value:
+        return self._held.setdefault(place, _Value())
+
+    def is_doubling(self, instruction: Instruction, bits: int) -> bool:
+        """Whether the two that a sum adds, its last two operands, are known to be the same in those bits."""
+        last = instruction.op_count - 1
+        a, b = (self._place(instruction, i) for i in (last - 1, last))
+        if a is None or b is None:
+            return False
+        return a == b or (self._value(a) is self._value(b) and self._value(a).bits >= bits)
+
+    def follow(self, instruction: Instruction, name: str) -> None:
+        """What is known behind the instruction."""
+        moved = None
+        if _COPY.fullmatch(name) and instruction.op_count == 2:
+            to, source = self._place(instruction, 0), self._place(instruction, 1)
+            if to is not None and source is not None:
+                moved = to, self._value(source)
+                scalar = _SCALAR_COPY.fullmatch(name)
+                width = _ELEMENT[scalar[1]] if scalar else _vector_bits(instruction)
+                moved[1].bits = min(moved[1].bits, width)
+        used = self._info.info(instruction)
+        written = {
+            RegisterExt.full_register(one.register) for one in used.used_registers() if one.access in _WRITES
+        }
+        if Register.RSP in written or any(one.access in _WRITES for one in used.used_memory()):
+            self._held = {place: value for place, value in self._held.items() if len(place) == 1}
+        for register in written:
+            self._held.pop((register,), None)
+        if moved:
+            self._held[moved[0]] = moved[1]
+        if instruction.flow_control != FlowControl.NEXT:
+            self.forget()
+
+
 class Disassembler:
     """Decodes bytes at an address. Keep one: setting it up is what costs."""
 
@@ -163,14 +242,15 @@ class Disassembler:
 
     def decode(self, code: bytes, address: int = 0) -> list[Decoded]:
         """All instructions; an undecodable byte gives one with `known` False and stops."""
-        found = []
+        found, values = [], _Values(self._info)
         for instruction in Decoder(64, code, ip=address):
-            found.append(self._one(instruction))
+            found.append(self._one(instruction, values))
+            values.follow(instruction, _NAMES[instruction.mnemonic])
             if not found[-1].known:
                 break
         return found
 
-    def _one(self, instruction: Instruction) -> Decoded:
+    def _one(self, instruction: Instruction, values: _Values) -> Decoded:
         name = _NAMES[instruction.mnemonic]
         place = {"address": instruction.ip, "length": instruction.len, "mnemonic": name.lower()}
         if instruction.is_invalid:
@@ -197,9 +277,11 @@ class Disassembler:
             kind, packed, element = found
             bits = width if packed else element
             rest |= {"kind": kind, "precision": _PRECISION[element], "bits": bits, "lanes": bits // element}
+            rest["doubling"] = _SUM.fullmatch(name) is not None and values.is_doubling(instruction, bits)
             mix = "fp compare" if kind == "compare" else "fp arithmetic"
         else:
             mix = _mix(name, flow, width > 0, instruction.is_stack_instruction)
+            rest["uncounted"] = _UNCOUNTED.fullmatch(name) is not None
         return Decoded(**place, mix=mix, **rest)
 
     def _bytes(self, instruction: Instruction) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from study import costs, registry, run, store
 from study.cli import StudyError
-from study.counts import Counts, Measured
+from study.counts import OLD_NAMES, Counts, Measured
 from study.decode import FLOPS
 from study.registry import Scene, Spec
 
@@ -56,6 +56,7 @@ def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, th
     wide, high = scene.size(height, width)
     made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count")
     about = {key: made[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
+    about |= {key: made.get(key) for key in ("compiler", "flags")}
     return {**about, "threads": threads, **{key: made[key] for key in KEYS}}
 
 
@@ -85,9 +86,6 @@ def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
     return found
 
 
-# Kinds that a compiler turns into each other: 2·x is x + x.
-ALIKE = {"mul": "add"}
-
 Range = tuple[int, int]
 
 
@@ -99,7 +97,7 @@ def by_kind(stated: Row) -> dict[str, dict[str, int]]:
         width = phase.lanes if cost.width == "LANES" else 1
         times = stated["by_function"][cost.function]["parts"][cost.part] * width
         for kind, flop in FLOPS.items():
-            found[cost.function][ALIKE.get(kind, kind)] += cost.per_lane.get(kind, 0) * flop * times
+            found[cost.function][kind] += cost.per_lane.get(kind, 0) * flop * times
     return found
 
 
@@ -111,13 +109,12 @@ def explained(stated: Row, variant: str) -> dict[str, dict[str, Range]]:
     lines = {(c.function, c.part): c for c in costs.read(phase.path / "costs.def")}
     found: dict[str, dict[str, Range]] = defaultdict(dict)
     for residue in costs.residues(phase.path / "residues.def", lines.values()):
-        if residue.build in (variant, "both"):
+        if residue.build in (variant, "both") and residue.kind != "call":
             width = phase.lanes if lines[residue.function, residue.part].width == "LANES" else 1
             times = stated["by_function"][residue.function]["parts"][residue.part] * width
             times *= FLOPS[residue.kind]
-            kind = ALIKE.get(residue.kind, residue.kind)
-            low, high = found[residue.function].get(kind, (0, 0))
-            found[residue.function][kind] = low + residue.least * times, high + residue.most * times
+            low, high = found[residue.function].get(residue.kind, (0, 0))
+            found[residue.function][residue.kind] = low + residue.least * times, high + residue.most * times
     return found
 
 
@@ -125,7 +122,7 @@ def measured_kinds(counts: Counts) -> dict[str, int]:
     """Kind → FLOPs (machine)."""
     found: dict[str, int] = defaultdict(int)
     for kind, lanes in counts.by_kind().items():
-        found[ALIKE.get(kind, kind)] += FLOPS[kind] * lanes
+        found[kind] += FLOPS[kind] * lanes
     return found
 
 
@@ -143,7 +140,29 @@ def _sum_ranges(kinds: Iterable[Mapping[str, Range]]) -> dict[str, Range]:
     return {kind: (low[kind], high[kind]) for kind in low}
 
 
-def _row(
+def _left(
+    counted: Mapping[str, int], measured: Mapping[str, int], known: Mapping[str, Range], doublings: int
+) -> int:
+    """FLOPs that neither costs nor residues say, summed over kinds: at least, over the readings of x + x."""
+
+    def off(kind: str, more: int = 0) -> int:
+        low, high = (counted.get(kind, 0) + end for end in known.get(kind, (0, 0)))
+        found = measured.get(kind, 0) + more
+        return max(low - found, found - high, 0)
+
+    rest = sum(off(kind) for kind in (counted.keys() | measured.keys()) - {"add", "mul"})
+    # Convex in how many are read as products: the least is where a bound is met, or at an end.
+    at = {0, doublings, min(off("mul"), doublings), min(off("add"), doublings)}
+    return rest + min(off("add", -n) + off("mul", n) for n in at)
+
+
+def _in_branches(known: Mapping[str, Range], compares: int) -> dict[str, Range]:
+    """Residues of minima narrowed by what was seen: a minimum that became a branch is a comparison more."""
+    low, high = known.get("minmax", (0, 0))
+    return {**known, "minmax": (max(low, min(high, -compares)),) * 2} if low < 0 else dict(known)
+
+
+def row(
     stated: Row,
     scope: str,
     counted: Mapping[str, int],
@@ -151,16 +170,16 @@ def _row(
     by: Measured,
     judged: bool = True,
     residues: Mapping[str, Range] | None = None,
+    doublings: int = 0,
 ) -> Row:
-    """Kind is held against kind: what explains a missing minimum explains no missing product."""
+    """Kind is held against kind: what explains a missing minimum explains no missing product. Up to
+    `doublings` of the measured sums are x + x and may be declared as products 2·x.
+    """
     known = residues or {}
     if by.backend in LIBM_INSIDE or "any" in measured:  # these do not tell kinds apart, or not as others do
         measured = {"any": sum(measured.values())}
         counted, known = {"any": sum(counted.values())}, {"any": _total(known)}
-    left = 0
-    for kind in counted.keys() | measured.keys():
-        low, high = (counted.get(kind, 0) + end for end in known.get(kind, (0, 0)))
-        left += max(low - measured.get(kind, 0), measured.get(kind, 0) - high, 0)
+    left = _left(counted, measured, known, doublings)
     declared, found = sum(counted.values()), sum(measured.values())
     scale = found or math.nan
     return {
@@ -197,26 +216,30 @@ def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> li
     declared = by_kind(stated)
     whole = _sum(declared.values())
 
-    def total(by: Measured, measured: Mapping[str, int]) -> Row:
+    def total(by: Measured, measured: Mapping[str, int], doublings: int) -> Row:
         known = _sum_ranges(explained(stated, by.variant).values())
+        if by is shipped and calls is not None:
+            one, other = (m.total.by_kind().get("compare", 0) for m in (shipped, calls))
+            known = _in_branches(known, one - other)
         # A scalar phase calls libm: what is in there is not declared, so such a total cannot be judged.
         judged = by.backend not in LIBM_INSIDE or registry.find_phase(stated["phase"]).lanes > 1
-        return _row(stated, "total", whole, measured, by, judged, known)
+        return row(stated, "total", whole, measured, by, judged, known, doublings)
 
-    rows = [total(shipped, measured_kinds(shipped.total))]
+    rows = [total(shipped, measured_kinds(shipped.total), shipped.total.doublings)]
     if calls is None:
         return rows
-    folded = {name: measured_kinds(counts) for name, counts in fold(calls, declared).items()}
-    rows.append(total(calls, _sum(folded.values())))
+    parts = fold(calls, declared)
+    folded = {name: measured_kinds(counts) for name, counts in parts.items()}
+    doublings = {name: counts.doublings for name, counts in parts.items()}
+    rows.append(total(calls, _sum(folded.values()), sum(doublings.values())))
     executed = rows[-1]["measured"]
     known = explained(stated, calls.variant)
     for name in sorted(declared.keys() | folded.keys()):
         counted, measured = declared.get(name, {}), folded.get(name, {})
         most = max(sum(counted.values()), sum(measured.values()))
         if most:
-            rows.append(
-                _row(stated, name, counted, measured, calls, most > SMALL * executed, known.get(name))
-            )
+            judged, residues = most > SMALL * executed, known.get(name)
+            rows.append(row(stated, name, counted, measured, calls, judged, residues, doublings.get(name, 0)))
     return rows
 
 
@@ -226,14 +249,26 @@ def compare_calls(stated: Row, calls: Measured) -> list[Row]:
     for name, function in stated["by_function"].items():
         counted = function["calls"]
         measured = calls.functions[name].calls if name in calls.functions else 0
-        row = _row(stated, name, {"any": counted}, {"any": measured}, calls)
-        rows.append(row | {"within": counted == measured})
+        made = row(stated, name, {"any": counted}, {"any": measured}, calls)
+        rows.append(made | {"within": counted == measured})
     return rows
 
 
 def failures(rows: Iterable[Row]) -> list[Row]:
     """Rows outside the tolerance among those that are judged. NaN is outside."""
     return [row for row in rows if row["judged"] and not row["within"]]
+
+
+def summary(one: Measured) -> Row:
+    """A measurement for people: 10⁹ FLOPs (machine), instructions and bytes of the whole picture."""
+    about = ("phase", "flags_from", "scene", "width", "height", "backend", "calibrated")
+    sums = {
+        "machine_gflop": one.total.machine,
+        "instructions_g": one.total.instructions,
+        "load_gb": one.total.load,
+        "store_gb": one.total.store,
+    }
+    return {key: getattr(one, key) for key in about} | {key: n / 1e9 for key, n in sums.items()}
 
 
 # --- counts.json of a run
@@ -280,6 +315,7 @@ def read_validation(path: Path) -> list[Row]:
     if not path.exists():
         return []
     try:
-        return list(store.read_json(path)["rows"])
+        rows = list(store.read_json(path)["rows"])
+        return [row | {"backend": OLD_NAMES.get(row["backend"], row["backend"])} for row in rows]
     except (KeyError, TypeError):
         raise StudyError(f"{path}: no rows; make them with scripts/flops.py --validate --run") from None

@@ -19,7 +19,6 @@ import functools
 import math
 import operator
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from study import machine, store
+from study import backend, machine, perf, store
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
 from study.registry import ROOT, Spec, cpu_flags
@@ -36,6 +35,7 @@ from study.run import _arguments, cpu_set, render
 FOLDER = ROOT / "scripts" / "study" / "events"
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
 FEW, MANY = 1, 3  # frames, whose difference is measured
+ADDS = "FLOPs, cycles and a top-down split by hardware"
 _FASTEST = 1e12  # events per second that no core reaches
 _KEYS = {"microarchitectures", "source", "notes", "events", "groups", "flops", "topdown"}
 _OPERATORS: dict[type, Callable[[float, float], float]] = {
@@ -184,12 +184,11 @@ def _line(where: str, fields: list[str]) -> Line:
 
 
 def tool() -> str:
-    """Path of perf. StudyError if it is missing."""
-    path = shutil.which("perf")
+    """Path of a perf that starts. StudyError if there is none."""
+    path = perf.program()
     if not path:
         raise StudyError(
-            "perf is missing (apt install linux-perf, on Ubuntu linux-tools-generic); it would count "
-            "FLOPs, cycles and a top-down split by hardware",
+            "perf is missing (apt install linux-perf, on Ubuntu linux-tools-generic)",
             CANNOT_RUN,
         )
     return path
@@ -201,7 +200,7 @@ def available() -> tuple[bool, str]:
         events = events_for(machine.cpu()["microarchitecture"])
         _stat(["true"], ["instructions", "cycles"], events, None)
     except StudyError as error:
-        return False, str(error)
+        return False, f"no hardware counters here; they would add {ADDS} ({error})"
     return True, events["source"]
 
 
@@ -212,12 +211,12 @@ def _stat(
     topdown = events["topdown"]
     if topdown and topdown["together"] and topdown["slots"] in names:
         asked = f"{{{asked}}}:u"  # the metrics are read with the slots or not at all
-    perf = tool()
+    program = tool()
     with tempfile.TemporaryDirectory(prefix="stepwise-perf-") as folder:
         out = Path(folder) / "perf.csv"
         try:
             done = subprocess.run(
-                [perf, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],
+                [program, "stat", "-x", ";", "-o", str(out), "-e", asked, "--", *command],
                 capture_output=True,
                 text=True,
                 errors="replace",
@@ -225,7 +224,7 @@ def _stat(
                 preexec_fn=(lambda: os.sched_setaffinity(0, cpus)) if cpus else None,
             )
         except OSError as error:
-            raise StudyError(f"{perf}: {error.strerror}", CANNOT_RUN) from None
+            raise StudyError(f"{program}: {error.strerror}", CANNOT_RUN) from None
         if done.returncode:
             raise _refusal(done.stderr, command, done.returncode)
         try:
@@ -326,12 +325,12 @@ def _reading(
     }
     measured = Measured(
         backend="pmu",
-        variant="calls" if target.endswith("calls") else "shipped",
+        variant=backend.variant(target),
         total=total,
         functions={},
         outside=None,
         calibrated=None,
-        **{key: header[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")},
+        **backend.header(header),
     )
     return Reading(
         measured,

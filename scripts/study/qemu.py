@@ -13,17 +13,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import hashlib
-import json
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from study import calibration, store
+from study import backend, calibration, store
 from study.build import build
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
@@ -336,11 +333,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
             raise StudyError(f"{EMULATOR}: {error.strerror}", CANNOT_RUN) from None
         name = Path(arguments[0]).name
         if done.returncode:
-            status = done.returncode
-            how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-            said = [line for line in done.stderr.splitlines() if line.strip()]
-            hint = "; QEMU has no AVX-512" if status == -signal.SIGILL else ""
-            raise StudyError(f"{name} under QEMU: {how}{hint}{f' ({said[-1]})' if said else ''}")
+            raise backend.failed(done, name, "QEMU", "; QEMU has no AVX-512")
         out = Path(folder) / "recording"
         if not out.exists():
             said = done.stderr.strip().splitlines()
@@ -390,25 +383,16 @@ def calibrated() -> bool:
     """
     program, plugin = build("calibration", "calibrate"), build("common", "qemu_plugin.so")
     here = Path(__file__).parent
-    analysis = [here / f"{name}.py" for name in ("qemu", "elf", "decode", "counts", "calibration")]
-    key = hashlib.sha256()
-    for path in (program, plugin, Path(emulator()), calibration.EXPECTED, *analysis):
-        key.update(hashlib.sha256(path.read_bytes()).digest())
-    cache = program.parent / "qemu.json"
-    try:
-        known = store.read_json(cache)
-        if known["key"] == key.hexdigest():
-            return known["differences"] == []
-    except (StudyError, KeyError, TypeError):
-        pass  # never made, or not whole: made again
-    parts, differences = calibration_parts(), []
-    for part in parts:
+    analysis = [here / f"{name}.py" for name in ("qemu", "backend", "elf", "decode", "counts", "calibration")]
+    files = (program, plugin, Path(emulator()), calibration.EXPECTED, *analysis)
+
+    def differences(part: str) -> list[str]:
         try:
-            differences += calibrate(part)
+            return calibrate(part)
         except StudyError as error:  # what cannot be run is not counted right
-            differences.append(str(error))
-    store.write_json(cache, {"key": key.hexdigest(), "parts": parts, "differences": differences})
-    return not differences
+            return [str(error)]
+
+    return backend.known_work(program.parent / "qemu.json", files, calibration_parts(), differences)
 
 
 def measure(
@@ -427,14 +411,10 @@ def measure(
     scene = Path(scene_path).resolve()
     arguments = [*_arguments(spec, scene, height, width, target=target), "--json"]
     profile = count(arguments)
-    try:
-        said = json.loads(profile.output)
-        header = {key: said[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
-    except (ValueError, KeyError, TypeError):
-        raise StudyError(f"{arguments[0]}: printed no JSON object of a picture under QEMU") from None
+    header = backend.header_of(profile.output, arguments[0], "QEMU")
     return Measured(
         backend="qemu",
-        variant="calls" if target.endswith("calls") else "shipped",
+        variant=backend.variant(target),
         total=profile.total,
         functions=profile.functions,
         outside=profile.outside,

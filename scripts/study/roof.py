@@ -50,7 +50,8 @@ ISSUE = "issue"
 ELEMENT = {"double": 64, "single": 32, "half": 16, "extended": 80}
 MOST_UNPRICED = 0.05  # of the FLOPs
 PEAK_BITS = 256  # the paper's share of peak: of AVX2, whatever a phase itself uses
-ORDER = ("assembly blocks", "sde", "qemu", "pmu")  # of two back ends that counted the same picture, the first
+ORDER = ("blocks", "sde", "qemu", "pmu")  # of two back ends that counted the same picture, the first
+SHARES = ("share_of_fma_roof", "share_of_mix_roof", "share_of_avx2_peak")
 SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
 
 Row = dict[str, Any]
@@ -143,6 +144,34 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
     return counted, limits, notes
 
 
+def foreign(data: Data, limits: Ceilings | None) -> str | None:
+    """Why the ceilings are another machine's than the one that the frames were timed on, or None."""
+    rate = float(data.frames["tsc_hz"].median()) if len(data.frames) else math.nan
+    return limits.foreign(data.context, rate) if limits else None
+
+
+def remarks(table: pd.DataFrame) -> list[str]:
+    """What must stand beside every share of a roof: foreign ceilings, counts of other code, points above."""
+    if table.empty:
+        return []
+    said = [
+        f"{text[0].upper()}{text[1:]}. No share of a roof means anything."
+        for text in dict.fromkeys(table["foreign_ceilings"].dropna())
+    ]
+    for text, group in table.dropna(subset="foreign_counts").groupby("foreign_counts", sort=False):
+        said.append(
+            f"Counts that are not of what was timed ({', '.join(dict.fromkeys(group['phase']))}): {text}."
+        )
+    above = table[table[[*SHARES]].gt(1).any(axis=1)]
+    if len(above):
+        names = dict.fromkeys(f"{r['phase']} on {r['scene']}" for r in above.to_dict("records"))
+        said.append(
+            f"Above a roof, which cannot be ({', '.join(names)}): the ceiling was measured too low, "
+            "the time on a faster clock, or the counts are of other code."
+        )
+    return said
+
+
 def _spec(phase: str, flags_from: str | None) -> str:
     return phase if flags_from in (None, phase) else f"{phase}@{flags_from}"
 
@@ -161,7 +190,20 @@ def _nearest(found: list[tuple[int, int, Any]], cell: Cell) -> tuple[float, int 
     return (1.0, None, best) if same else (cell.pixels / (width * height), height, best)
 
 
-def _measured(counted: Counted, cell: Cell, scene_hash: str | None) -> tuple[float, int | None, Any] | None:
+def _origin(one: Mapping[str, Any], cell: Cell, cpu: str | None) -> str | None:
+    """By what else than the timed program's compiler, flags or CPU something was counted; None: no such."""
+    timed = {"compiler": cell.facts["compiler"], "flags": cell.facts["flags"], "cpu": cpu}
+    other = [
+        f"{name} {one[name]} instead of {there}"
+        for name, there in timed.items()
+        if one.get(name) and there and one[name] != there
+    ]
+    return "; ".join(other) or None
+
+
+def _measured(
+    counted: Counted, cell: Cell, scene_hash: str | None, cpu: str | None
+) -> tuple[float, int | None, Any] | None:
     fitting = [
         m
         for m in counted.measured
@@ -169,8 +211,14 @@ def _measured(counted: Counted, cell: Cell, scene_hash: str | None) -> tuple[flo
         and scene_hash in (None, m.scene_hash)
     ]
     best = {}
+    order = {name: place for place, name in enumerate(ORDER)}
     for m in sorted(
-        fitting, key=lambda m: (m.calibrated is not True, ORDER.index(m.backend) if m.backend in ORDER else 9)
+        fitting,
+        key=lambda m: (
+            _origin(vars(m), cell, cpu) is not None,
+            m.calibrated is not True,
+            order.get(m.backend, 9),
+        ),
     ):
         best.setdefault((m.width, m.height), m)
     return _nearest([(*size, m) for size, m in best.items()], cell)
@@ -211,7 +259,9 @@ def own_bits(cell: Cell) -> tuple[str, int]:
     return precision, min(lanes * ELEMENT[precision], 512)
 
 
-def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None) -> Row:
+def _row(
+    cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None, cpu: str | None
+) -> Row:
     precision, bits = own_bits(cell)
     core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
     row: Row = {
@@ -219,7 +269,7 @@ def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str 
         **{"width": cell.width, "threads": cell.threads, "precision": precision, "bits": bits},
         **{"launches": core.launches, "interval": "95 %" if core.sufficient else "insufficient"},
     }
-    found, stated = _measured(counted, cell, scene_hash), _declared(counted, cell, scene_hash)
+    found, stated = _measured(counted, cell, scene_hash, cpu), _declared(counted, cell, scene_hash)
     nan = math.nan
     flops, loads, stores, row["backend"], row["calibrated"], row["scaled_from_n"] = (
         nan,
@@ -229,16 +279,18 @@ def _row(cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str 
         None,
         None,
     )
-    operations = None
+    operations = row["foreign_counts"] = None
     if found:
         factor, row["scaled_from_n"], one = found
         counts = _whole(one)
         flops, loads, stores = (factor * x for x in (counts.machine, counts.load, counts.store))
         row |= {"backend": one.backend, "calibrated": one.calibrated}
         operations = counts.lanes
+        row["foreign_counts"] = _origin(vars(one), cell, cpu)
     elif stated:
         factor, row["scaled_from_n"], one = stated
         flops, row["backend"] = factor * one["flops"]["machine"], "declared"
+        row["foreign_counts"] = _origin(one, cell, cpu)
     row["libm_counted"] = bool(found and (found[2].outside is not None or row["backend"] in LIBM_INSIDE))
     if not loads + stores > 0:  # a back end that counts none
         loads = stores = nan
@@ -275,16 +327,19 @@ def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
     Rates are FLOPs of the machine convention per core (or TSC) cycle, their ends the interval of the cycles
     over launches. `scaled_from_n`: the counts are another height's, per pixel. `paper_…`: the paper's own
     figure and percent; `paper_convention_…`: one FLOP per math.h call. NaN: not counted, or no ceiling.
+    `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
     """
     table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
+    cpu, other = (data.context.get("cpu") or {}).get("model"), foreign(data, limits)
     made = []
     for cell in data.cells:
         if cell.threads != 1:
             continue
         hashes = _hashes(data, cell)
-        row = _row(cell, counted, limits, hashes)
+        row = _row(cell, counted, limits, hashes, cpu)
         if row["backend"] is None:
             continue
+        row["foreign_ceilings"] = other
         row["paper_flops_per_cycle"] = table.get(("performance", cell.scene, cell.spec), math.nan)
         row["paper_share"] = table.get(("share_of_peak", cell.scene, cell.spec), math.nan) / 100
         row["section"] = SECTION.get(cell.spec, "table6")
@@ -317,7 +372,7 @@ def to_json(table: pd.DataFrame, limits: Ceilings) -> Row:
         points.append(
             {**row, **ends, "scaled": row["scaled_from_n"] is not None and row["scaled_from_n"] > 0}
         )
-    return {"ceilings": limits.rows, "points": points}
+    return {"ceilings": limits.rows, "points": points, "remarks": remarks(table)}
 
 
 def counted_by(row: Row) -> str:
@@ -329,7 +384,25 @@ def counted_by(row: Row) -> str:
     scaled = row["scaled_from_n"]
     other = "" if scaled is None or pd.isna(scaled) else f", scaled from n = {scaled:.0f}"
     libm = "" if row["libm_counted"] or row["backend"] == "declared" else ", without libm's inside"
-    return f"{row['backend']}{state}{other}{libm}"
+    foreign = ", not of what was timed" if row["foreign_counts"] else ""  # more of it in the remarks
+    return f"{row['backend']}{state}{other}{libm}{foreign}"
+
+
+def doubtful(row: Row, name: str) -> str:
+    """Why a share of a roof is not to be believed, in a few words, or nothing."""
+    if row["foreign_ceilings"]:
+        return "another machine's roof"
+    return "above its roof" if row[name] > 1 else ""
+
+
+def _share(group: str, title: str, name: str) -> Column:
+    """A column of shares: those that cannot be are marked."""
+
+    def text(row: Row) -> str:
+        why = doubtful(row, name) if row[name] > 0 else ""
+        return percent(row[name]) + (f" ({why}!)" if why else "")
+
+    return Column(group, title, text, lambda row: "bad" if doubtful(row, name) else "")
 
 
 def _paper_percent(row: Row) -> str:
@@ -353,14 +426,10 @@ PERFORMANCE = [
         lambda r: interval(r, "flops_per_core_cycle"),
     ),
     Column("machine's convention", "flop/TSC cycle", plain("flops_per_tsc_cycle", 4)),
-    Column("machine's convention", "share of AVX2 peak", lambda r: percent(r["share_of_avx2_peak"])),
+    _share("machine's convention", "share of AVX2 peak", "share_of_avx2_peak"),
     Column("paper's convention", "flop/core cycle", plain("paper_convention_flops_per_core_cycle", 4)),
     Column("paper's convention", "flop/TSC cycle", plain("paper_convention_flops_per_tsc_cycle", 4)),
-    Column(
-        "paper's convention",
-        "share of AVX2 peak",
-        lambda r: percent(r["paper_convention_share_of_avx2_peak"]),
-    ),
+    _share("paper's convention", "share of AVX2 peak", "paper_convention_share_of_avx2_peak"),
     Column("the paper, i7-7700", "flop/cycle", plain("paper_flops_per_cycle", 4)),
     Column("the paper, i7-7700", "share of AVX2 peak", _paper_percent),
     Column("", "counted by", counted_by),
@@ -374,10 +443,10 @@ POINTS = [
     Column("", "flop/byte", plain("intensity")),
     Column("FMA roof", "own width, bits", whole("bits")),
     Column("FMA roof", "flop/core cycle", plain("fma_roof")),
-    Column("FMA roof", "share of it", lambda r: percent(r["share_of_fma_roof"])),
-    Column("FMA roof", "share of AVX2's", lambda r: percent(r["share_of_avx2_peak"])),
+    _share("FMA roof", "share of it", "share_of_fma_roof"),
+    _share("FMA roof", "share of AVX2's", "share_of_avx2_peak"),
     Column("roof of its own operations", "flop/core cycle", plain("mix_roof")),
-    Column("roof of its own operations", "share of it", lambda r: percent(r["share_of_mix_roof"])),
+    _share("roof of its own operations", "share of it", "share_of_mix_roof"),
     Column("roof of its own operations", "set by", _bound),
     Column("bandwidth roof, flop/core cycle", "L1", plain("L1_roof")),
     Column("bandwidth roof, flop/core cycle", "L2", plain("L2_roof")),
@@ -398,7 +467,7 @@ def _best(name: str) -> Column:
 COMPUTE = [
     Column("", "precision", word("precision")),
     Column("", "width", word("width")),
-    *[_best(name) for name in (*ceilings.KINDS, ceilings.TOGETHER)],
+    *[_best(name) for name in (*ceilings.KINDS, *ceilings.TOGETHER)],
 ]
 BANDWIDTH = [
     Column("", "level", word("level")),
@@ -436,9 +505,11 @@ def tables(table: pd.DataFrame, limits: Ceilings | None) -> dict[str, tuple[pd.D
         part = table[table["section"] == name] if not table.empty else table
         if not part.empty:
             text = show.markdown(show.table(part.to_dict("records"), PERFORMANCE))
+            text += "".join(f"\n{line}\n" for line in remarks(part))
             made[name] = part.drop(columns="section"), text
     if limits and not table.empty:
         text = show.markdown(show.table(headline(table).to_dict("records"), POINTS))
+        text += "".join(f"\n{line}\n" for line in remarks(headline(table)))
         made["roofline"] = table.drop(columns="section"), text
     if limits:
         for name, by, part in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):

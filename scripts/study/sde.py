@@ -13,16 +13,15 @@ Not yet validated: written from that documentation, never run with an SDE. Its o
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections import Counter
 from pathlib import Path
 
+from study import backend
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
 from study.elf import Program
@@ -210,10 +209,7 @@ def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
         except OSError as error:
             raise StudyError(f"{command[0]}: {error.strerror}", CANNOT_RUN) from None
         if done.returncode:
-            status = done.returncode
-            how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-            said = [line for line in done.stderr.splitlines() if line.strip()]
-            raise StudyError(f"{program.path.name} under SDE: {how}{f' ({said[-1]})' if said else ''}")
+            raise backend.failed(done, program.path.name, "SDE")
         return read(mix, masks), done.stdout
 
 
@@ -225,12 +221,6 @@ def measure(
     spec = Spec.parse(spec) if isinstance(spec, str) else spec
     arguments = [*_arguments(spec, Path(scene_path).resolve(), height, width, target=target), "--json"]
     total, output = count(arguments)
-    try:
-        said = json.loads(output)
-        header = {key: said[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
-    except (ValueError, KeyError, TypeError):
-        raise StudyError(f"{arguments[0]}: printed no JSON object of a picture under SDE") from None
-    variant = "calls" if target.endswith("calls") else "shipped"
-    return Measured(
-        "sde", variant=variant, total=total, functions={}, outside=None, calibrated=None, **header
-    )
+    header = backend.header_of(output, arguments[0], "SDE")
+    known = {"variant": backend.variant(target), "outside": None, "calibrated": None}
+    return Measured("sde", total=total, functions={}, **known, **header)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from study import ablations, bounds, columns, flops, hotspots, roof, show, table1
+from study import ablations, bounds, columns, flops, hotspots, libm, roof, show, table1
 from study.analysis import Data
 from study.cli import StudyError
 from study.show import Column, Row, Table
@@ -39,7 +39,8 @@ class Part:
 @dataclass(frozen=True)
 class Section:
     """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; `remarks`:
-    how to read the tables, and what was left out; `figures`: names of the plots that belong above them.
+    how to read the tables, and what was left out; `details`: more of that, behind a summary; `figures`: names
+    of the plots that belong above them.
     """
 
     id: str
@@ -47,6 +48,7 @@ class Section:
     lacking: str
     parts: list[Part]
     remarks: list[str] = field(default_factory=list)
+    details: list[str] = field(default_factory=list)
     figures: Sequence[str] = ()
 
 
@@ -87,13 +89,13 @@ VALIDATION = (
     "Declared: costs.def, derived by hand from the source and committed before it was first compared, times "
     "the calls that the counting build makes. Measured: by {backends}. “The compiler's doing, known”: "
     "phases/NAME/residues.def, where the compiled code does otherwise than the source says; what is left is "
-    "judged. Functions under 0.1 % of the picture are not shown. This is the machine's convention: the "
-    "calls of "
-    "math.h that the paper's adds, and the comparisons, are as the source has them and not measured."
+    "judged. Functions under 0.1 % of the picture are not shown. This is the machine's convention; the calls "
+    "of math.h that the paper's adds are held against the calls into libm. fabs and floor are instructions "
+    "there: they, and the comparisons, are as the source has them and not measured."
 )
 # How each back end comes by its figure, beside its name.
 MEANS = {
-    "assembly blocks": "every basic block that was executed, decoded",
+    "blocks": "every basic block that was executed, decoded",
     "qemu": "every block that the emulator executed, decoded",
     "sde": "Intel's emulator, by instruction",
     "pmu": "the CPU's own counters",
@@ -114,7 +116,7 @@ def _pictures(stated: Iterable[Row]) -> list[Row]:
     return list(best.values())
 
 
-def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
+def _said(rows: Sequence[Row], calls: Sequence[Row], math: Sequence[Row] = ()) -> list[str]:
     """How to read the validation, by the back ends that were there: each has its own sums."""
     names = dict.fromkeys(row["backend"] for row in rows)
     told = "; ".join(f"{name} ({MEANS[name]})" if name in MEANS else name for name in names)
@@ -123,6 +125,12 @@ def _said(rows: Sequence[Row], calls: Sequence[Row]) -> list[str]:
         equal = [row["within"] for row in calls if row["backend"] == name]
         if equal:
             said.append(f"Calls by name, counting build against {name}: {sum(equal)} of {len(equal)} equal.")
+        into = [row["within"] for row in math if row["backend"] == name]
+        if into:
+            said.append(
+                f"Calls of math.h, declared against calls into libm by {name}, in all and by function: "
+                f"{sum(into)} of {len(into)} within 1\u00a0%."
+            )
     return said
 
 
@@ -147,9 +155,10 @@ def counted(path: Path) -> Section:
         rows = flops.read_validation(file)
         judged = table1.by_scene(r for r in rows if r["judged"])
         calls = [r for r in judged if r["scope"].startswith("calls of")]
-        judged = [r for r in judged if not r["scope"].startswith("calls of")]
+        math = [r for r in judged if r["scope"].startswith(libm.MATH)]
+        judged = [r for r in judged if not r["scope"].startswith(("calls of", libm.MATH))]
         totals = [r for r in judged if r["scope"] == "total"]
-        remarks += _said(rows, calls)
+        remarks += _said([r for r in rows if not r["scope"].startswith(libm.MATH)], calls, math)
         caption = "Declared against measured, whole pictures"
         parts += _part("validation", caption, totals, columns.VALIDATION)
         caption = "Declared against measured, by function"
@@ -164,6 +173,7 @@ def roofline(data: Data) -> Section:
     with _from(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
         found, limits, notes = roof.read(data.path, strict=False)
         table = roof.rows(data, found, limits)
+        notes = [*roof.remarks(table), *notes]
         if not table.empty:
             for name, title in (
                 ("table5", "Table 5: performance of baseline"),
@@ -175,6 +185,8 @@ def roofline(data: Data) -> Section:
                 caption = "Share of each roof, at the largest size that was timed and counted"
                 parts += _part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
         if limits:
+            if table.empty and (other := roof.foreign(data, limits)):
+                notes.append(other)
             caption = "What one core does at best: flop per core cycle, best sample and median"
             parts += _part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
             caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
@@ -185,7 +197,7 @@ def roofline(data: Data) -> Section:
         "make roofline",
         parts,
         notes if parts else [],
-        ("roofline", "performance"),
+        figures=("roofline", "performance"),
     )
 
 
@@ -200,7 +212,7 @@ HOTSPOTS = {
 def hot(path: Path, microarchitecture: str | None = None) -> Section:
     """Tables 2 and 4 (functions) and 3 (what bounds them). `microarchitecture`: of the run's CPU."""
     file = path / "hotspots.json"
-    parts, remarks = [], []
+    parts, remarks, details = [], [], []
     with _from(file, f"scripts/hotspots.py --run {path}"):
         record = hotspots.read(file)
         rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
@@ -215,8 +227,9 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
         caption = "The hot regions under the model"
         parts += _part("table3-regions", caption, bounds.region_rows(record), bounds.REGIONS, folded=True)
         if rows:
-            remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else []), *hotspots.notes(record)]
-    return Section("hotspots", "Hotspots, and what bounds them", "make hotspots", parts, remarks)
+            remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else [])]
+            details = hotspots.notes(record)
+    return Section("hotspots", "Hotspots, and what bounds them", "make hotspots", parts, remarks, details)
 
 
 def _gain(row: Row) -> str:
@@ -232,18 +245,18 @@ def _psnr(name: str) -> Callable[[Row], str]:
 
 STEPS = [
     Column("", "step", lambda r: r["ablation"]),
-    Column("", "what", lambda r: r["what"]),
     Column("", "added or removed", lambda r: r["step"]),
     Column("", "against", lambda r: r["against"]),
     Column("", "scene", lambda r: r["scene"]),
     Column("", "the step's gain [95\u00a0%]", _gain),
     Column("", "the paper", lambda r: r["paper"].partition(" (")[0]),
-    Column("", "the paper's claim", lambda r: r["claim"]),
+    Column("", "the paper's claim", ablations.said),
     Column("", "FLOPs with it over without", show.plain("flops_ratio", 3)),
     Column("error against baseline", "PSNR linear, dB", _psnr("psnr_db")),
     Column("error against baseline", "of what it is compared with", _psnr("against_psnr_db")),
     Column("error against baseline", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])),
     Column("", "tolerance", lambda r: r["verdict"], lambda r: "bad" if r["verdict"] == "OUTSIDE" else ""),
+    Column("", "what", lambda r: r["what"]),
 ]
 STEPS_ABOUT = (
     "n = {n}, {launches} launches of one frame, interleaved with what each is compared with. A step is a "

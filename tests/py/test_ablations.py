@@ -19,8 +19,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from study import ablations, blocks, claims, images, paper, patches, registry, run, stats
+from study import ablations, blocks, claims, flops, images, paper, patches, registry, run, stats
 from study.ablations import Ablation
+from study.build import build
 from study.cli import StudyError
 from study.patches import PatchError
 from study.registry import ROOT, Spec
@@ -223,6 +224,17 @@ def test_the_root_of_the_bounds_test_is_one_a_step():
 def test_newton_steps_are_counted():
     name = "opt2+fast_root_3"
     assert part(name, "trio", "root", "newton") == 3 * part(name, "trio", "root", "call") > 0
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if "costs" not in patches.chain(n)[-1].head])
+def test_declared_costs_of_an_ablation_hold_against_the_blocks_that_ran(name):
+    """In the build without inlining; an ablation that cannot say its costs says so in its head (costs:)."""
+    spec, head = spec_of(name), patches.chain(name)[-1].head
+    build(spec, "render-count")
+    for scene in map(registry.find_scene, head.get("scenes", "scene0").split()):
+        calls = flops.measure("blocks", spec, scene, 12, "calls")
+        rows = flops.compare(flops.declared(spec, scene, 12), calls, calls)
+        assert len(rows) > 10 and flops.failures(rows) == []
 
 
 def test_what_costs_def_cannot_say_is_measured(monkeypatch, capsys):
@@ -451,6 +463,16 @@ def test_claims_are_held_against_the_interval(paper, low, high, failed, verdict)
     assert ablation(paper=paper).holds(interval(low, high), failed) == verdict
     if verdict:
         assert ablation(paper=paper).holds(interval(low, high, 5), failed) == claims.FEW
+
+
+def test_a_step_that_was_given_up_says_why():
+    row = {"paper": "not satisfying (x)", "paper_value": None, "claim": claims.HOLDS, "failed": ["psnr_db"]}
+    assert ablations.said(row | {"gain": interval(0.8, 0.9)}).endswith(": too wrong and no faster")
+    assert ablations.said(row | {"gain": {"high": 1.9}}).endswith(": too wrong")
+    assert ablations.said(row | {"failed": [], "gain": {"high": 0.9}}).endswith(": no faster")
+    assert ablations.said(row | {"paper": "no gain", "gain": {"high": 0.9}}).endswith(": no faster")
+    assert ablations.said(row | {"paper_value": 1.3, "gain": {"high": 0.9}}) == claims.HOLDS
+    assert ablations.said(row | {"claim": claims.FAILS, "gain": {"high": 1.9}}) == claims.FAILS
 
 
 def test_an_approximation_may_be_off_but_not_undefined():

@@ -23,7 +23,7 @@ from study.registry import ROOT, find_phase, find_scene
 from study.run import DriverError
 
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
-PHASES = list(registry.phases())
+PHASES = list(registry.ladder())
 VARIANTS = list(blocks.TARGETS)
 REPEATS = 3
 

@@ -13,17 +13,20 @@ from pathlib import Path
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from study import ceilings, store
+from study import ceilings, machine, store
 from study.build import build
 from study.cli import StudyError
 from study.decode import Decoded, Disassembler
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "common" / "ceilings.c"
-KINDS = (*ceilings.KINDS, "add_mul")
+# Mixes: additions and multiplications of one body.
+MIXES = {"add_mul": (7, 7), "add_2mul": (5, 9), "two_add_mul": (9, 5)}
+NAMES = {"add+mul": "add_mul", "add+2mul": "add_2mul", "2add+mul": "two_add_mul"}
+KINDS = (*ceilings.KINDS, *MIXES)
 PACKED = {"sd": ("double", 64), "pd": ("double", 0), "ss": ("single", 32), "ps": ("single", 0)}
 WIDTHS = (128, 256, 512)
-OPERATIONS = {"minmax": 48, "sqrt": 10, "rsqrt": 10}  # of one round of the loop; 14 of the others
+OPERATIONS = {"minmax": 192, "sqrt": 40, "rsqrt": 40}  # of one round of the loop; 56 of the others
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +78,11 @@ def test_a_loop_holds_the_operations_it_is_credited_with(
     precision, scalar = PACKED[suffix]
     counted = Counter(one.kind for one in code if one.kind)
     assert {(one.precision, one.bits) for one in code if one.kind} == {(precision, scalar or width)}
-    wanted = {"add": 7, "mul": 7} if kind == "add_mul" else {kind: OPERATIONS.get(kind, 14)}
+    wanted = {kind: OPERATIONS.get(kind, 4 * 14)}
+    if kind in MIXES:
+        wanted = {name: 4 * n for name, n in zip(("add", "mul"), MIXES[kind], strict=True)}
     if kind in ("sqrt", "rsqrt"):
-        wanted["add"] = 4  # so that the operands rise
+        wanted["add"] = 4 * 4  # so that the operands rise
     if kind == "minmax":
         wanted["add"] = 1
     assert counted == wanted
@@ -104,7 +109,7 @@ def test_every_kernel_passes_its_check(program: Path) -> None:
 @pytest.mark.parametrize(
     ("what", "old", "new"),
     [
-        ("another register", "M(OP, 5) M(OP, 6)", "M(OP, 6) M(OP, 6)"),
+        ("another register", "M(OP, 6) M(OP, 7)", "M(OP, 7) M(OP, 7)"),
         ("another operation", 'RUN14(TWO, "mul" #P)', 'RUN14(TWO, "div" #P)'),
         ("lower precision", '"sqrt" #P, "xmm"', '"sqrtps", "xmm"'),
         ("one round too many", '"dec %[loops]\\n\\tjnz 1b', '"dec %[loops]\\n\\tjns 1b'),
@@ -134,9 +139,9 @@ def test_figures_are_for_as_much_work_as_a_loop_holds(loops: dict, output: dict)
     for row in output["ceilings"]:
         if "precision" in row:
             packed = f"{'pd' if row['precision'] == 'double' else 'ps'}_{row['bits']}"
-            kind = row["name"].replace("+", "_")
+            kind = NAMES.get(row["name"], row["name"])
             code = loops[f"{kind}_{scalar.get((row['precision'], row['bits']), packed)}"]
-            kinds = ("add", "mul") if kind == "add_mul" else (kind,)
+            kinds = ("add", "mul") if kind in MIXES else (kind,)
             assert row["loop_operations"] == sum(one.kind in kinds for one in code)
         else:
             code = loops[f"{row['name']}_{row['bits']}"]
@@ -148,7 +153,7 @@ def test_figures_are_for_as_much_work_as_a_loop_holds(loops: dict, output: dict)
 
 def test_every_ceiling_is_there_once(output: dict) -> None:
     found = Counter((r["name"], r.get("precision"), r.get("level"), r["bits"]) for r in output["ceilings"])
-    names = (*ceilings.KINDS, ceilings.TOGETHER)
+    names = (*ceilings.KINDS, *ceilings.TOGETHER)
     compute = {
         (name, precision, None, bits)
         for name in names
@@ -174,7 +179,7 @@ def test_figures_of_a_ceiling_agree(output: dict) -> None:
             lanes = row["bits"] // {"double": 64, "single": 32}[row["precision"]]
             per_instruction = lanes * (2 if row["name"] == "fma" else 1)
         else:
-            per_instruction = row["bits"] / 8 * (2 if row["name"] == "copy" else 1)
+            per_instruction = row["bits"] / 8  # a copy's pair is two
         assert row["instructions_per_core_cycle"] * per_instruction == pytest.approx(row["value"], rel=1e-4)
         # Both are best ones, of clocks that may have moved in between: by less than to the half or twice.
         assert 0.5 < row["per_second"] / (row["value"] * row["core_hz"]) < 2
@@ -272,6 +277,37 @@ def test_a_foreign_or_broken_record_is_refused(change, said: str) -> None:
         ceilings.check([], "somewhere")
 
 
+@pytest.mark.parametrize(
+    ("change", "tsc_hz", "foreign"),
+    [
+        ({}, 2.5e9, False),
+        ({}, 2.51e9, False),
+        ({}, math.nan, False),  # not known
+        ({}, 2.6e9, True),
+        ({"model": "B"}, 2.5e9, True),
+        ({"stepping": 2}, 2.5e9, True),  # clouds have one name for several
+        ({"stepping": None}, 2.5e9, False),
+        ({"flags": ["avx"], "microcode": "0x2"}, 2.5e9, False),
+    ],
+)
+def test_ceilings_know_their_machine(change: dict, tsc_hz: float, foreign: bool) -> None:
+    cpu = {"model": "A", "vendor": "V", "family": 6, "model_number": 207, "stepping": 1}
+    limits = ceilings.check(small() | {"cpu": cpu}, "test")
+    said = limits.foreign({"cpu": cpu | change}, tsc_hz)
+    assert (said is not None) == foreign
+    if said:
+        assert "A (6/207/1), TSC 2.500 GHz; what was timed ran on " in said and "\n" not in said
+    assert limits.foreign({}, 2.5e9) is None
+
+
+def test_issue_is_the_best_of_any_mix() -> None:
+    data = small()
+    for number, name in enumerate(ceilings.TOGETHER, 1):
+        one = data["ceilings"][0] | {"name": name, "instructions_per_core_cycle": 2 + number / 4}
+        data["ceilings"].append(one)
+        assert ceilings.check(data, "test").issue("double", 256) == 2 + number / 4
+
+
 def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "scripts" / "ceilings.py"), "--samples", "5", "--json", "--run"]
     done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
@@ -279,4 +315,15 @@ def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     store.write_json(tmp_path / "plan.json", {})
     done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["ceilings"] == ceilings.read(tmp_path).rows
+    limits = ceilings.read(tmp_path)
+    assert json.loads(done.stdout)["ceilings"] == limits.rows
+    context = {"cpu": machine.cpu()}
+    assert limits.data["compiler"] and limits.foreign(context, limits.data["tsc_hz"]) is None
+    context["cpu"]["stepping"] += 1
+    assert limits.foreign(context, limits.data["tsc_hz"])
+    # A run of another machine cannot have its ceilings measured here.
+    before = (tmp_path / "ceilings.json").read_bytes()
+    store.write_json(tmp_path / "context.json", context)
+    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert "another machine" in done.stderr and (tmp_path / "ceilings.json").read_bytes() == before

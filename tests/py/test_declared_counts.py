@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import json
 import re
 import shutil
 import subprocess
@@ -17,6 +18,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
 from study import images, registry, run, store
@@ -406,3 +409,136 @@ def test_a_missing_file_is_one_clear_line(tree):
     assert done.returncode != 0
     said = [line for line in done.stderr.splitlines() if not line.startswith("make")]
     assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/flops.h"]
+
+
+# --- a phase with threads of its own: the ladder's have none
+
+
+TOY = """
+#include <pthread.h>
+#include <stdlib.h>
+
+#include "flops.h"
+#include "phase.h"
+
+struct prepared {
+    int threads;
+};
+struct band {
+    struct frame *frame;
+    int first, stride;
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    (void)model;
+    struct prepared *prepared = malloc(sizeof *prepared);
+    if (prepared)
+        prepared->threads = threads;
+    return prepared;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    (void)prepared, (void)model;
+    return true;
+}
+
+void phase_release(struct prepared *prepared) {
+    free(prepared);
+}
+
+static float shade(int row, int column) {
+    COUNT(shade, call);
+    float sum = 0;
+    for (int i = 0; i < row % 5 + column % 3; i++)
+        COUNT(shade, step), sum += 0.125f * (float)i;
+    return sum;
+}
+
+static void *rows(void *data) {
+    const struct band *band = data;
+    struct frame *frame = band->frame;
+    COUNT(rows, call);
+    for (int row = band->first; row < frame->height; row += band->stride)
+        for (int column = 0; column < frame->width; column++) {
+            ACTIVE(column % 4 + 1);
+            float *rgb = frame->rgb + 3 * ((size_t)row * (size_t)frame->width + (size_t)column);
+            rgb[0] = rgb[1] = rgb[2] = shade(row, column);
+        }
+    return NULL;
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    (void)view;
+    pthread_t threads[8];
+    struct band bands[8];
+    bool good = true;
+    for (int i = 0; i < prepared->threads; i++) {
+        bands[i] = (struct band){frame, i, prepared->threads};
+        if (i > 0 && pthread_create(&threads[i], NULL, rows, &bands[i]) != 0)
+            return false;
+    }
+    rows(&bands[0]);
+    for (int i = 1; i < prepared->threads; i++)
+        good = pthread_join(threads[i], NULL) == 0 && good;
+    return good;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    (void)prepared, (void)points;
+    for (size_t i = 0; i < count; i++)
+        distance[i] = 0.0, nearest[i] = -1;
+    return true;
+}
+"""
+TOY_COSTS = """\
+COST(rows, call,      1, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+COST(shade, call, LANES, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+COST(shade, step, LANES, 1, 1, 0, 0, 0, 0, 0, 0, 0) // 0.125·i; the sum
+"""
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory) -> Path:
+    """build/toy/render-count of a phase that shares its rows among --threads threads."""
+    tree = tmp_path_factory.mktemp("threads")
+    for name in ("common", "phases/baseline", "scripts"):
+        shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__", "ablations"))
+    shutil.copy(ROOT / "Makefile", tree)
+    folder = tree / "phases/toy"
+    folder.mkdir()
+    about = store.read_json(ROOT / "phases/baseline/phase.json")
+    about |= {"name": "toy", "threads": True, "lanes": 4, "order": 99, "parent": "baseline"}
+    store.write_json(folder / "phase.json", about)
+    (folder / "toy.c").write_text(TOY)
+    (folder / "costs.def").write_text(TOY_COSTS)
+    subprocess.run(["make", "-s", "-C", str(tree), "build/toy/render-count"], check=True)
+    return tree / "build/toy/render-count"
+
+
+@settings(max_examples=12, deadline=None)
+@given(height=st.integers(1, 40), width=st.integers(1, 40), threads=st.integers(2, 8))
+@example(height=1, width=7, threads=2)  # the second thread has nothing to do
+def test_any_number_of_threads_counts_as_one(toy, height, width, threads):
+    """The counts of each function are those of one thread, and what the loops say; only `rows` runs anew."""
+    shape = ["-n", str(height), "-w", str(width), "--json"]
+
+    def count(number: int) -> dict[str, Any]:
+        command = [toy, ROOT / "common/scenes/trio.json", *shape, "--threads", str(number)]
+        return json.loads(subprocess.check_output(command, text=True).splitlines()[-1])
+
+    one, several = count(1), count(threads)
+    assert one["by_function"]["shade"] == several["by_function"]["shade"]
+    for key in ("flops", "executed", "useful", "useful_paper"):
+        assert one[key] == several[key]
+    assert [made["by_function"]["rows"]["calls"] for made in (one, several)] == [1, threads]
+    steps = [(row % 5 + column % 3, column % 4 + 1) for row in range(height) for column in range(width)]
+    assert one["by_function"]["shade"]["parts"] == {"call": len(steps), "step": sum(n for n, _ in steps)}
+    assert one["by_function"]["shade"]["lanes"] == sum(active for _, active in steps)
+    assert one["executed"] == 4 * 2 * sum(n for n, _ in steps)
+    assert one["useful"] == 2 * sum(n * active for n, active in steps)

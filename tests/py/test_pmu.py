@@ -185,8 +185,10 @@ def test_available_says_why_not(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     works, reason = pmu.available()
     assert reason and "\n" not in reason and works in (True, False)
     monkeypatch.setattr(pmu.machine, "cpu", lambda: {"microarchitecture": "Ice Lake"})
-    monkeypatch.setenv("PATH", str(tmp_path))
-    assert pmu.available()[0] is False and "perf is missing" in pmu.available()[1]
+    monkeypatch.setattr(pmu.perf, "program", lambda: None)
+    works, reason = pmu.available()
+    assert works is False and "perf is missing" in reason
+    assert reason.startswith("no hardware counters here; they would add FLOPs, cycles and a top-down split")
     monkeypatch.setattr(pmu.machine, "cpu", lambda: {"microarchitecture": "Bonnell"})
     assert "no events file for Bonnell" in pmu.available()[1]
 
@@ -196,7 +198,8 @@ def stand_in(folder: Path, body: str) -> None:
     tool = folder / "perf"
     tool.write_text(
         "#!/usr/bin/env python3\nimport re, sys\n"
-        "a = sys.argv\nE = a[a.index('-e') + 1]\nA = a[a.index('--') + 1 :]\n"
+        "a = sys.argv\nif a[1:] == ['--version']:\n    sys.exit()\n"
+        "E = a[a.index('-e') + 1]\nA = a[a.index('--') + 1 :]\n"
         "out = open(a[a.index('-o') + 1], 'w')\n"
         "events = re.findall(r'[^,{}/]+(?:/[^/]*/u?|:u)|[^,{}]+', E.removesuffix(':u').strip('{}'))\n"
         "print('# started\\n', file=out)\n" + body
@@ -209,6 +212,7 @@ def ice_lake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     monkeypatch.setattr(pmu.machine, "cpu", lambda: {"microarchitecture": "Ice Lake"})
     monkeypatch.setattr(pmu, "cpu_flags", lambda: frozenset({"avx512f"}))
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(pmu.perf, "program", pmu.perf.program.__wrapped__)
     return tmp_path
 
 
@@ -247,6 +251,17 @@ def test_a_frame(ice_lake: Path, shared: bool) -> None:
     assert (found.measured.phase, found.measured.width, found.measured.height) == ("opt3", 21, 12)
     assert Measured.from_json(json.loads(json.dumps(found.measured.to_json()))) == found.measured
     assert found.topdown and found.topdown["retiring"] == of("topdown_retiring") / of("slots")
+
+
+def test_a_perf_that_does_not_start_is_none(ice_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Ubuntu's, which looks for the running kernel's own and gives up with a warning."""
+    stand_in(ice_lake, "")
+    assert pmu.tool() == str(ice_lake / "perf")
+    (ice_lake / "perf").write_text("#!/bin/sh\necho 'WARNING: perf not found for kernel 6.6' >&2\nexit 2\n")
+    monkeypatch.setenv("PATH", str(ice_lake))
+    monkeypatch.setattr(pmu.perf.Path, "glob", lambda *_: [])
+    with pytest.raises(StudyError, match="perf is missing"):
+        pmu.tool()
 
 
 NOTHING = """

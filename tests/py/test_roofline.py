@@ -5,6 +5,7 @@ At n = 180 the fixture's opt4 takes 2000 core cycles and 1250 TSC cycles per pix
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
@@ -20,16 +21,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import roofline
-from study import analysis, ceilings, roof, store
+from study import analysis, ceilings, roof, sections, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
+from study.draw import RING
 
 ROOT = Path(__file__).parents[2]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
 # Instructions per core cycle; a division takes 8 cycles, a square root 16.
 RATES = {
     **{"fma": 2.0, "add": 2.0, "mul": 2.0, "minmax": 2.0, "div": 0.125, "sqrt": 0.0625},
-    **{"rsqrt": None, "add+mul": 3.0},
+    **{"rsqrt": None, "add+mul": 3.0, "add+2mul": 2.5, "2add+mul": 2.5},
 }
 BYTES = {"L1": 128.0, "L2": 64.0, "L3": 16.0, "memory": 4.0}
 
@@ -72,7 +74,7 @@ def measured(spec: str, scene: str, n: int, lanes: dict, load: float, store_: fl
     total.lanes.update({key: round(value * PIXELS[n]) for key, value in lanes.items()})
     total.load, total.store = round(load * PIXELS[n]), round(store_ * PIXELS[n])
     known = {
-        "backend": "assembly blocks",
+        "backend": "blocks",
         "variant": "shipped",
         "scene_hash": f"{scene}-hash",
         "calibrated": True,
@@ -163,7 +165,7 @@ def test_operations_without_a_ceiling_are_told_and_not_free(limits: ceilings.Cei
     assert math.isnan(empty.roof) and math.isnan(empty.unpriced)
 
 
-KINDS = st.sampled_from([kind for kind, rate in RATES.items() if rate and kind != "add+mul"])
+KINDS = st.sampled_from([kind for kind, rate in RATES.items() if rate and kind in ceilings.KINDS])
 LANES = st.dictionaries(
     st.tuples(KINDS, st.just("double"), st.sampled_from([64, 128, 256])), st.integers(1, 10**9)
 )
@@ -197,7 +199,7 @@ def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
     # The launches lie within 1 % of the median: their interval, turned round.
     assert 2 / 1.011 < opt4["flops_per_core_cycle_low"] < 2 < opt4["flops_per_core_cycle_high"] < 2 / 0.989
     assert opt4["bytes"] == 2000 * PIXELS[180] and opt4["intensity"] == pytest.approx(2)
-    assert (opt4["backend"], opt4["calibrated"]) == ("assembly blocks", True)
+    assert (opt4["backend"], opt4["calibrated"]) == ("blocks", True)
     assert opt4["scaled_from_n"] is None or math.isnan(opt4["scaled_from_n"])
     assert opt4["L1_roof"] == pytest.approx(2 * 128) and opt4["memory_roof"] == pytest.approx(2 * 4)
 
@@ -242,7 +244,7 @@ def test_no_resource_sets_a_roof_that_is_none(run: Path) -> None:
 
 @pytest.mark.parametrize(
     ("backend", "outside", "seen"),
-    [("assembly blocks", None, False), ("qemu", {}, True), ("sde", None, True), ("pmu", None, True)],
+    [("blocks", None, False), ("qemu", {}, True), ("sde", None, True), ("pmu", None, True)],
 )
 def test_each_back_end_says_whether_it_saw_libms_inside(
     run: Path, backend: str, outside: dict | None, seen: bool
@@ -337,9 +339,78 @@ def test_a_calibrated_back_end_goes_before_another(run: Path) -> None:
     write_counts(run, [doubtful, qemu], [])
     assert row(run, "opt4", 180)["backend"] == "qemu"
     write_counts(run, [qemu, OPT4], [])
-    assert row(run, "opt4", 180)["backend"] == "assembly blocks"
+    assert row(run, "opt4", 180)["backend"] == "blocks"
     write_counts(run, [doubtful], [])
     assert "not yet validated" in roof.counted_by(row(run, "opt4", 180))
+
+
+# What is of another machine or of other code
+
+
+def test_ceilings_of_another_machine_are_marked_everywhere(run: Path) -> None:
+    """The fixture's context.json says Example CPU, its frames a TSC of 2.5 GHz."""
+    assert rows_of(run)["foreign_ceilings"].isna().all() and roof.remarks(rows_of(run)) == []
+    for change in ({"cpu": {"model": "Other CPU"}}, {"tsc_hz": 3e9}):
+        store.write_json(run / "ceilings.json", record() | change)
+        done = script(run)
+        assert done.returncode == 0 and "Ceilings of another machine: " in done.stderr
+        for name in ("tables/roofline.md", "tables/table6.md", "figures/roofline.svg"):
+            assert "another machine" in (run / name).read_text(), name
+        section = sections.roofline(analysis.load(run))
+        assert section.remarks[0].startswith("Ceilings of another machine: ")
+        part = next(part for part in section.parts if part.name == "roofline")
+        assert "(another machine's roof!)" in part.markdown
+    store.write_json(run / "ceilings.json", record() | {"cpu": {"model": "Example CPU @ 2.50GHz"}})
+    assert roof.remarks(rows_of(run)) == []
+
+
+@pytest.mark.parametrize(
+    ("about", "said"),
+    [
+        ({"compiler": "gcc 12.2.0"}, None),
+        ({"compiler": "clang 14"}, "compiler clang 14 instead of gcc 12.2.0"),
+        ({"flags": "-O1"}, "flags -O1 instead of "),
+        ({"cpu": "Other CPU"}, "cpu Other CPU instead of Example CPU @ 2.50GHz"),
+    ],
+)
+def test_counts_of_other_code_are_marked(run: Path, about: dict, said: str | None) -> None:
+    other = dataclasses.replace(OPT4, **about)
+    write_counts(run, [other], [])
+    one = row(run, "opt4", 180)
+    assert one["flops"] == 4000 * PIXELS[180]
+    if said is None:
+        assert one["foreign_counts"] is None
+        return
+    assert said in one["foreign_counts"] and "not of what was timed" in roof.counted_by(one)
+    assert [said in line and "(opt4)" in line for line in roof.remarks(rows_of(run))] == [True]
+    write_counts(run, [other, OPT4], [])  # the same picture by the right code: that one
+    assert row(run, "opt4", 180)["foreign_counts"] is None
+    declared = DECLARED | about
+    if "cpu" not in about:
+        write_counts(run, [], [declared])
+        assert said in row(run, "opt4", 180)["foreign_counts"]
+
+
+def test_what_is_above_its_roof_is_marked(run: Path) -> None:
+    """opt4 does 2 flop per cycle: under an FMA roof of 2.1 and above one of 1.9."""
+    for value, above in ((2.1, False), (1.9, True)):
+        data = record()
+        for one in data["ceilings"]:
+            if one["name"] == "fma" and one["precision"] == "single" and one["bits"] == 256:
+                one["value"] = value
+        store.write_json(run / "ceilings.json", data)
+        counted, limits, _ = roof.read(run)
+        table = roof.rows(analysis.load(run), counted, limits)
+        marked = [line for line in roof.remarks(table) if "Above a roof" in line and "opt4" in line]
+        assert bool(marked) == above
+        assert ("(above its roof!)" in roof.tables(table, limits)["roofline"][1]) == above
+        one = row(run, "opt4", 180)
+        assert ("above its roof" in roofline.hover(one)) == above
+        shown = roof.headline(table[table["intensity"] > 0])
+        figure = roofline.roofline(shown, limits)
+        rings = [line for line in figure.axes[0].lines if line.get_markersize() == RING["markersize"]]
+        labels = {text.get_text() for text in figure.legends[0].get_texts()}
+        assert (len(rings), "above its roof: see below" in labels) == (int(above), above)
 
 
 def test_few_launches_have_no_interval(run: Path) -> None:

@@ -36,7 +36,7 @@ def declared(phase: str = "baseline", height: int = 9, scene: str = "scene0") ->
     }
 
 
-def checked(scope: str = "total", backend: str = "assembly blocks", within: bool = True) -> dict[str, Any]:
+def checked(scope: str = "total", backend: str = "blocks", within: bool = True) -> dict[str, Any]:
     return {
         **PICTURE,
         **{"scope": scope, "variant": "calls", "backend": backend, "calibrated": True},
@@ -231,9 +231,9 @@ def test_back_ends_are_named_and_summed_apart(run: Path) -> None:
     put(run, "validation.json", {"schema": 1, "rows": rows})
     said = sections.counted(run).remarks
     about = next(line for line in said if "Measured: by" in line)
-    assert all(name in about for name in ("assembly blocks (every basic block", "qemu (", "pmu ("))
+    assert all(name in about for name in ("blocks (every basic block", "qemu (", "pmu ("))
     assert [line for line in said if line.startswith("Calls by name")] == [
-        "Calls by name, counting build against assembly blocks: 2 of 2 equal.",
+        "Calls by name, counting build against blocks: 2 of 2 equal.",
         "Calls by name, counting build against qemu: 1 of 2 equal.",
     ]
     put(run, "validation.json", {"schema": 1, "rows": [checked("total", "pmu")]})
