@@ -4,7 +4,7 @@ include common/rules.mk
 -include tests/tests.mk
 
 PY := .venv/bin/python
-PHASE ?= $(PHASES)
+PHASE ?= $(filter-out truth,$(PHASES))
 N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=

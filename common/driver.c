@@ -17,8 +17,8 @@
 #include "phase_info.h"
 #include "timer.h"
 
-#ifdef STEPWISE_COUNT // counts of the exact picture; its times are those of the counting, not of
-                      // the phase
+#ifdef STEPWISE_COUNT
+// Counts of the exact picture; its times are those of the counting, not of the phase.
 #include "count.h"
 #else
 #define count_begin() ((void)0)
@@ -264,8 +264,8 @@ struct session {
     json_t *frames;
 };
 
-// JSON is UTF-8, file names are bytes: what is not ASCII is replaced where only a record is
-// written.
+// JSON is UTF-8, file names are bytes: what is not ASCII is replaced where
+// only a record is written.
 static const char *in_ascii(const char *text, char ascii[4096]) {
     size_t i = 0;
     for (; text && text[i] && i < 4095; i++)
@@ -369,7 +369,8 @@ static int one_frame(struct session *s, int index, bool first) {
 
 static int run(struct session *s) {
     const struct options *o = &s->options;
-    if (!frame_create(&s->frame, o->width, o->height, o->aov) ||
+    static const char *const planes[] = {PHASE_PLANES NULL};
+    if (!frame_create(&s->frame, o->width, o->height, o->aov, planes) ||
         !(s->presenter = presenter_create()) ||
         !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
         !(s->frames = json_array()))
@@ -378,7 +379,7 @@ static int run(struct session *s) {
     s->overhead = timer_overhead_cycles();
     s->core_hz_load = vector_bits() ? timer_core_hz_under_load(s->tsc_hz, 8, vector_bits()) : 0;
     uint64_t begin = timer_ns();
-    s->prepared = phase_prepare(&s->scene.model);
+    s->prepared = phase_prepare(&s->scene.model, s->options.threads);
     s->prepare_ns = timer_ns() - begin;
     if (!s->prepared)
         return complain(NO_MEMORY, "out of memory while preparing the scene");

@@ -26,7 +26,7 @@ static float *plane(size_t samples, bool wanted, bool *ok) {
     return memory;
 }
 
-bool frame_create(struct frame *frame, int width, int height, bool aov) {
+bool frame_create(struct frame *frame, int width, int height, bool aov, const char *const *names) {
     size_t pixels = (size_t)width * (size_t)height;
     bool ok = true;
     *frame = (struct frame){.width = width, .height = height};
@@ -35,6 +35,9 @@ bool frame_create(struct frame *frame, int width, int height, bool aov) {
     frame->id = plane(pixels, aov, &ok);
     frame->normal = plane(3 * pixels, aov, &ok);
     frame->evals = plane(pixels, aov, &ok);
+    frame->plane_names = names;
+    for (int i = 0; aov && names && names[i] && i < FRAME_MOST_PLANES; i++)
+        frame->planes[frame->plane_count++] = plane(pixels, true, &ok);
     if (!ok)
         frame_free(frame);
     return ok;
@@ -46,6 +49,8 @@ void frame_free(struct frame *frame) {
     free(frame->id);
     free(frame->normal);
     free(frame->evals);
+    for (int i = 0; i < frame->plane_count; i++)
+        free(frame->planes[i]);
     *frame = (struct frame){0};
 }
 
@@ -150,11 +155,13 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
     if (!temporary_name(path, temporary, error))
         return false;
     const float *normal = frame->normal ? frame->normal : frame->rgb; // no offsets from NULL
-    struct channel channels[] = {{"B", frame->rgb + 2, 3}, {"G", frame->rgb + 1, 3},
-                                 {"N.x", normal, 3},       {"N.y", normal + 1, 3},
-                                 {"N.z", normal + 2, 3},   {"R", frame->rgb, 3},
-                                 {"Z", frame->depth, 1},   {"evals", frame->evals, 1},
-                                 {"id", frame->id, 1},     {NULL, NULL, 0}};
+    struct channel channels[10 + FRAME_MOST_PLANES] = {
+        {"B", frame->rgb + 2, 3}, {"G", frame->rgb + 1, 3},   {"N.x", normal, 3},
+        {"N.y", normal + 1, 3},   {"N.z", normal + 2, 3},     {"R", frame->rgb, 3},
+        {"Z", frame->depth, 1},   {"evals", frame->evals, 1}, {"id", frame->id, 1},
+        {NULL, NULL, 0}};
+    for (int i = 0; i < frame->plane_count; i++)
+        channels[9 + i] = (struct channel){frame->plane_names[i], frame->planes[i], 1};
     if (!frame->depth)
         memcpy(channels, (struct channel[]){channels[0], channels[1], channels[5], {0}},
                4 * sizeof *channels);

@@ -5,22 +5,28 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+enum { FRAME_MOST_PLANES = 32 };
+
 // Row-major, top row first. `rgb` is linear, neither clamped nor gamma-corrected. The other planes
 // are NULL unless asked for: a phase writes those that are not.
 struct frame {
     int width, height;
-    float *rgb;    // 3 per pixel
-    float *depth;  // hit distance t along the camera ray, +inf on a miss
-    float *id;     // index of the shape hit, −1 on a miss
-    float *normal; // 3 per pixel, unit length, towards the ray; 0 on a miss
-    float *evals;  // distance evaluations (of the whole scene) of the camera ray's march
+    float *rgb;      // 3 per pixel
+    float *depth;    // hit distance t along the camera ray, +inf on a miss
+    float *id;       // index of the shape hit, −1 on a miss
+    float *normal;   // 3 per pixel, unit length, towards the ray; 0 on a miss
+    float *evals;    // distance evaluations (of the whole scene) of the camera ray's march
+    int plane_count; // the planes of phase.json's "planes", in its order; 0 unless asked for
+    float *planes[FRAME_MOST_PLANES];
+    const char *const *plane_names; // of channels
 };
 
-// Every sample is preset to NaN, so that a pixel a phase forgot cannot pass for a colour.
-bool frame_create(struct frame *frame, int width, int height, bool aov);
+// Every sample is preset to NaN, so that a pixel a phase forgot cannot pass for a colour. `names`: of the
+// phase's own planes, up to a NULL; they are there with `aov` only.
+bool frame_create(struct frame *frame, int width, int height, bool aov, const char *const *names);
 void frame_free(struct frame *frame);
 
-// Writes float channels R G B [Z id N.x N.y N.z evals] with ZIP compression under a temporary name,
+// Writes float channels R G B [Z id N.x N.y N.z evals and the phase's own] with ZIP compression under a temporary name,
 // then renames it. Returns false with one line in `error` (at least 512 bytes).
 bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 

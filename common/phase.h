@@ -18,8 +18,9 @@ struct prepared; // the phase's own
 const char *phase_unsupported(const struct scene *scene);
 
 // What may be worked out once per scene from shapes, materials and limits. Timed apart as set-up.
-// The model outlives what is prepared from it. NULL when memory is short.
-struct prepared *phase_prepare(const struct model *model);
+// The model outlives what is prepared from it. NULL when memory is short. Renders with that many
+// threads; more than 1 only if phase.json says so.
+struct prepared *phase_prepare(const struct model *model, int threads);
 
 // The timed region. Camera and light are new for each frame: what depends on them is paid for here.
 // Writes every plane of the frame that is not NULL. Returns false when memory is short.
@@ -35,5 +36,11 @@ void phase_release(struct prepared *prepared);
 // in the arithmetic that its march uses, and the index of the nearest shape.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest);
+
+// Only of the phases of family "truth", for tests (rays.c): the first hit of each ray, origin xyz and
+// direction xyz, as status (2 proved, 1 converged only, 0 undecided), index of the shape (−1: none), and the
+// enclosure of s in p = origin + s·direction, s ≥ 0 (+inf on a proved miss), and what it cost in evaluations.
+bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
+                      double *enclosures);
 
 #endif

@@ -36,6 +36,9 @@ def load(name: str, output: Path) -> dict:
     for key, kind in KEYS.items():
         if not isinstance(info.get(key), kind):
             sys.exit(f"phase_info: {path}: $.{key}: {kind.__name__} required")
+    planes = info.get("planes", [])
+    if not isinstance(planes, list) or len(planes) > 32 or not all(isinstance(i, str) for i in planes):
+        sys.exit(f"phase_info: {path}: $.planes: a list of at most 32 names of channels required")
     if info["name"] != name:
         sys.exit(f"phase_info: {path}: $.name: {info['name']!r} is not the folder's name")
     return info
@@ -66,6 +69,7 @@ def main() -> None:
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",
+        f"#define PHASE_PLANES {' '.join(json.dumps(i) + ',' for i in phase.get('planes', []))}",
     ]
     replace(folder / "phase_info.h", "\n".join(lines) + "\n")
 

@@ -37,7 +37,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "probe: %s\n", error);
         return 2;
     }
-    struct prepared *prepared = phase_prepare(&scene.model);
+    struct prepared *prepared = phase_prepare(&scene.model, 1);
     int status = prepared ? probe(prepared) : 5;
     if (prepared)
         phase_release(prepared);

@@ -1,9 +1,15 @@
 # How a phase is built: the same recipe for all, flags from phases/NAME/phase.json.
 #
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
-#   build/NAME/probe          distances at given points, for tests
+#   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
+#   build/NAME/render-lines   the same code with line tables; render-calls: without inlining, for profiles
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
+#   build/NAME/probe          distances at given points, for tests
+#   build/truth/rays          proved first hits of given rays, for tests
+#   build/ceilings            what one core can do at best (ceilings.c)
+#   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
+#   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
 CC ?= gcc
 ifeq ($(origin CC),default)
@@ -17,7 +23,7 @@ WARNINGS := -Wall -Wextra -Wpedantic -Werror
 SANITIZERS := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
-LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lm
+LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
@@ -53,20 +59,34 @@ FORCE:
 $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
+# Each of a phase's sources with its flags. $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of
+# what is made.
+define compile_each
+@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+for source in $(filter %.c,$^); do \
+    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(1) $$source \
+        -o $(2)$$(basename $$source .c).$(3); \
+    echo "$$@"; "$$@" || exit 1; \
+done
+endef
+# A phase as one object. $(1): more compiler flags
+define compile_recipe
+@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
+$(call compile_each,$(1) -c,$(@D)/objects/,o)
+@ld -r -o $@ $(@D)/objects/*.o
+endef
+
 $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
-	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
-	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(@D)/flags.mk)"; \
-	for source in $(filter %.c,$^); do \
-	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -c $$source \
-	        -o $(@D)/objects/$$(basename $$source .c).o; \
-	    echo "$$@"; "$$@" || exit 1; \
-	done
-	@ld -r -o $@ $(@D)/objects/*.o
+	$(call compile_recipe,)
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# First hits of given rays in proved enclosures, for tests: phases of family truth only (phase.h).
+$(BUILD)/%/rays: $(BUILD)/common/rays.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # The counting build: the same sources with the macros of flops.h switched on.
@@ -80,14 +100,7 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote $(call folder_of,$*) -I$(BUILD)/$* -c $< -o $@
 
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
-	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
-	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
-	for source in $(filter %.c,$^); do \
-	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -DSTEPWISE_COUNT \
-	        -iquote $(call folder_of,$*) -c $$source -o $(@D)/objects/$$(basename $$source .c).o; \
-	    echo "$$@"; "$$@" || exit 1; \
-	done
-	@ld -r -o $@ $(@D)/objects/*.o
+	$(call compile_recipe,-DSTEPWISE_COUNT -iquote $(call folder_of,$*))
 
 $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
@@ -97,14 +110,7 @@ $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BU
 CALLS_CFLAGS := -g -fno-inline -Dalways_inline=noinline -Wno-attributes \
     $(if $(findstring clang,$(TOOLCHAIN)),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 $(BUILD)/%/calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
-	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
-	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
-	for source in $(filter %.c,$^); do \
-	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(CALLS_CFLAGS) -c $$source \
-	        -o $(@D)/objects/$$(basename $$source .c).o; \
-	    echo "$$@"; "$$@" || exit 1; \
-	done
-	@ld -r -o $@ $(@D)/objects/*.o
+	$(call compile_recipe,$(CALLS_CFLAGS))
 
 $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
@@ -112,14 +118,7 @@ $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(COMMON_O
 # The shipped code with line tables: not an instruction differs (tests/py/test_hotspots.py), and inlined code
 # can be told by the function it is from.
 $(BUILD)/%/lines/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
-	@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
-	@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
-	for source in $(filter %.c,$^); do \
-	    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon -g -c $$source \
-	        -o $(@D)/objects/$$(basename $$source .c).o; \
-	    echo "$$@"; "$$@" || exit 1; \
-	done
-	@ld -r -o $@ $(@D)/objects/*.o
+	$(call compile_recipe,-g)
 
 $(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
@@ -132,19 +131,17 @@ $(BUILD)/common/qemu_plugin.so: common/qemu_plugin.c common/rules.mk $(BUILD)/co
 $(BUILD)/ceilings: $(BUILD)/common/ceilings.o $(BUILD)/common/timer.o
 	$(CC) $(SANITIZERS) $^ -lm -o $@
 
+# Tables of the CPU's approximate reciprocal roots (hard case 20).
+$(BUILD)/rsqrt: $(BUILD)/common/rsqrt.o
+	$(CC) $(SANITIZERS) $^ -lm -o $@
+
 # Executions of every basic block (scripts/study/assembly.py, common/blocks.c): the shipped code, and the same
 # source with its functions kept. The driver is the counting build's; table.json says what was counted.
 BLOCKS_PYTHON = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly
 BLOCKS_TOOLS := scripts/study/assembly.py scripts/study/decode.py
-# $(1): more compiler flags
 define blocks_recipe
 @rm -rf $(@D) && mkdir -p $(@D)
-@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
-for source in $(filter %.c,$^); do \
-    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(1) -S $$source \
-        -o $(@D)/$$(basename $$source .c).s; \
-    echo "$$@"; "$$@" || exit 1; \
-done
+$(call compile_each,$(1) -S,$(@D)/,s)
 @$(BLOCKS_PYTHON) --cc '$(CC)' $(@D) $(@D)/*.s
 @ld -r -o $@ $(@D)/counted/*.o
 endef
@@ -179,3 +176,5 @@ $(BUILD)/calibration/blocks/phase.o: tests/calibration/calibrate.c common/count.
 
 $(BUILD)/calibration/calibrate-blocks: $(BUILD)/calibration/blocks/phase.o $(BUILD)/calibration/blocks/blocks.o $(BUILD)/common/tally.o
 	$(BLOCKS_LINK)
+
+include common/functions/functions.mk

@@ -18,7 +18,8 @@ from study import cli  # first: it may start the script again with the venv's Py
 from study import analysis, ceilings, ladder, store
 from study.build import build
 from study.flops import read as read_counts
-from study.registry import ROOT, Spec, cpu_supports, phases
+from study.registry import ROOT, Spec, cpu_supports
+from study.registry import ladder as rungs  # beside the module of that name
 
 SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (
@@ -151,7 +152,7 @@ def hotspots(run: Path, options: argparse.Namespace, height: int) -> bool:
     quick = [] if options.full else ["--no-osaca", "--samples", "1500"]  # OSACA: half a minute a phase
     accepted = (cli.OK, cli.CANNOT_RUN)  # without perf the study goes on; the script has said so
     # Table 3 is about one step, structs to arrays, which the ladder's opt2 has among others.
-    names = [*phases(), *(["opt1+arrays"] if "opt1" in phases() else [])]
+    names = [*rungs(), *(["opt1+arrays"] if "opt1" in rungs() else [])]
     names = [name for name in names if cpu_supports(Spec.parse(name))]
     script(
         "hotspots",
@@ -182,7 +183,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
 }
 
 
-def main() -> int:
+def arguments() -> argparse.Namespace:
     parser = cli.parser(
         __doc__ or "", {1: "done, and a phase is outside its tolerance or crashed: the report says which"}
     )
@@ -204,30 +205,40 @@ def main() -> int:
     parser.add_argument(
         "--results", type=Path, default=ROOT / "results", metavar="DIR", help="parent of the run's folder"
     )
-    options = parser.parse_args()
-    begin = time.monotonic()
+    return parser.parse_args()
+
+
+def ladder_run(options: argparse.Namespace, step: Callable[[str], None]) -> tuple[Path, int, list[str]]:
+    """Sweep, verification and pictures of a new run: its folder, the height, and what went wrong."""
+    wrong: list[str] = []
+    step("sweep")
+    swept = sweep(options)
+    run, height = Path(swept["run"]), swept["height"]
+    if swept["failures"]:
+        wrong.append("a phase crashed")
+    specs = [*dict.fromkeys(row["spec"] for row in swept["rows"] if row["spec"] != "baseline")]
+    step(f"verifying all phases on all scenes at n = {height}")
+    if not verify(run, options, height, specs):
+        wrong.append("a phase is outside its tolerance")
+    if not options.part:
+        step("pictures")
+        script("pictures", "--run", str(run))
+    return run, height, wrong
+
+
+def main() -> int:
+    options, begin = arguments(), time.monotonic()
 
     def step(text: str) -> None:
         cli.say(f"[{time.monotonic() - begin:.0f} s] {text}")
 
-    step(f"building {len(phases())} phases")
-    for name in phases():
+    step(f"building {len(rungs())} phases")
+    for name in rungs():
         build(Spec(name, name))
     wrong: list[str] = []
     run, height = newest(options) if options.part else (None, 0)
     if run is None:
-        step("sweep")
-        swept = sweep(options)
-        run, height = Path(swept["run"]), swept["height"]
-        if swept["failures"]:
-            wrong.append("a phase crashed")
-        specs = [*dict.fromkeys(row["spec"] for row in swept["rows"] if row["spec"] != "baseline")]
-        step(f"verifying all phases on all scenes at n = {height}")
-        if not verify(run, options, height, specs):
-            wrong.append("a phase is outside its tolerance")
-        if not options.part:
-            step("pictures")
-            script("pictures", "--run", str(run))
+        run, height, wrong = ladder_run(options, step)
     for name in options.part or PARTS:
         text, part = PARTS[name]
         step(text)

@@ -26,7 +26,7 @@ from study import machine, run, stats, store, summary
 from study.build import build
 from study.cli import StudyError
 from study.plan import Config, fail, make_plan, now, overrides, sha256
-from study.registry import Spec, find_scene, phases
+from study.registry import Spec, find_scene, ladder
 from study.run import DriverError
 
 DESCRIPTION = """\
@@ -98,7 +98,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--dry-run", action="store_true", help="print plan and duration, measure nothing")
     options = parser.parse_args(argv)
     defaults: dict[str, Any] = {
-        "phase": list(phases()),
+        "phase": list(ladder()),
         "scene": ["scene0", "mandelbulb"],
         "n": [size("180")],
     }

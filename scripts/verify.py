@@ -126,7 +126,7 @@ def arguments() -> argparse.Namespace:
 def run() -> int:
     args = arguments()
     reference = Spec.parse(args.reference)
-    names = args.phase or [phase.name for phase in registry.phases().values() if phase.parent]
+    names = args.phase or [phase.name for phase in registry.ladder().values() if phase.parent]
     specs = [Spec.parse(name) for name in dict.fromkeys(names)]
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     for spec in specs:

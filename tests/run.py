@@ -136,7 +136,8 @@ def builds_step() -> Iterator[Tally]:
         )
         make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
         targets = {
-            phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe", f"{folder}/{phase}/render-count"]
+            phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"]
+            + [f"{folder}/{phase}/render-count"] * (ROOT / "phases" / phase / "costs.def").is_file()
             for phase in phases
         }
         if run(*make, *itertools.chain(*targets.values())):
@@ -161,6 +162,7 @@ STEPS: dict[str, Callable[[], Iterator[Tally]]] = {
     "conformance-asan": lambda: pytest_step(
         "conformance-asan", "tests/conformance", STEPWISE_BUILD="build/asan"
     ),
+    "hard": lambda: pytest_step("hard", "tests/hard"),
     "py": lambda: pytest_step("py", "tests/py"),
 }
 

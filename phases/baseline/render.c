@@ -14,7 +14,8 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-struct prepared *phase_prepare(const struct model *model) {
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    (void)threads; // one
     struct prepared *prepared = malloc(sizeof *prepared);
     if (prepared)
         prepared->model = *model;

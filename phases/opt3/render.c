@@ -72,7 +72,8 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     return true;
 }
 
-struct prepared *phase_prepare(const struct model *model) {
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
     struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
     if (!prepared || !placed) {

@@ -17,6 +17,8 @@ from study import patches
 from study.cli import StudyError
 
 ROOT = Path(__file__).resolve().parents[2]
+OPTIONAL = {"planes"}  # keys of phase.json that may be left out
+TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
 
@@ -39,6 +41,7 @@ class Phase:
     cflags: str
     tolerance: dict[str, Any]
     path: Path
+    planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
     for path in sorted(root.glob("phases/[!.]*/phase.json")):
         data = _read_json(path)
         keys = {field.name for field in dataclasses.fields(Phase)} - {"path"}
-        wrong = sorted(keys - data.keys()) + sorted(data.keys() - keys)
+        wrong = sorted(keys - OPTIONAL - data.keys()) + sorted(data.keys() - keys)
         if wrong:
             state = (
                 "is missing" if wrong[0] in keys else f"is unknown; the keys are {', '.join(sorted(keys))}"
@@ -118,6 +121,11 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
     except TypeError:
         raise StudyError("phases/*/phase.json: family must be a string and order a number") from None
     return {phase.name: phase for phase in found}
+
+
+def ladder(root: Path = ROOT) -> dict[str, Phase]:
+    """The phases that are timed, verified and counted: all but those of family truth."""
+    return {name: phase for name, phase in phases(root).items() if phase.family != TRUTH}
 
 
 @functools.cache

@@ -66,7 +66,7 @@ static float random_float(uint64_t *seed) { // any finite bits (Knuth's MMIX LCG
 
 static struct frame random_frame(int width, int height, bool aov) {
     struct frame frame;
-    assert_true(frame_create(&frame, width, height, aov));
+    assert_true(frame_create(&frame, width, height, aov, NULL));
     uint64_t seed = 1;
     float *planes[] = {frame.rgb, frame.normal, frame.depth, frame.id, frame.evals};
     for (int p = 0; p < 5; p++)
@@ -82,7 +82,7 @@ static void planes_are_preset(void **state) {
     (void)state;
     for (int aov = 0; aov < 2; aov++) {
         struct frame frame;
-        assert_true(frame_create(&frame, 17, 5, aov));
+        assert_true(frame_create(&frame, 17, 5, aov, NULL));
         assert_int_equal(frame.width, 17);
         assert_int_equal(frame.height, 5);
         float *planes[] = {frame.rgb, frame.normal, frame.depth, frame.id, frame.evals};
@@ -308,7 +308,7 @@ static const uint8_t *show(struct shower *s) {
 
 static struct shower shower_create(void) {
     struct shower s = {.presenter = presenter_create(), .shown = malloc(BATCH)};
-    assert_true(s.presenter && s.shown && frame_create(&s.frame, BATCH / 3, 1, false));
+    assert_true(s.presenter && s.shown && frame_create(&s.frame, BATCH / 3, 1, false, NULL));
     return s;
 }
 

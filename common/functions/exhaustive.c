@@ -1,0 +1,179 @@
+// Float functions of one argument over every float of their segments, against the C library's
+// double ones: their own error, at most 2 ulp of double (1/sqrt has two roundings), is 2^-28 of float.
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench.h"
+
+enum { BLOCK = 4096, GROUP = 64, QUICK_STRIDE = 12289, LANES = 8 };
+
+struct job { // BLOCK · GROUP arguments of one segment
+    const struct target *target;
+    uint32_t first, last, stride;
+};
+
+struct work {
+    const struct job *jobs;
+    size_t job_count, count;
+    const struct runnable *all;
+    struct error *errors;
+    atomic_size_t next;
+    atomic_bool failed;
+    pthread_mutex_t lock;
+};
+
+struct buffers {
+    float a[BLOCK], got[BLOCK];
+    double exact[BLOCK], per_ulp[BLOCK]; // per_ulp: 1 / ulp of exact, as a float
+};
+
+// 2^(23 − e) for 2^e ≤ |exact| < 2^(e+1), e ≥ −126
+static double ulps_per_unit(double exact) {
+    uint64_t bits;
+    memcpy(&bits, &exact, sizeof bits);
+    uint64_t biased = bits >> 52 & 0x7ff; // e + 1023
+    biased = biased < 1023 - 126 ? 1023 - 126 : biased;
+    bits = (1023 + 23 + 1023 - biased) << 52;
+    double result;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+
+// `count` ≤ BLOCK. A result that is no number counts as non-finite, and its error is infinite.
+static struct error compare(const struct buffers *at, size_t count) {
+    double most[LANES] = {0}, squares[LANES] = {0}, good[LANES] = {0};
+    size_t whole = count / LANES * LANES;
+    for (size_t i = 0; i < whole; i += LANES)
+        for (size_t k = 0; k < LANES; k++) {
+            double e = fabs((double)at->got[i + k] - at->exact[i + k]) * at->per_ulp[i + k];
+            double finite = e <= 0x1p1000 ? e : 0;
+            good[k] += e <= 0x1p1000 ? 1 : 0;
+            squares[k] += finite * finite;
+            most[k] = finite > most[k] ? finite : most[k];
+        }
+    struct error sum = {.count = count};
+    double numbers = 0;
+    for (size_t k = 0; k < LANES; k++) {
+        numbers += good[k];
+        sum.squares += squares[k];
+        sum.most = most[k] > sum.most ? most[k] : sum.most;
+    }
+    for (size_t i = whole; i < count; i++) {
+        double e = fabs((double)at->got[i] - at->exact[i]) * at->per_ulp[i];
+        if (e <= 0x1p1000) {
+            numbers++;
+            sum.squares += e * e;
+            sum.most = e > sum.most ? e : sum.most;
+        }
+    }
+    sum.non_finite = count - (uint64_t)numbers;
+    if (sum.non_finite)
+        sum.most = INFINITY;
+    return sum;
+}
+
+static void find_worst(const struct buffers *at, size_t count, struct error *error) {
+    for (size_t i = 0; i < count; i++) {
+        double e = fabs((double)at->got[i] - at->exact[i]) * at->per_ulp[i];
+        if (!(e < error->most)) {
+            error->worst_a = at->a[i];
+            return;
+        }
+    }
+}
+
+static void do_job(const struct work *work, const struct job *job, struct buffers *at,
+                   struct error *errors) {
+    uint64_t bits = job->first;
+    while (bits <= job->last) {
+        size_t count = 0;
+        for (; count < BLOCK && bits <= job->last; count++, bits += job->stride) {
+            uint32_t low = (uint32_t)bits;
+            memcpy(&at->a[count], &low, sizeof low);
+            at->exact[count] = job->target->exact(at->a[count], 0);
+        }
+        for (size_t i = 0; i < count; i++)
+            at->per_ulp[i] = ulps_per_unit(at->exact[i]);
+        for (size_t i = count; i % 16; i++)
+            at->a[i] = at->a[0]; // kernels take whole vectors
+        for (size_t k = 0; k < work->count; k++) {
+            const struct runnable *one = &work->all[k];
+            if (one->missing || one->of->is_double ||
+                strcmp(one->entry->function, job->target->name) != 0)
+                continue;
+            one->entry->stream(one->library, (count + 15) / 16 * 16, at->a, NULL, at->got);
+            struct error here = compare(at, count);
+            if (!(here.most <= errors[k].most))
+                find_worst(at, count, &here);
+            error_add(&errors[k], &here);
+        }
+    }
+}
+
+static void *worker(void *given) {
+    struct work *work = given;
+    struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
+    struct error *errors = calloc(work->count, sizeof *errors);
+    if (!at || !errors)
+        work->failed = true;
+    for (size_t i; !work->failed && (i = work->next++) < work->job_count;)
+        do_job(work, &work->jobs[i], at, errors);
+    if (!work->failed) {
+        pthread_mutex_lock(&work->lock);
+        for (size_t k = 0; k < work->count; k++)
+            error_add(&work->errors[k], &errors[k]);
+        pthread_mutex_unlock(&work->lock);
+    }
+    free(errors);
+    free(at);
+    return NULL;
+}
+
+// Segments cut into jobs; `jobs` NULL: only counted.
+static size_t cut(const struct settings *settings, struct job *jobs) {
+    size_t count = 0;
+    for (size_t t = 0; t < target_count; t++)
+        for (int s = 0; s < MOST_SEGMENTS && targets[t].segments[s].stride; s++) {
+            const struct segment *segment = &targets[t].segments[s];
+            uint64_t stride = segment->stride * (settings->quick ? (uint64_t)QUICK_STRIDE : 1);
+            for (uint64_t first = segment->first; first <= segment->last;
+                 first += stride * BLOCK * GROUP) {
+                uint64_t last = first + stride * BLOCK * GROUP - 1;
+                if (jobs)
+                    jobs[count] = (struct job){
+                        &targets[t], (uint32_t)first,
+                        (uint32_t)(last < segment->last ? last : segment->last), (uint32_t)stride};
+                count++;
+            }
+        }
+    return count;
+}
+
+bool measure_errors(const struct runnable *all, size_t count, const struct settings *settings,
+                    struct error *errors) {
+    struct work work = {.all = all, .count = count, .errors = errors};
+    work.job_count = cut(settings, NULL);
+    struct job *jobs = calloc(work.job_count, sizeof *jobs);
+    pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
+    bool ok = jobs && threads;
+    if (ok) {
+        cut(settings, jobs);
+        work.jobs = jobs;
+        pthread_mutex_init(&work.lock, NULL);
+        int started = 0;
+        while (started < settings->threads - 1 &&
+               pthread_create(&threads[started], NULL, worker, &work) == 0)
+            started++;
+        worker(&work);
+        for (int i = 0; i < started; i++)
+            pthread_join(threads[i], NULL);
+        pthread_mutex_destroy(&work.lock);
+        ok = !work.failed;
+    }
+    free(threads);
+    free(jobs);
+    return ok;
+}

@@ -1,0 +1,250 @@
+// The bench of scripts/functions.py: what it has, errors, times, and values for given arguments.
+// All output is JSON but that of evaluate.
+#include <dlfcn.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench.h"
+
+enum { OK = 0, BAD_INPUT = 2, OUT_OF_MEMORY = 5, MOST_THREADS = 1024, MOST_ROUNDS = 1000 };
+
+static const struct entries *const FILES[] = {&scalar_float, &scalar_double, &sse_float,
+                                              &sse_double,   &avx2_float,    &avx2_double,
+                                              &avx512_float, &avx512_double};
+enum { FILE_COUNT = sizeof FILES / sizeof *FILES };
+
+bool has_isa(const char *needs) {
+    static const char *const known[] = {"sse2", "sse4.1", "avx2", "fma", "avx512f", "avx512dq"};
+    __builtin_cpu_init();
+    const bool here[] = {__builtin_cpu_supports("sse2"),    __builtin_cpu_supports("sse4.1"),
+                         __builtin_cpu_supports("avx2"),    __builtin_cpu_supports("fma"),
+                         __builtin_cpu_supports("avx512f"), __builtin_cpu_supports("avx512dq")};
+    for (const char *word = needs; *word; word += strspn(word, " ")) {
+        size_t length = strcspn(word, " ");
+        bool found = false;
+        for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+            found |= strlen(known[i]) == length && !strncmp(word, known[i], length) && here[i];
+        if (!found)
+            return false;
+        word += length;
+    }
+    return true;
+}
+
+struct libraries {
+    void *libmvec, *sleef;
+};
+
+static struct runnable look_up(const struct entries *of, const struct entry *entry,
+                               const struct libraries *libraries) {
+    struct runnable one = {.of = of, .entry = entry};
+    if (!has_isa(of->needs))
+        one.missing = "the CPU lacks the instruction set";
+    else if (entry->symbol) {
+        bool sleef = entry->symbol[0] == 'S';
+        void *library = sleef ? libraries->sleef : libraries->libmvec;
+        void *found = library ? dlsym(library, entry->symbol) : NULL;
+        memcpy(&one.library, &found, sizeof found); // ISO C has no cast of it
+        if (!library)
+            one.missing = sleef ? "libsleef.so.3 is not installed" : "libmvec.so.1 is not here";
+        else if (!found)
+            one.missing = sleef ? "this SLEEF lacks the function" : "this glibc lacks the function";
+    }
+    return one;
+}
+
+static void print_list(const struct runnable *all, size_t count) {
+    printf("{\"mpfr\": %s, \"entries\": [", has_mpfr ? "true" : "false");
+    for (size_t i = 0; i < count; i++) {
+        const struct runnable *one = &all[i];
+        const struct target *target = target_of(one->entry->function);
+        printf("%s\n{\"id\": %zu, \"function\": \"%s\", \"family\": \"%s\", \"name\": \"%s\", "
+               "\"isa\": \"%s\", \"bits\": %d, \"precision\": \"%s\", \"arguments\": %d, "
+               "\"missing\": ",
+               i ? "," : "", i, one->entry->function, one->entry->family, one->entry->name,
+               one->of->isa, one->of->bits, one->of->is_double ? "double" : "float",
+               target ? target->arguments : 1);
+        printf(one->missing ? "\"%s\"}" : "null}", one->missing);
+    }
+    printf("]}\n");
+}
+
+static void print_number(const char *name, double value) {
+    if (isfinite(value))
+        printf(", \"%s\": %.17g", name, value);
+    else
+        printf(", \"%s\": null", name);
+}
+
+static bool print_errors(const struct runnable *all, size_t count,
+                         const struct settings *settings) {
+    struct error *errors = calloc(count, sizeof *errors);
+    bool ok = errors && measure_errors(all, count, settings, errors) &&
+              measure_sampled(all, count, settings, errors);
+    if (ok)
+        printf("{\"entries\": [");
+    for (size_t i = 0; ok && i < count; i++) {
+        const struct error *e = &errors[i];
+        printf("%s\n{\"id\": %zu, \"count\": %" PRIu64 ", \"non_finite\": %" PRIu64, i ? "," : "",
+               i, e->count, e->non_finite);
+        if (e->count) {
+            print_number("max_ulp", e->most);
+            print_number("rms_ulp", sqrt(e->squares / (double)(e->count - e->non_finite)));
+            print_number("worst_a", e->worst_a);
+            print_number("worst_b", e->worst_b);
+        }
+        printf("}");
+    }
+    if (ok)
+        printf("]}\n");
+    free(errors);
+    return ok;
+}
+
+// Standard input: arguments a, then as many b where there are two; floats or doubles, a multiple of
+// 16 of each. Standard output: the results.
+static int evaluate(const struct runnable *one) {
+    size_t size = one->of->is_double ? 8 : 4, room = 1 << 20, length = 0;
+    const struct target *target = target_of(one->entry->function);
+    size_t arguments = target ? (size_t)target->arguments : 1;
+    char *in = malloc(room);
+    for (size_t got; in && (got = fread(in + length, 1, room - length, stdin)) > 0;) {
+        length += got;
+        if (length == room) {
+            char *more = realloc(in, room *= 2);
+            if (!more)
+                free(in);
+            in = more;
+        }
+    }
+    char *out = in ? malloc(length / arguments + 1) : NULL;
+    int status = OUT_OF_MEMORY;
+    if (!out)
+        fprintf(stderr, "functions: out of memory\n");
+    else if (length % (16 * size * arguments)) {
+        fprintf(stderr, "functions: a multiple of %zu bytes is required on standard input\n",
+                16 * size * arguments);
+        status = BAD_INPUT;
+    } else {
+        size_t n = length / size / arguments;
+        one->entry->stream(one->library, n, in, in + n * size, out);
+        status = fwrite(out, size, n, stdout) == n && fflush(stdout) == 0 ? OK : 1;
+    }
+    free(out);
+    free(in);
+    return status;
+}
+
+static int usage(FILE *to, int status) {
+    fprintf(to,
+            "usage: bench list | errors [--quick] [--threads T] | times [--rounds R] |\n"
+            "       normalise [--rounds R] [--vectors N] | evaluate --id ID <arguments >results\n"
+            "       --seed S with each\n");
+    return status;
+}
+
+static bool whole(const char *name, const char *text, uint64_t least, uint64_t most,
+                  uint64_t *value) {
+    char *end = NULL;
+    errno = 0;
+    *value = strtoull(text, &end, 10);
+    if (text[0] >= '0' && text[0] <= '9' && !*end && !errno && *value >= least && *value <= most)
+        return true;
+    fprintf(stderr, "functions: %s: %" PRIu64 " to %" PRIu64 " is required, not \"%s\"\n", name,
+            least, most, text);
+    return false;
+}
+
+struct options {
+    struct settings settings;
+    uint64_t id;
+};
+
+static bool parse(int argc, char **argv, size_t count, struct options *options) {
+    struct settings *settings = &options->settings;
+    for (int i = 2; i < argc; i++) {
+        uint64_t value;
+        const char *name = argv[i];
+        if (strcmp(name, "--quick") == 0) {
+            settings->quick = true;
+            continue;
+        }
+        const char *text = i + 1 < argc ? argv[++i] : "";
+        if (strcmp(name, "--threads") == 0 && whole(name, text, 1, MOST_THREADS, &value))
+            settings->threads = (int)value;
+        else if (strcmp(name, "--rounds") == 0 && whole(name, text, 1, MOST_ROUNDS, &value))
+            settings->rounds = (int)value;
+        else if (strcmp(name, "--vectors") == 0 && whole(name, text, 1024, 1u << 30, &value))
+            settings->vectors = value / 16 * 16;
+        else if (strcmp(name, "--seed") == 0 && whole(name, text, 0, UINT64_MAX, &value))
+            settings->seed = value;
+        else if (strcmp(name, "--id") == 0 && whole(name, text, 0, count - 1, &value))
+            options->id = value;
+        else {
+            usage(stderr, BAD_INPUT);
+            return false;
+        }
+    }
+    return true;
+}
+
+static int act(const char *command, const struct runnable *all, size_t count,
+               const struct options *options) {
+    const struct settings *settings = &options->settings;
+    bool ok = true;
+    if (strcmp(command, "list") == 0)
+        print_list(all, count);
+    else if (strcmp(command, "errors") == 0)
+        ok = print_errors(all, count, settings);
+    else if (strcmp(command, "times") == 0)
+        ok = print_times(all, count, settings);
+    else if (strcmp(command, "normalise") == 0)
+        ok = print_normalise(FILES, FILE_COUNT, settings);
+    else if (strcmp(command, "evaluate") == 0) {
+        const struct runnable *one = &all[options->id];
+        if (!one->missing)
+            return evaluate(one);
+        fprintf(stderr, "functions: %s: %s\n", one->entry->name, one->missing);
+        return BAD_INPUT;
+    } else
+        return usage(stderr, BAD_INPUT);
+    if (!ok)
+        fprintf(stderr, "functions: out of memory\n");
+    return ok ? OK : OUT_OF_MEMORY;
+}
+
+int main(int argc, char **argv) {
+    if (argc < 2)
+        return usage(stderr, BAD_INPUT);
+    if (strcmp(argv[1], "-h") == 0 || strcmp(argv[1], "--help") == 0)
+        return usage(stdout, OK);
+    size_t count = 0;
+    for (size_t f = 0; f < FILE_COUNT; f++)
+        count += FILES[f]->count;
+    struct options options = {
+        .settings = {.threads = 1, .rounds = 11, .seed = 1, .vectors = 20000000}};
+    if (!parse(argc, argv, count, &options))
+        return BAD_INPUT;
+    struct runnable *all = calloc(count, sizeof *all);
+    if (!all) {
+        fprintf(stderr, "functions: out of memory\n");
+        return OUT_OF_MEMORY;
+    }
+    struct libraries libraries = {dlopen("libmvec.so.1", RTLD_NOW),
+                                  dlopen("libsleef.so.3", RTLD_NOW)};
+    size_t i = 0;
+    for (size_t f = 0; f < FILE_COUNT; f++)
+        for (size_t k = 0; k < FILES[f]->count; k++)
+            all[i++] = look_up(FILES[f], &FILES[f]->entry[k], &libraries);
+    int status = act(argv[1], all, count, &options);
+    free(all);
+    if (libraries.sleef)
+        dlclose(libraries.sleef);
+    if (libraries.libmvec)
+        dlclose(libraries.libmvec);
+    return status;
+}

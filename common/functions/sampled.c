@@ -1,0 +1,192 @@
+// Stratified samples: doubles against MPFR (L. Fousse, G. Hanrot, V. Lefèvre, P. Pélissier and P.
+// Zimmermann, ACM TOMS 33(2), 2007), float functions of two arguments against libm's in double.
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench.h"
+
+#ifdef WITH_MPFR
+#include <mpfr.h>
+const bool has_mpfr = true;
+#else
+const bool has_mpfr = false;
+#endif
+
+enum {
+    BLOCK = 1024,
+    DOUBLES = 1 << 20, // samples in all, and in a quick run
+    QUICK_DOUBLES = 1 << 12,
+    FLOATS = 1 << 24,
+    QUICK_FLOATS = 1 << 16
+};
+
+struct work {
+    const struct runnable *all;
+    size_t count;
+    const struct settings *settings;
+    struct error *errors;
+    atomic_size_t next;
+    atomic_bool failed;
+    pthread_mutex_t lock;
+};
+
+// Exact values as hi + lo.
+struct buffers {
+    double a[BLOCK], b[BLOCK], got[BLOCK], hi[BLOCK], lo[BLOCK];
+    float fa[BLOCK], fb[BLOCK], fgot[BLOCK];
+};
+
+#ifdef WITH_MPFR
+static void exactly(const struct target *target, double a, double b, double *hi, double *lo) {
+    enum { PRECISION = 140 };
+    mpfr_t x, y, exact, rest;
+    mpfr_inits2(PRECISION, x, y, exact, rest, (mpfr_ptr)0);
+    mpfr_set_d(x, a, MPFR_RNDN);
+    mpfr_set_d(y, b, MPFR_RNDN);
+    const char *name = target->name;
+    static const struct {
+        const char *name;
+        int (*function)(mpfr_t, const mpfr_t, mpfr_rnd_t);
+    } one[] = {{"sqrt", mpfr_sqrt}, {"rsqrt", mpfr_rec_sqrt}, {"exp", mpfr_exp},  {"log", mpfr_log},
+               {"sin", mpfr_sin},   {"cos", mpfr_cos},        {"acos", mpfr_acos}};
+    if (strcmp(name, "pow") == 0)
+        mpfr_pow(exact, x, y, MPFR_RNDN);
+    else if (strcmp(name, "atan2") == 0)
+        mpfr_atan2(exact, x, y, MPFR_RNDN);
+    for (size_t i = 0; i < sizeof one / sizeof *one; i++)
+        if (strcmp(name, one[i].name) == 0)
+            one[i].function(exact, x, MPFR_RNDN);
+    *hi = mpfr_get_d(exact, MPFR_RNDN);
+    mpfr_sub_d(rest, exact, *hi, MPFR_RNDN);
+    *lo = mpfr_get_d(rest, MPFR_RNDN);
+    mpfr_clears(x, y, exact, rest, (mpfr_ptr)0);
+}
+#else
+static void exactly(const struct target *target, double a, double b, double *hi, double *lo) {
+    *hi = target->exact(a, b); // never called for doubles: measure_sampled leaves them out
+    *lo = 0;
+}
+#endif
+
+// Half by value, half by bits; of sin and cos in double a quarter next to multiples of π/2, where
+// they cancel. The second argument's strata are in another, fixed order.
+static void draw(const struct target *target, bool is_double, uint64_t first, uint64_t total,
+                 struct random *random, struct buffers *at) {
+    bool turns =
+        is_double && (strcmp(target->name, "sin") == 0 || strcmp(target->name, "cos") == 0);
+    for (size_t i = 0; i < BLOCK; i++) {
+        uint64_t which = first + i;
+        bool by_bits = which & 1;
+        at->a[i] = sample(&target->a[is_double], which, total, by_bits, is_double, random);
+        if (turns && which % 4 == 2) {
+            double k = nearbyint(at->a[i] / M_PI_2);
+            at->a[i] =
+                k == 0 ? at->a[i] : nextafter(k * M_PI_2, random_unit(random) < 0.5 ? 0 : 1e9);
+        }
+        uint64_t other =
+            (which * 0x9e3779b1u) % total; // odd, and total a power of 2: a permutation
+        at->b[i] = target->arguments == 2 ? sample(&target->b[is_double], other, total,
+                                                   which >> 1 & 1, is_double, random)
+                                          : 0;
+        at->fa[i] = (float)at->a[i];
+        at->fb[i] = (float)at->b[i];
+        if (is_double)
+            exactly(target, at->a[i], at->b[i], &at->hi[i], &at->lo[i]);
+        else {
+            at->hi[i] = target->exact(at->a[i], at->b[i]);
+            at->lo[i] = 0;
+        }
+    }
+}
+
+static struct error compare(const struct buffers *at, bool is_double) {
+    struct error sum = {.count = BLOCK};
+    for (size_t i = 0; i < BLOCK; i++) {
+        double got = is_double ? at->got[i] : (double)at->fgot[i];
+        double e = fabs((got - at->hi[i]) - at->lo[i]) / ulp_of(at->hi[i], is_double);
+        if (!isfinite(e)) {
+            sum.non_finite++;
+            e = INFINITY;
+        } else
+            sum.squares += e * e;
+        if (e > sum.most) {
+            sum.most = e;
+            sum.worst_a = at->a[i];
+            sum.worst_b = at->b[i];
+        }
+    }
+    return sum;
+}
+
+// Block `index` of a target and precision: its numbers depend on nothing else.
+static void do_block(const struct work *work, const struct target *target, bool is_double,
+                     uint64_t first, uint64_t total, struct buffers *at, struct error *errors) {
+    struct random random = {work->settings->seed ^ (first << 8) ^
+                            (uint64_t)(target - targets) << 2 ^ is_double};
+    draw(target, is_double, first, total, &random, at);
+    for (size_t k = 0; k < work->count; k++) {
+        const struct runnable *one = &work->all[k];
+        if (one->missing || one->of->is_double != is_double ||
+            strcmp(one->entry->function, target->name) != 0)
+            continue;
+        if (is_double)
+            one->entry->stream(one->library, BLOCK, at->a, at->b, at->got);
+        else
+            one->entry->stream(one->library, BLOCK, at->fa, at->fb, at->fgot);
+        struct error here = compare(at, is_double);
+        error_add(&errors[k], &here);
+    }
+}
+
+static void *worker(void *given) {
+    struct work *work = given;
+    struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
+    struct error *errors = calloc(work->count, sizeof *errors);
+    if (!at || !errors)
+        work->failed = true;
+    bool quick = work->settings->quick;
+    uint64_t doubles = has_mpfr ? quick ? QUICK_DOUBLES : DOUBLES : 0;
+    uint64_t floats = quick ? QUICK_FLOATS : FLOATS, blocks = (doubles + floats) / BLOCK;
+    for (size_t i; !work->failed && (i = work->next++) < blocks * target_count;) {
+        const struct target *target = &targets[i / blocks];
+        uint64_t first = i % blocks * BLOCK;
+        if (first < doubles)
+            do_block(work, target, true, first, doubles, at, errors);
+        else if (target->arguments == 2)
+            do_block(work, target, false, first - doubles, floats, at, errors);
+    }
+    if (!work->failed) {
+        pthread_mutex_lock(&work->lock);
+        for (size_t k = 0; k < work->count; k++)
+            error_add(&work->errors[k], &errors[k]);
+        pthread_mutex_unlock(&work->lock);
+    }
+    free(errors);
+    free(at);
+#ifdef WITH_MPFR
+    mpfr_free_cache(); // each thread has its own
+#endif
+    return NULL;
+}
+
+bool measure_sampled(const struct runnable *all, size_t count, const struct settings *settings,
+                     struct error *errors) {
+    struct work work = {.all = all, .count = count, .settings = settings, .errors = errors};
+    pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
+    if (!threads)
+        return false;
+    pthread_mutex_init(&work.lock, NULL);
+    int started = 0;
+    while (started < settings->threads - 1 &&
+           pthread_create(&threads[started], NULL, worker, &work) == 0)
+        started++;
+    worker(&work);
+    for (int i = 0; i < started; i++)
+        pthread_join(threads[i], NULL);
+    pthread_mutex_destroy(&work.lock);
+    free(threads);
+    return !work.failed;
+}

@@ -1,0 +1,149 @@
+// What is asked of each function: over which arguments, and against what.
+#include <math.h>
+#include <string.h>
+
+#include "bench.h"
+
+#define ONE_ARGUMENT(NAME, VALUE)                                                                  \
+    static double NAME(double a, double b) {                                                       \
+        (void)b;                                                                                   \
+        return VALUE;                                                                              \
+    }
+ONE_ARGUMENT(exact_sqrt, sqrt(a))
+ONE_ARGUMENT(exact_rsqrt, 1 / sqrt(a))
+ONE_ARGUMENT(exact_exp, exp(a))
+ONE_ARGUMENT(exact_log, log(a))
+ONE_ARGUMENT(exact_sin, sin(a))
+ONE_ARGUMENT(exact_cos, cos(a))
+ONE_ARGUMENT(exact_acos, acos(a))
+
+// Floats by their bits.
+#define LEAST 0x00800000u    // 2^-126
+#define GREATEST 0x7f7fffffu // FLT_MAX
+#define TINY 0x30800000u     // 2^-30
+#define ONE 0x3f800000u
+#define WHOLE_CIRCLES 0x46000000u // 8192
+#define NEGATIVE 0x80000000u
+// Every float of both signs from 2^-30 up to LAST; below it f(x) is x, 1 or π/2 to within half an
+// ulp, and 1 in 251 (a prime), zeros and denormals with them, are enough.
+#define BOTH_SIGNS(LAST_POSITIVE, LAST_NEGATIVE)                                                   \
+    {{TINY, LAST_POSITIVE, 1},                                                                     \
+     {NEGATIVE | TINY, NEGATIVE | (LAST_NEGATIVE), 1},                                             \
+     {0, TINY - 1, 251},                                                                           \
+     {NEGATIVE, (NEGATIVE | TINY) - 1, 251}}
+#define NORMALS {{LEAST, GREATEST, 1}}
+
+const struct target targets[] = {
+    {.name = "sqrt",
+     .arguments = 1,
+     .exact = exact_sqrt,
+     .segments = NORMALS,
+     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
+     .timed = {{0.001, 1000, false}}},
+    {.name = "rsqrt",
+     .arguments = 1,
+     .exact = exact_rsqrt,
+     .segments = NORMALS,
+     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
+     .timed = {{0.001, 1000, false}}},
+    {.name = "exp",
+     .arguments = 1,
+     .exact = exact_exp,
+     .segments = BOTH_SIGNS(0x42b00000u, 0x42ae0000u), // −87 … 88
+     .a = {{0}, {0x1p-60, 708, true}},
+     .timed = {{0.001, 10, true}}},
+    {.name = "log",
+     .arguments = 1,
+     .exact = exact_log,
+     .segments = NORMALS,
+     .a = {{0}, {0x1p-1022, 0x1.fffffffffffffp1023, false}},
+     .timed = {{0.001, 1000, false}}},
+    {.name = "pow",
+     .arguments = 2,
+     .exact = pow,
+     .a = {{0x1p-10, 0x1p10, false}, {0x1p-10, 0x1p10, false}},
+     .b = {{0x1p-10, 12, true}, {0x1p-10, 100, true}},
+     .timed = {{0.01, 10, false}, {0.1, 10, true}}},
+    {.name = "sin",
+     .arguments = 1,
+     .exact = exact_sin,
+     .segments = BOTH_SIGNS(WHOLE_CIRCLES, WHOLE_CIRCLES),
+     .a = {{0}, {0x1p-60, 1e5, true}},
+     .timed = {{0.001, 10, true}}},
+    {.name = "cos",
+     .arguments = 1,
+     .exact = exact_cos,
+     .segments = BOTH_SIGNS(WHOLE_CIRCLES, WHOLE_CIRCLES),
+     .a = {{0}, {0x1p-60, 1e5, true}},
+     .timed = {{0.001, 10, true}}},
+    {.name = "atan2",
+     .arguments = 2,
+     .exact = atan2,
+     .a = {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}},
+     .b = {{0x1p-20, 0x1p20, true}, {0x1p-20, 0x1p20, true}},
+     .timed = {{0.001, 10, true}, {0.001, 10, true}}},
+    {.name = "acos",
+     .arguments = 1,
+     .exact = exact_acos,
+     .segments = BOTH_SIGNS(ONE, ONE),
+     .a = {{0}, {0x1p-60, 1, true}},
+     .timed = {{0.001, 1, true}}},
+};
+const size_t target_count = sizeof targets / sizeof *targets;
+
+const struct target *target_of(const char *function) {
+    for (size_t i = 0; i < target_count; i++)
+        if (strcmp(targets[i].name, function) == 0)
+            return &targets[i];
+    return NULL;
+}
+
+// SplitMix64 (G. L. Steele, D. Lea and C. H. Flood, OOPSLA 2014).
+static uint64_t next(struct random *random) {
+    uint64_t z = random->state += 0x9e3779b97f4a7c15;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
+    return z ^ (z >> 31);
+}
+
+double random_unit(struct random *random) {
+    return (double)(next(random) >> 11) * 0x1p-53;
+}
+
+double sample(const struct span *span, uint64_t which, uint64_t strata, bool by_bits,
+              bool is_double, struct random *random) {
+    double place = ((double)which + random_unit(random)) / (double)strata, value;
+    bool negative = span->both_signs && next(random) & 1;
+    if (by_bits) { // as many in each binade
+        uint64_t low, high;
+        memcpy(&low, &span->low, 8);
+        memcpy(&high, &span->high, 8);
+        low += (uint64_t)(place * (double)(high - low));
+        // the lowest bits by chance: place has 53
+        low = low < high ? low ^ (next(random) & 1) : high;
+        memcpy(&value, &low, 8);
+    } else
+        value = span->low + place * (span->high - span->low);
+    if (!is_double)
+        value = (double)(float)value;
+    value = value < span->low ? span->low : value > span->high ? span->high : value;
+    return negative ? -value : value;
+}
+
+double ulp_of(double exact, bool is_double) {
+    int exponent;
+    frexp(exact, &exponent);
+    int least = is_double ? -1021 : -125, digits = is_double ? 53 : 24;
+    return ldexp(1, (exponent < least ? least : exponent) - digits);
+}
+
+void error_add(struct error *total, const struct error *part) {
+    if (!(part->most <= total->most)) {
+        total->most = part->most;
+        total->worst_a = part->worst_a;
+        total->worst_b = part->worst_b;
+    }
+    total->squares += part->squares;
+    total->count += part->count;
+    total->non_finite += part->non_finite;
+}

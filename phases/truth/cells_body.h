@@ -1,0 +1,177 @@
+// A repeated shape: the cells along the ray in order, each copy clipped to its own cell. Included by
+// first_body.h twice. Where the order of two cells is not certain both orders' cells are looked at:
+// a cell that the ray does not pass leaves no part, or a doubtful one.
+
+// The part clipped to cell `cell`, and when the ray leaves it.
+static bool FN(clip_cell)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
+                          const double cell[3], struct FN(part) * part) {
+    for (int i = 0; i < 3; i++) {
+        if (!(shape->repeat[i] > 0))
+            continue;
+        struct IV size = FN(point)(shape->repeat[i]), k = FN(point)(cell[i]);
+        struct IV half = FN(point)(0.5);
+        struct IV low = FN(mul)(size, FN(sub)(k, half)), high = FN(mul)(size, FN(add)(k, half));
+        if (!FN(clip)(part, FN(sub)(ray->o[i], high), ray->d[i], range, FACE_CELL + 2 * i + 1) ||
+            !FN(clip)(part, FN(sub)(low, ray->o[i]), FN(neg)(ray->d[i]), range, FACE_CELL + 2 * i))
+            return false;
+    }
+    return part->in.lo <= part->out.hi;
+}
+
+static REAL FN(floor_of)(REAL x) {
+    if (x >= (REAL)0x1p62 || x <= -(REAL)0x1p62)
+        return x;
+    REAL whole = (REAL)(long)x;
+    return whole > x ? whole - 1 : whole;
+}
+
+// The last part seen: pending while it may hold the ray's start and go on in the next cell.
+struct FN(last) {
+    struct FN(part) part;
+    bool pending;
+};
+
+// Parts of the copy in one cell, joined to the last one where the solid goes on through the wall.
+// True: this shape is done.
+static bool FN(in_cell)(struct FN(search) * search, const struct solid *solid, int index,
+                        const struct FN(ray) * ray, struct IV range, const double cell[3],
+                        struct FN(last) * last, long *evals) {
+    const struct shape *shape = solid->shape;
+    struct FN(part) walls = FN(whole);
+    if (!FN(clip_cell)(shape, ray, range, cell, &walls))
+        return false;
+    struct FN(ray) local = *ray;
+    for (int i = 0; i < 3; i++)
+        local.o[i] = FN(sub)(ray->o[i], FN(mul)(FN(point)(shape->repeat[i]), FN(point)(cell[i])));
+    struct FN(parts) parts;
+    FN(in_copy)(shape, local, range, &parts, evals);
+    if (parts.lost)
+        FN(doubtful)(search, walls.in.lo);
+    for (int i = 0; i < parts.count; i++) {
+        struct FN(part) part = parts.at[i];
+        FN(begins)(&part, walls.in, walls.in_face);
+        FN(ends)(&part, walls.out, walls.out_face);
+        part.sure = part.sure && walls.sure && part.in.hi < part.out.lo;
+        if (part.in.lo > part.out.hi)
+            continue;
+        memcpy(part.in_cell, cell, sizeof part.in_cell);
+        memcpy(part.out_cell, cell, sizeof part.out_cell);
+        bool joins = last->part.out_face >= FACE_CELL && part.in_face >= FACE_CELL &&
+                     last->part.out.hi >= part.in.lo;
+        if (joins && last->pending) {
+            struct FN(part) *begun = &last->part;
+            begun->sure = begun->sure && part.sure && begun->out_face_sure && part.in_face_sure;
+            begun->out = part.out;
+            begun->out_face = part.out_face;
+            begun->out_face_sure = part.out_face_sure;
+            memcpy(begun->out_cell, cell, sizeof begun->out_cell);
+            continue;
+        }
+        if (last->pending && FN(consider)(search, index, &last->part))
+            return true;
+        last->part = part;
+        last->pending = !(part.in.lo > 0);
+        if (!last->pending && FN(consider)(search, index, &part))
+            return true;
+    }
+    return false;
+}
+
+// One axis of the walk: the cells that the ray may be in, and the wall that it goes to.
+struct FN(axis) {
+    int way; // the sign of the direction; 0: stands, or nearly
+    double low, high;
+    struct IV wall;
+};
+
+static struct IV FN(cell_of)(struct IV x, double size) {
+    struct IV place = FN(add)(FN(div)(x, FN(point)(size)), FN(point)(0.5));
+    return (struct IV){FN(floor_of)(place.lo), FN(floor_of)(place.hi)};
+}
+
+static struct FN(axis) FN(start_axis)(struct IV o, struct IV d, double size, struct IV range) {
+    struct FN(axis) axis = {.wall = {(REAL)INFINITY, (REAL)INFINITY}};
+    if (!(size > 0))
+        return axis;
+    axis.way = FN(sign)(d);
+    struct IV cell = FN(cell_of)(axis.way ? o : FN(add)(o, FN(mul)(d, range)), size);
+    axis.low = (double)cell.lo;
+    axis.high = (double)cell.hi;
+    return axis;
+}
+
+// Looks into every cell of the block that the last block did not have, in the ray's order.
+static bool FN(in_block)(struct FN(search) * search, const struct solid *solid, int index,
+                         const struct FN(ray) * ray, struct IV range, double block[3][2],
+                         double seen[3][2], struct FN(last) * last, long *evals) {
+    double step[3], cell[3];
+    for (int i = 0; i < 3; i++)
+        step[i] = block[i][0] <= block[i][1] ? 1 : -1;
+    for (cell[0] = block[0][0]; cell[0] != block[0][1] + step[0]; cell[0] += step[0])
+        for (cell[1] = block[1][0]; cell[1] != block[1][1] + step[1]; cell[1] += step[1])
+            for (cell[2] = block[2][0]; cell[2] != block[2][1] + step[2]; cell[2] += step[2]) {
+                bool again = true;
+                for (int i = 0; i < 3; i++)
+                    again = again && cell[i] >= fmin(seen[i][0], seen[i][1]) &&
+                            cell[i] <= fmax(seen[i][0], seen[i][1]);
+                if (!again && FN(in_cell)(search, solid, index, ray, range, cell, last, evals))
+                    return true;
+            }
+    return false;
+}
+
+static void FN(through_cells)(struct FN(search) * search, const struct solid *solid, int index,
+                              const struct FN(ray) * ray, long *evals) {
+    const double *size = solid->shape->repeat;
+    struct IV range = {0, search->reach.hi};
+    struct FN(last) last = {.part = FN(whole)};
+    struct FN(axis) axes[3];
+    double block[3][2], seen[3][2] = {{INFINITY, INFINITY}, {0, 0}, {0, 0}};
+    for (int i = 0; i < 3; i++)
+        axes[i] = FN(start_axis)(ray->o[i], ray->d[i], size[i], range);
+    for (long cells = 0;; cells++) {
+        REAL leaves = (REAL)INFINITY; // by then the ray has left the block
+        bool wide = false;
+        for (int i = 0; i < 3; i++) {
+            struct FN(axis) *axis = &axes[i];
+            wide = wide || !(axis->high - axis->low <= 2) || !(fabs(axis->high) < 0x1p52);
+            if (axis->way == 0)
+                continue;
+            double side = axis->way > 0 ? axis->high + 0.5 : axis->low - 0.5;
+            struct IV at = FN(mul)(FN(point)(size[i]), FN(point)(side));
+            axis->wall = FN(div)(FN(sub)(at, ray->o[i]), ray->d[i]);
+            leaves = axis->wall.hi < leaves ? axis->wall.hi : leaves;
+        }
+        if (wide || cells > MOST_CELLS) {
+            FN(doubtful)(search, 0);
+            return;
+        }
+        for (int i = 0; i < 3; i++) { // with the cells behind the walls that it may reach by then
+            bool may = axes[i].way != 0 && axes[i].wall.lo <= leaves;
+            block[i][0] = axes[i].way < 0 ? axes[i].high : axes[i].low;
+            block[i][1] = axes[i].way < 0 ? axes[i].low - may : axes[i].high + may;
+        }
+        if (FN(in_block)(search, solid, index, ray, range, block, seen, &last, evals))
+            return;
+        bool known = search->best.shape >= 0 && !search->inside && !last.pending &&
+                     leaves > search->best.s.hi;
+        if (known || !(leaves <= search->reach.hi))
+            break;
+        for (int i = 0; i < 3; i++) {
+            struct FN(axis) *axis = &axes[i];
+            if (axis->way == 0)
+                continue;
+            bool may = axis->wall.lo <= leaves, must = axis->wall.hi <= leaves;
+            if (axis->way > 0) {
+                axis->low = must ? axis->high + 1 : axis->low;
+                axis->high += may;
+            } else {
+                axis->high = must ? axis->low - 1 : axis->high;
+                axis->low -= may;
+            }
+        }
+        memcpy(seen, block, sizeof seen);
+    }
+    if (last.pending)
+        FN(consider)(search, index, &last.part);
+}

@@ -1,0 +1,83 @@
+// Intervals of doubles (ivd) and of __float128 (ivq) that hold what they stand for.
+//
+// Round to nearest throughout, then one step outward: S. M. Rump, P. Zimmermann, S. Boldo,
+// G. Melquiond, "Computing predecessor and successor in rounding to nearest", BIT 49 (2009). No
+// rounding mode is changed, so no compiler can move an operation across the change, threads need no
+// set-up, and libgcc's __float128 follows the same rules. Sums are not widened where they are exact
+// (D. E. Knuth's error-free sum), products where a factor is 0 or ±1, in quad wherever two doubles
+// meet: what is exact in a scene (axes, whole numbers) stays exact and can be decided.
+#ifndef TRUTH_INTERVAL_H
+#define TRUTH_INTERVAL_H
+
+#include <math.h>
+#include <stdbool.h>
+
+typedef __float128 quad;
+
+static inline double root_near_d(double x) {
+    return sqrt(x);
+}
+
+// Near the root of x > 0, within a few units of the last place: Newton from double's.
+static inline quad root_near_q(quad x) {
+    quad scale = 1, back = 1;
+    while (x * scale < (quad)0x1p-900)
+        scale *= (quad)0x1p800, back *= (quad)0x1p-400;
+    while (x * scale > (quad)0x1p900)
+        scale *= (quad)0x1p-800, back *= (quad)0x1p400;
+    x *= scale;
+    quad r = (quad)sqrt((double)x);
+    r = (r + x / r) * (quad)0.5;
+    r = (r + x / r) * (quad)0.5;
+    return r * back;
+}
+
+static inline bool exact_product_d(double a, double b) {
+    return a == 0 || b == 0 || a == 1 || b == 1 || a == -1 || b == -1;
+}
+
+static inline bool exact_product_q(quad a, quad b) {
+    return a == 0 || b == 0 || ((quad)(double)a == a && (quad)(double)b == b);
+}
+
+// u(1 + 2u) with the unit roundoff u, and no less than the smallest positive number.
+#define REAL double
+#define IV ivd
+#define FN(name) name##_d
+#define SPREAD (0x1p-53 * (1 + 0x1p-52))
+#include "interval_body.h"
+#undef REAL
+#undef IV
+#undef FN
+#undef SPREAD
+
+#define REAL quad
+#define IV ivq
+#define FN(name) name##_q
+#define SPREAD ((quad)0x1p-113 * (1 + (quad)0x1p-112))
+#include "interval_body.h"
+#undef REAL
+#undef IV
+#undef FN
+#undef SPREAD
+
+// The double on either side of a quad.
+static inline double double_below(quad x) {
+    double near = (double)x;
+    return (quad)near <= x ? near : nextafter(near, -INFINITY);
+}
+
+static inline double double_above(quad x) {
+    double near = (double)x;
+    return (quad)near >= x ? near : nextafter(near, INFINITY);
+}
+
+static inline struct ivd narrow(struct ivq a) {
+    return (struct ivd){double_below(a.lo), double_above(a.hi)};
+}
+
+static inline struct ivq widen(struct ivd a) {
+    return (struct ivq){a.lo, a.hi};
+}
+
+#endif

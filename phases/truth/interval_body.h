@@ -1,0 +1,152 @@
+// Interval arithmetic over REAL, included by interval.h once for each kind of number.
+struct IV {
+    REAL lo, hi;
+};
+
+static inline REAL FN(above)(REAL x) {
+    return x + (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
+}
+
+static inline REAL FN(below)(REAL x) {
+    return x - (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
+}
+
+static inline struct IV FN(point)(double x) {
+    return (struct IV){x, x};
+}
+
+static inline bool FN(is_point)(struct IV a, double x) {
+    return a.lo == (REAL)x && a.hi == (REAL)x;
+}
+
+static inline REAL FN(mid)(struct IV a) {
+    return a.lo + (a.hi - a.lo) * (REAL)0.5;
+}
+
+static inline bool FN(has_zero)(struct IV a) {
+    return !(a.lo > 0 || a.hi < 0);
+}
+
+// Of a: +1 or −1 where it is certain, else 0.
+static inline int FN(sign)(struct IV a) {
+    return a.lo > 0 ? 1 : a.hi < 0 ? -1 : 0;
+}
+
+static inline REAL FN(magnitude)(struct IV a) {
+    REAL x = a.lo < 0 ? -a.lo : a.lo, y = a.hi < 0 ? -a.hi : a.hi;
+    return x > y ? x : y;
+}
+
+static inline struct IV FN(hull)(struct IV a, struct IV b) {
+    return (struct IV){a.lo < b.lo ? a.lo : b.lo, a.hi > b.hi ? a.hi : b.hi};
+}
+
+static inline struct IV FN(neg)(struct IV a) {
+    return (struct IV){-a.hi, -a.lo};
+}
+
+// What a + b in floating point left out: exact in rounding to nearest.
+static inline REAL FN(left_over)(REAL a, REAL b, REAL sum) {
+    REAL b_part = sum - a;
+    return (a - (sum - b_part)) + (b - b_part);
+}
+
+static inline struct IV FN(add)(struct IV a, struct IV b) {
+    REAL lo = a.lo + b.lo, hi = a.hi + b.hi;
+    REAL under = FN(left_over)(a.lo, b.lo, lo), over = FN(left_over)(a.hi, b.hi, hi);
+    // Written so that a left-over that is no number widens.
+    return (struct IV){under >= 0 ? lo : FN(below)(lo), over <= 0 ? hi : FN(above)(hi)};
+}
+
+static inline struct IV FN(sub)(struct IV a, struct IV b) {
+    return FN(add)(a, FN(neg)(b));
+}
+
+static inline REAL FN(product_below)(REAL a, REAL b) {
+    REAL p = a * b;
+    return FN(exact_product)(a, b) ? p : FN(below)(p);
+}
+
+static inline REAL FN(product_above)(REAL a, REAL b) {
+    REAL p = a * b;
+    return FN(exact_product)(a, b) ? p : FN(above)(p);
+}
+
+static inline struct IV FN(mul)(struct IV a, struct IV b) {
+    if (a.lo == a.hi && b.lo == b.hi) {
+        REAL p = a.lo * b.lo;
+        if (FN(exact_product)(a.lo, b.lo))
+            return (struct IV){p, p};
+        return (struct IV){FN(below)(p), FN(above)(p)};
+    }
+    if (a.lo >= 0 && b.lo >= 0)
+        return (struct IV){FN(product_below)(a.lo, b.lo), FN(product_above)(a.hi, b.hi)};
+    if (a.hi <= 0 && b.hi <= 0)
+        return (struct IV){FN(product_below)(a.hi, b.hi), FN(product_above)(a.lo, b.lo)};
+    if (a.lo >= 0 && b.hi <= 0)
+        return (struct IV){FN(product_below)(a.hi, b.lo), FN(product_above)(a.lo, b.hi)};
+    if (a.hi <= 0 && b.lo >= 0)
+        return (struct IV){FN(product_below)(a.lo, b.hi), FN(product_above)(a.hi, b.lo)};
+    REAL p = a.lo * b.lo, q = a.lo * b.hi, r = a.hi * b.lo, s = a.hi * b.hi;
+    REAL least = p < q ? p : q, most = p > q ? p : q;
+    least = least < r ? least : r;
+    least = least < s ? least : s;
+    most = most > r ? most : r;
+    most = most > s ? most : s;
+    return (struct IV){FN(below)(least), FN(above)(most)};
+}
+
+static inline struct IV FN(scale)(struct IV a, double x) {
+    return FN(mul)(a, FN(point)(x));
+}
+
+static inline struct IV FN(sqr)(struct IV a) {
+    if (a.lo >= 0 || a.hi <= 0)
+        return FN(mul)(a, a);
+    REAL most = FN(magnitude)(a);
+    return (struct IV){0, FN(product_above)(most, most)};
+}
+
+// b without zero; else everything.
+static inline struct IV FN(div)(struct IV a, struct IV b) {
+    if (FN(has_zero)(b))
+        return (struct IV){-(REAL)INFINITY, (REAL)INFINITY};
+    if (a.lo == 0 && a.hi == 0)
+        return a;
+    if (FN(is_point)(b, 1))
+        return a;
+    REAL p = a.lo / b.lo, q = a.lo / b.hi, r = a.hi / b.lo, s = a.hi / b.hi;
+    REAL least = p < q ? p : q, most = p > q ? p : q;
+    least = least < r ? least : r;
+    least = least < s ? least : s;
+    most = most > r ? most : r;
+    most = most > s ? most : s;
+    return (struct IV){FN(below)(least), FN(above)(most)};
+}
+
+// Of what is not negative in a. The bounds are held against x by their squares.
+static inline struct IV FN(root)(struct IV a) {
+    struct IV r = {0, 0};
+    if (a.lo > 0) {
+        r.lo = FN(below)(FN(root_near)(a.lo));
+        while (FN(product_above)(r.lo, r.lo) > a.lo)
+            r.lo = FN(below)(r.lo);
+    }
+    if (a.hi > 0) {
+        r.hi = FN(above)(FN(root_near)(a.hi));
+        while (FN(product_below)(r.hi, r.hi) < a.hi)
+            r.hi = FN(above)(r.hi);
+    }
+    if (FN(is_point)(a, 1))
+        return a;
+    return r;
+}
+
+// Vectors of three intervals.
+static inline struct IV FN(dot)(const struct IV a[3], const struct IV b[3]) {
+    return FN(add)(FN(add)(FN(mul)(a[0], b[0]), FN(mul)(a[1], b[1])), FN(mul)(a[2], b[2]));
+}
+
+static inline struct IV FN(square)(const struct IV a[3]) {
+    return FN(add)(FN(add)(FN(sqr)(a[0]), FN(sqr)(a[1])), FN(sqr)(a[2]));
+}

@@ -1,0 +1,220 @@
+// The phase's entry points: camera rays as intervals about the exact rational direction, tiles of
+// the picture dealt to threads.
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "angles.h"
+#include "phase.h"
+#include "sdf.h"
+#include "trace.h"
+
+enum { TILE = 16 };
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+// The same surface twice: whoever comes first in the scene has it, as with a tie in every phase.
+static bool same_surface(const struct shape *a, const struct shape *b) {
+    if (a->type != b->type || memcmp(a->position, b->position, sizeof a->position) != 0 ||
+        memcmp(a->rotation_degrees, b->rotation_degrees, sizeof a->rotation_degrees) != 0 ||
+        memcmp(a->repeat, b->repeat, sizeof a->repeat) != 0)
+        return false;
+    switch (a->type) {
+    case SHAPE_SPHERE: return a->sphere.radius == b->sphere.radius;
+    case SHAPE_BOX: return memcmp(&a->box, &b->box, sizeof a->box) == 0;
+    case SHAPE_TORUS: return memcmp(&a->torus, &b->torus, sizeof a->torus) == 0;
+    case SHAPE_CONE: return memcmp(&a->cone, &b->cone, sizeof a->cone) == 0;
+    case SHAPE_OCTAHEDRON: return a->octahedron.radius == b->octahedron.radius;
+    case SHAPE_PLANE: return memcmp(&a->plane, &b->plane, sizeof a->plane) == 0;
+    default: return false;
+    }
+}
+
+// The three rotations as one matrix: x first, then y, then z.
+static void turn_of(const double degrees[3], struct ivq turn[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            turn[i][j] = point_q(i == j);
+    for (int axis = 0; axis < 3; axis++) {
+        struct ivq s, c;
+        sine_cosine_q(degrees[axis], &s, &c);
+        struct ivq *u = turn[pair[axis][0]], *v = turn[pair[axis][1]];
+        for (int j = 0; j < 3; j++) {
+            struct ivq p = u[j], q = v[j];
+            u[j] = sub_q(mul_q(c, p), mul_q(s, q));
+            v[j] = add_q(mul_q(s, p), mul_q(c, q));
+        }
+    }
+}
+
+static void prepare_solid(struct solid *solid, const struct model *model, int index) {
+    const struct shape *shape = &model->shapes[index];
+    *solid = (struct solid){.shape = shape};
+    for (int i = 0; i < 3; i++) {
+        solid->turned = solid->turned || shape->rotation_degrees[i] != 0;
+        solid->repeated = solid->repeated || shape->repeat[i] > 0;
+    }
+    for (int i = 0; i < index && !solid->copy; i++)
+        solid->copy = same_surface(&model->shapes[i], shape);
+    turn_of(shape->rotation_degrees, solid->turn_q);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            solid->turn_d[i][j] = narrow(solid->turn_q[i][j]);
+            solid->turn[i][j] = dd_from_quad(mid_q(solid->turn_q[i][j]));
+        }
+}
+
+static bool prepare(struct prepared *prepared, const struct model *model) {
+    struct solid *solids = malloc((size_t)model->shape_count * sizeof *solids);
+    if (!solids)
+        return false;
+    for (int i = 0; i < model->shape_count; i++)
+        prepare_solid(&solids[i], model, i);
+    free(prepared->solids);
+    prepared->solids = solids;
+    prepared->model = *model;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB] > 0;
+    return true;
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct prepared *prepared = calloc(1, sizeof *prepared);
+    if (!prepared)
+        return NULL;
+    prepared->threads = threads;
+    if (prepare(prepared, model))
+        return prepared;
+    free(prepared);
+    return NULL;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    return prepare(prepared, model);
+}
+
+void phase_release(struct prepared *prepared) {
+    free(prepared->solids);
+    free(prepared);
+}
+
+// Of the exact ray through the middle of the pixel. 2·column + 1 − width times a double is exact.
+static void camera_ray(const struct view *view, const struct frame *frame, int column, int row,
+                       struct ray_q *ray) {
+    struct ivq tangent = point_q(view->tan_half_fov), height = point_q(frame->height);
+    struct ivq x = div_q(mul_q(point_q(2.0 * column + 1 - frame->width), tangent), height);
+    struct ivq y = div_q(mul_q(point_q(frame->height - 2.0 * row - 1), tangent), height);
+    for (int i = 0; i < 3; i++) {
+        ray->o[i] = point_q(view->position[i]);
+        ray->d[i] = add_q(add_q(point_q(view->forward[i]), mul_q(point_q(view->right[i]), x)),
+                          mul_q(point_q(view->up[i]), y));
+    }
+}
+
+static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
+    const struct hit *hit = &seen->hit;
+    bool found = hit->shape >= 0;
+    for (int i = 0; i < 3; i++)
+        frame->rgb[3 * pixel + (size_t)i] = (float)seen->color[SOFT][i];
+    if (!frame->depth)
+        return;
+    frame->depth[pixel] = found ? (float)mid_q(hit->t) : INFINITY;
+    frame->id[pixel] = (float)hit->shape;
+    for (int i = 0; i < 3; i++)
+        frame->normal[3 * pixel + (size_t)i] = found ? (float)mid_q(hit->normal[i]) : 0;
+    frame->evals[pixel] = (float)hit->evals;
+    if (frame->plane_count == 0)
+        return;
+    for (int i = 0; i < 3; i++) {
+        frame->planes[PLANE_IDEAL + i][pixel] = (float)seen->color[IDEAL][i];
+        frame->planes[PLANE_NONE + i][pixel] = (float)seen->color[NONE][i];
+    }
+    frame->planes[PLANE_SHADOW][pixel] = (float)seen->shadow[SOFT];
+    frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)seen->shadow[IDEAL];
+    // Upward: a float that is no less than the width.
+    quad width = hit->t.hi - hit->t.lo;
+    bool none = !found && hit->status != UNDECIDED;
+    frame->planes[PLANE_WIDTH][pixel] = none ? 0 : nextafterf((float)width, INFINITY);
+    frame->planes[PLANE_STATUS][pixel] = (float)hit->status;
+    frame->planes[PLANE_STATUS_ALL][pixel] = (float)seen->all;
+}
+
+struct job {
+    const struct prepared *prepared;
+    const struct view *view;
+    struct frame *frame;
+    atomic_int next; // tile
+};
+
+static void *work(void *argument) {
+    struct job *job = argument;
+    struct frame *frame = job->frame;
+    int across = (frame->width + TILE - 1) / TILE, down = (frame->height + TILE - 1) / TILE;
+    for (int tile; (tile = atomic_fetch_add(&job->next, 1)) < across * down;) {
+        int left = tile % across * TILE, top = tile / across * TILE;
+        for (int row = top; row < top + TILE && row < frame->height; row++)
+            for (int column = left; column < left + TILE && column < frame->width; column++) {
+                struct ray_q ray;
+                struct seen seen;
+                camera_ray(job->view, frame, column, row, &ray);
+                trace(job->prepared, job->view, &ray, 0, &seen);
+                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &seen);
+            }
+    }
+    return NULL;
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    struct job job = {.prepared = prepared, .view = view, .frame = frame};
+    enum { MOST = 4096 };
+    pthread_t threads[MOST];
+    int started = 0;
+    for (; started < prepared->threads - 1 && started < MOST; started++)
+        if (pthread_create(&threads[started], NULL, work, &job) != 0)
+            break; // the others do its share
+    work(&job);
+    while (started > 0)
+        pthread_join(threads[--started], NULL);
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    for (size_t i = 0; i < count; i++) {
+        struct dd p[3];
+        for (int j = 0; j < 3; j++)
+            p[j] = dd_from(points[3 * i + (size_t)j]);
+        nearest[i] = -1;
+        distance[i] = distance_to_scene(prepared, p, &nearest[i]).hi;
+    }
+    return true;
+}
+
+bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
+                      double *enclosures) {
+    for (size_t i = 0; i < count; i++) {
+        const double *from = rays + 6 * i;
+        double *to = enclosures + 5 * i;
+        struct ray_q ray;
+        struct hit hit = {.shape = -1};
+        bool finite = true;
+        for (int j = 0; j < 3; j++) {
+            finite = finite && isfinite(from[j]) && isfinite(from[j + 3]);
+            ray.o[j] = point_q(from[j]);
+            ray.d[j] = point_q(from[j + 3]);
+        }
+        if (finite)
+            find_hit(prepared, &ray, &hit);
+        bool miss = hit.shape < 0 && hit.status != UNDECIDED;
+        to[0] = hit.status;
+        to[1] = hit.shape;
+        to[2] = miss ? INFINITY : double_below(hit.s.lo);
+        to[3] = miss ? INFINITY : double_above(hit.s.hi);
+        to[4] = (double)hit.evals;
+    }
+    return true;
+}

@@ -1,0 +1,197 @@
+// Shadows: the estimator that every phase has, in double-double; the ideal that it estimates; and
+// whether anything stands between the point and the light.
+#include "sdf.h"
+#include "trace.h"
+
+struct light_ray {
+    const struct prepared *prepared;
+    struct dd o[3], d[3]; // d of unit length
+    double start, distance;
+};
+
+static struct dd distance_at(const struct light_ray *ray, const struct solid *solid, double t) {
+    struct dd p[3];
+    dd_along(ray->o, dd_from(t), ray->d, p);
+    return distance_to(solid, p);
+}
+
+// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Step for step as the phases take them.
+static double estimate(const struct light_ray *ray) {
+    const struct model *model = &ray->prepared->model;
+    int nearest;
+    struct dd least = dd_from(1), previous = dd_from(1e20), t = dd_from(ray->start), p[3];
+    dd_along(ray->o, t, ray->d, p);
+    for (int step = 0; step < model->march.max_steps; step++) {
+        struct dd h = distance_to_scene(ray->prepared, p, &nearest);
+        if (h.hi < model->march.hit_distance)
+            break;
+        struct dd square = dd_sqr(h), y = dd_div(square, dd_twofold(previous, 2));
+        struct dd inside = dd_sub(square, dd_sqr(y)), from = dd_sub(t, y);
+        if (inside.hi > 0 && from.hi > 0)
+            least = dd_min(least, dd_div(dd_scale(dd_sqrt(inside), model->shadow_strength), from));
+        previous = h;
+        t = dd_add(t, h);
+        dd_along(ray->o, t, ray->d, p);
+        if (dd_norm(p).hi > model->march.bounds_radius)
+            break;
+    }
+    return fmin(fmax(least.hi, 0.0), 1.0);
+}
+
+// Least strength·h/t over [low, high] of a convex solid: its distance along a line is convex, so
+// h/t falls, then rises. Golden section (J. Kiefer, 1953).
+static double least_convex(const struct light_ray *ray, const struct solid *solid, double low,
+                           double high, double best) {
+    const double golden = 0.6180339887498949;
+    double strength = ray->prepared->model.shadow_strength;
+    double a = high - golden * (high - low), b = low + golden * (high - low);
+    double at_a = strength * distance_at(ray, solid, a).hi / a;
+    double at_b = strength * distance_at(ray, solid, b).hi / b;
+    best = fmin(best, fmin(strength * distance_at(ray, solid, low).hi / low,
+                           strength * distance_at(ray, solid, high).hi / high));
+    for (int i = 0; i < 200 && best > 0; i++) {
+        best = fmin(best, fmin(at_a, at_b));
+        // h falls by no more than the way: what is left cannot be less than this.
+        double possible = fmin(at_a * a, at_b * b) - strength * (high - low);
+        if (possible / high >= best - 1e-12)
+            break;
+        if (at_a < at_b) {
+            high = b;
+            b = a;
+            at_b = at_a;
+            a = high - golden * (high - low);
+            at_a = strength * distance_at(ray, solid, a).hi / a;
+        } else {
+            low = a;
+            a = b;
+            at_a = at_b;
+            b = low + golden * (high - low);
+            at_b = strength * distance_at(ray, solid, b).hi / b;
+        }
+    }
+    return best;
+}
+
+// Of any solid: branch and bound, h being 1-Lipschitz; proved to 1e-4, then refined where it is least.
+static double least_any(const struct light_ray *ray, const struct solid *solid, double best) {
+    enum { DEEPEST = 200 };
+    double strength = ray->prepared->model.shadow_strength;
+    double stack[DEEPEST][2] = {{ray->start, ray->distance}};
+    double low = 0, high = -1;
+    for (int depth = 1, rounds = 0; depth > 0 && rounds < 100000; rounds++) {
+        double a = stack[depth - 1][0], b = stack[--depth][1];
+        double m = 0.5 * (a + b), half = 0.5 * (b - a);
+        double h = distance_at(ray, solid, m).hi, here = strength * h / m;
+        if (h <= 0)
+            return 0;
+        if (here < best) {
+            best = here;
+            low = a;
+            high = b;
+        }
+        if (h > half && strength * (h - half) / b >= best - 1e-4)
+            continue;
+        if (depth + 2 > DEEPEST || !(m > a && m < b))
+            continue;
+        stack[depth][0] = m; // the nearer half is looked at first
+        stack[depth++][1] = b;
+        stack[depth][0] = a;
+        stack[depth++][1] = m;
+    }
+    return high > low ? least_convex(ray, solid, low, high, best) : best;
+}
+
+// Clamp of the least strength·h(t)/t between the start and the light.
+static double ideal(const struct light_ray *ray) {
+    double best = 1;
+    if (!(ray->start < ray->distance))
+        return 1;
+    for (int i = 0; i < ray->prepared->model.shape_count && best > 0; i++) {
+        const struct solid *solid = &ray->prepared->solids[i];
+        bool convex = !solid->repeated && solid->shape->type != SHAPE_TORUS &&
+                      solid->shape->type != SHAPE_MANDELBULB;
+        best = convex ? least_convex(ray, solid, ray->start, ray->distance, best)
+                      : least_any(ray, solid, best);
+    }
+    return fmax(best, 0);
+}
+
+static bool bulb_blocks(const struct light_ray *ray) {
+    const struct model *model = &ray->prepared->model;
+    for (int i = 0; i < model->shape_count; i++) {
+        if (model->shapes[i].type != SHAPE_MANDELBULB)
+            continue;
+        double t = ray->start;
+        for (int step = 0; step < model->march.max_steps && t < ray->distance; step++) {
+            double h = distance_at(ray, &ray->prepared->solids[i], t).hi;
+            if (h < model->march.hit_distance)
+                return true;
+            t += h;
+        }
+    }
+    return false;
+}
+
+// 0: something stands within the bounds between the start and the light; 1: nothing does.
+static enum status hard(const struct light_ray *light, const struct hit *hit,
+                        const struct view *view, double *factor) {
+    const struct prepared *prepared = light->prepared;
+    struct ivq to_light[3], start = point_q(light->start);
+    struct ray_q ray;
+    struct ray_d rough;
+    for (int i = 0; i < 3; i++)
+        to_light[i] = sub_q(point_q(view->light_position[i]), hit->point[i]);
+    struct ivq distance = root_q(square_q(to_light));
+    for (int i = 0; i < 3; i++) {
+        ray.d[i] = div_q(to_light[i], distance);
+        ray.o[i] = add_q(hit->point[i], mul_q(start, ray.d[i]));
+        rough.o[i] = narrow(ray.o[i]);
+        rough.d[i] = narrow(ray.d[i]);
+    }
+    struct ivq reach = sub_q(distance, start),
+               edge = leave_ball(&ray, prepared->model.march.bounds_radius);
+    if (edge.hi < reach.lo || edge.hi < 0)
+        reach = edge;
+    *factor = 1;
+    if (reach.hi < 0)
+        return PROVED;
+    long evals = 0;
+    int count = prepared->model.shape_count;
+    struct first_d first = first_hit_d(prepared->solids, count, &rough, narrow(reach), &evals);
+    bool proved = first.proved || first.inside, blocked = first.shape >= 0 || first.inside;
+    if (!proved) {
+        struct first_q fine = first_hit_q(prepared->solids, count, &ray, reach, &evals);
+        proved = fine.proved || fine.inside;
+        blocked = fine.shape >= 0 || fine.inside;
+    }
+    if (prepared->bulbs)
+        blocked = blocked || bulb_blocks(light);
+    *factor = blocked ? 0 : 1;
+    return !proved ? UNDECIDED : prepared->bulbs ? CONVERGED : PROVED;
+}
+
+enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
+                        const struct view *view, double factor[KINDS]) {
+    struct light_ray ray = {.prepared = prepared, .start = prepared->model.march.surface_offset};
+    for (int i = 0; i < 3; i++) {
+        ray.o[i] = dd_from_quad(mid_q(hit->point[i]));
+        ray.d[i] = dd_sub(dd_from(view->light_position[i]), ray.o[i]);
+    }
+    struct dd distance = dd_norm(ray.d);
+    ray.distance = distance.hi;
+    for (int i = 0; i < 3; i++)
+        ray.d[i] = dd_div(ray.d[i], distance);
+    for (int kind = 0; kind < KINDS; kind++)
+        factor[kind] = 1;
+    if (prepared->model.shadows == SHADOWS_HARD) {
+        enum status status = hard(&ray, hit, view, &factor[SOFT]);
+        factor[IDEAL] = factor[SOFT];
+        return status;
+    }
+    if (prepared->model.shadows == SHADOWS_SOFT) {
+        factor[SOFT] = estimate(&ray);
+        factor[IDEAL] = ideal(&ray);
+    }
+    return PROVED;
+}

@@ -1,0 +1,217 @@
+// Parts of a ray inside of a torus: roots of its quartic, isolated by the sign of the polynomial and
+// of its derivative over intervals (Taylor forms about the middle: R. E. Moore, "Interval Analysis",
+// 1966, chapter 6), then closed in by interval Newton. Included by solve.c twice.
+
+struct FN(quartic) {
+    struct IV f[5]; // G² − H, rising powers of s
+    struct IV g[3]; // G = ρ² + y² + R² − r²: below 0 the inside of a spindle torus
+    long *evals;
+};
+
+struct FN(event) {
+    struct IV s;
+    bool fuzzy; // no proved single root
+};
+
+// Coefficients about m.
+static void FN(shifted)(const struct FN(quartic) * q, REAL m, struct IV out[5]) {
+    struct IV at = {m, m};
+    memcpy(out, q->f, 5 * sizeof *out);
+    for (int i = 0; i < 4; i++)
+        for (int j = 3; j >= i; j--)
+            out[j] = FN(add)(out[j], FN(mul)(out[j + 1], at));
+    ++*q->evals;
+}
+
+static int FN(sign_at)(const struct FN(quartic) * q, REAL s) {
+    struct IV at = {s, s}, sum = q->f[4];
+    for (int i = 3; i >= 0; i--)
+        sum = FN(add)(FN(mul)(sum, at), q->f[i]);
+    ++*q->evals;
+    return FN(sign)(sum);
+}
+
+// −1 inside, 1 outside, 0 not certain.
+static int FN(side_at)(const struct FN(quartic) * q, REAL s) {
+    struct IV at = {s, s};
+    int f = FN(sign_at)(q, s);
+    if (f < 0)
+        return -1;
+    struct IV g = FN(add)(FN(mul)(FN(add)(FN(mul)(q->g[2], at), q->g[1]), at), q->g[0]);
+    int side = FN(sign)(g);
+    return side < 0 ? -1 : f > 0 && side > 0 ? 1 : 0;
+}
+
+// The polynomial and its derivative over m ± h, by the coefficients about m.
+static struct IV FN(slope_over)(const struct IV c[5], REAL h) {
+    struct IV u = {-h, h}, sum = FN(scale)(c[4], 4);
+    sum = FN(add)(FN(mul)(sum, u), FN(scale)(c[3], 3));
+    sum = FN(add)(FN(mul)(sum, u), FN(scale)(c[2], 2));
+    return FN(add)(FN(mul)(sum, u), c[1]);
+}
+
+static struct IV FN(value_over)(const struct IV c[5], REAL h) {
+    struct IV u = {-h, h}, sum = FN(mul)(c[4], u);
+    sum = FN(mul)(FN(add)(sum, c[3]), u);
+    sum = FN(mul)(FN(add)(sum, c[2]), u);
+    sum = FN(mul)(FN(add)(sum, c[1]), u);
+    return FN(add)(sum, c[0]);
+}
+
+static REAL FN(half_width)(REAL low, REAL high, REAL m) {
+    REAL below = m - low, above = high - m;
+    return FN(above)(below > above ? below : above);
+}
+
+// x holds one root: where the polynomial is monotone and changes sign.
+static struct IV FN(close_in)(const struct FN(quartic) * q, struct IV x, int sign_low) {
+    for (int i = 0; i < 200; i++) {
+        REAL m = FN(mid)(x), width = x.hi - x.lo;
+        if (!(m > x.lo && m < x.hi))
+            break;
+        struct IV c[5];
+        FN(shifted)(q, m, c);
+        struct IV slope = FN(slope_over)(c, FN(half_width)(x.lo, x.hi, m));
+        struct IV next = FN(sub)((struct IV){m, m}, FN(div)(c[0], slope));
+        if (next.lo < x.lo || !(next.lo <= x.hi))
+            next.lo = x.lo;
+        if (next.hi > x.hi || !(next.hi >= x.lo))
+            next.hi = x.hi;
+        if (next.hi - next.lo > width * (REAL)0.5) { // halve it
+            int sign = FN(sign)(c[0]);
+            if (sign == 0)
+                return next;
+            if (sign == sign_low)
+                next.lo = next.lo > m ? next.lo : m;
+            else
+                next.hi = next.hi < m ? next.hi : m;
+        }
+        if (!(next.hi - next.lo < width))
+            break;
+        x = next;
+    }
+    return x;
+}
+
+static bool FN(note)(struct FN(event) events[MOST_ROOTS], int *count, struct IV s, bool fuzzy) {
+    struct FN(event) *last = events + *count - 1;
+    if (*count > 0 && last->s.hi >= s.lo) { // they touch: one place, two doubts
+        last->s = FN(hull)(last->s, s);
+        last->fuzzy = true;
+        return true;
+    }
+    if (*count == MOST_ROOTS)
+        return false;
+    events[(*count)++] = (struct FN(event)){s, fuzzy};
+    return true;
+}
+
+// The places in [low, high] where the polynomial may be 0, in order. False: too many.
+static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL scale,
+                        struct FN(event) events[MOST_ROOTS], int *count) {
+    struct IV stack[160];
+    int depth = 0;
+    stack[depth++] = (struct IV){low, high};
+    while (depth > 0) {
+        struct IV x = stack[--depth];
+        REAL m = x.lo + (x.hi - x.lo) * (REAL)0.484375, h = FN(half_width)(x.lo, x.hi, m);
+        struct IV c[5];
+        FN(shifted)(q, m, c);
+        if (!FN(has_zero)(FN(value_over)(c, h)))
+            continue;
+        if (!FN(has_zero)(FN(slope_over)(c, h))) {
+            int p = FN(sign_at)(q, x.lo), r = FN(sign_at)(q, x.hi);
+            if (p * r > 0)
+                continue;
+            if (p * r < 0) {
+                if (!FN(note)(events, count, FN(close_in)(q, x, p), false))
+                    return false;
+                continue;
+            }
+        }
+        if (x.hi - x.lo <= FINE * scale || depth + 2 > 160 || !(m > x.lo && m < x.hi)) {
+            if (!FN(note)(events, count, x, true))
+                return false;
+            continue;
+        }
+        stack[depth++] = (struct IV){m, x.hi};
+        stack[depth++] = (struct IV){x.lo, m};
+    }
+    return true;
+}
+
+// From the places to the parts: which side the ray is on between them.
+static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event) * events,
+                            int count, REAL end, struct FN(parts) * parts) {
+    int side = 1;
+    struct FN(part) part = FN(whole);
+    part.in_face = part.out_face = 0;
+    for (int i = 0; i < count; i++) {
+        struct IV s = events[i].s;
+        struct IV gap = {s.hi, i + 1 < count ? events[i + 1].s.lo : end};
+        int next = i + 1 == count ? 1 : FN(side_at)(q, FN(mid)(gap));
+        if (next == 0) { // nothing is known from here to the end
+            part.in = side < 0 ? part.in : s;
+            part.out = (struct IV){s.lo, end};
+            part.sure = false;
+            FN(keep)(parts, part);
+            return;
+        }
+        if (side > 0 && next < 0) {
+            part.in = s;
+            part.sure = true;
+        } else if (side < 0 && next > 0) {
+            part.out = s;
+            FN(keep)(parts, part);
+        } else if (side > 0 && events[i].fuzzy) { // touches, perhaps
+            part.in = part.out = s;
+            part.sure = false;
+            FN(keep)(parts, part);
+        } else if (side < 0 && events[i].fuzzy) { // leaves, perhaps, for a moment
+            part.out = s;
+            part.sure = true;
+            FN(keep)(parts, part);
+            part.in = s;
+            part.sure = false;
+        }
+        side = next;
+    }
+}
+
+static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
+                         struct FN(parts) * parts, long *evals) {
+    (void)range;
+    const struct IV *o = ray->o, *d = ray->d;
+    struct IV big = FN(point)(shape->torus.major_radius);
+    struct IV small = FN(point)(shape->torus.minor_radius);
+    struct IV a = FN(square)(d), b = FN(dot)(o, d), c = FN(square)(o);
+    // Only within the ball of radius R + r.
+    struct FN(part) ball = FN(whole);
+    struct IV disc = FN(sub)(FN(mul)(a, FN(sqr)(FN(add)(big, small))), FN(cross_square)(o, d));
+    if (!FN(clip_round)(&ball, a, b, disc, 0))
+        return;
+    struct IV four = FN(scale)(FN(sqr)(big), 4);
+    struct IV k = FN(add)(c, FN(mul)(FN(sub)(big, small), FN(add)(big, small)));
+    struct IV h0 = FN(add)(FN(sqr)(o[0]), FN(sqr)(o[2]));
+    struct IV h1 = FN(add)(FN(mul)(o[0], d[0]), FN(mul)(o[2], d[2]));
+    struct IV h2 = FN(add)(FN(sqr)(d[0]), FN(sqr)(d[2]));
+    struct FN(quartic) q = {.evals = evals};
+    q.g[0] = k;
+    q.g[1] = FN(add)(b, b);
+    q.g[2] = a;
+    q.f[0] = FN(sub)(FN(sqr)(k), FN(mul)(four, h0));
+    q.f[1] = FN(sub)(FN(scale)(FN(mul)(b, k), 4), FN(scale)(FN(mul)(four, h1), 2));
+    q.f[2] =
+        FN(sub)(FN(add)(FN(scale)(FN(sqr)(b), 4), FN(scale)(FN(mul)(a, k), 2)), FN(mul)(four, h2));
+    q.f[3] = FN(scale)(FN(mul)(a, b), 4);
+    q.f[4] = FN(sqr)(a);
+    struct FN(event) events[MOST_ROOTS];
+    int count = 0;
+    // A hair more than the ball, so that both ends are outside of the torus.
+    REAL room = (ball.out.hi - ball.in.lo) * (REAL)0x1p-20;
+    REAL low = ball.in.lo - room, high = ball.out.hi + room;
+    if (!FN(isolate)(&q, low, high, high - low, events, &count))
+        parts->lost = true;
+    else
+        FN(from_events)(&q, events, count, high, parts);
+}
