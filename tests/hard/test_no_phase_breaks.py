@@ -1,0 +1,25 @@
+"""No phase may write NaN, hang or crash on any hard case. How wrong it is: scripts/stability.py."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from study import hard, registry
+from study.hard import measure
+
+PHASES = [name for name, phase in registry.phases().items() if phase.family == measure.FAMILY]
+
+
+@pytest.mark.parametrize("case", hard.cases(), ids=lambda case: f"c{case.number:02}_{case.name}")
+@pytest.mark.parametrize("phase", PHASES)
+def test_no_phase_breaks(phase: str, case: hard.Case) -> None:
+    """At the easiest, the middle and the hardest strength."""
+    if lacking := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
+    (row,) = measure.sweep([phase], [case], few=True, jobs=len(os.sched_getaffinity(0)))
+    again = f"scripts/stability.py --phase {phase} --case {case.number}"
+    assert not measure.breaks([row]), "\n".join([*measure.breaks([row]), again])
+    assert row["non_finite"] == 0 and not row["hung"] and not row["crashed"], again
+    assert len(row["errors"]) == len(case.few())

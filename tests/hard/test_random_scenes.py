@@ -1,0 +1,273 @@
+"""Random scenes: no phase of the ladder may crash, hang or write what is not finite, and on benign scenes all
+see what the baseline sees. A failing scene is shrunk by hypothesis and kept in build/test-scenes.
+
+Benign: nothing that rounding alone decides over much of the picture (see `agree`). Every number is a multiple
+of 1/16 within a few units, so that a shrunk scene is readable and floats hold it exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, note, settings
+from hypothesis import Phase as Stage
+from hypothesis import strategies as st
+
+from conformance import harness
+from study import images, registry
+from study.hard import measure
+
+SIZE = 8  # pixels a side
+LADDER = [
+    name
+    for name, phase in registry.phases().items()
+    if phase.family == measure.FAMILY and not registry.missing_isa(phase)
+]
+REFERENCE = harness.REFERENCE
+# Per phase the sum of the times of its runs: nothing at these sizes takes a second.
+TIME_LIMIT = 20.0  # s
+# Of 64 pixels. A pixel may fall on the other side of an edge, or a shadow ray graze one, within rounding: at
+# 1e-6 of a unit and pixels of 0.2 to 1 units that is one in 10^5 per edge that crosses it. But coordinates
+# are multiples of 1/16, so that a symmetric scene may put an edge on the very middle of a row of eight
+# pixels; one such row, but not two, may differ.
+ALLOWED = 8 / 64
+CLOSE = 2e-3  # of depth, relative; and of colour, of which float's shadow estimate needs the most
+
+
+def sixteenths(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.integers(round(16 * low), round(16 * high)).map(lambda n: n / 16)
+
+
+def vector(low: float, high: float) -> st.SearchStrategy[list[float]]:
+    return st.tuples(*[sixteenths(low, high)] * 3).map(list)
+
+
+SIZES = {
+    "sphere": {"radius": sixteenths(0.125, 1.5)},
+    "box": {"half_size": vector(0.125, 1.25)},
+    "torus": {"major_radius": sixteenths(0.5, 1.5), "minor_radius": sixteenths(0.125, 0.5)},
+    "cone": {
+        "bottom_radius": sixteenths(0.125, 1.25),
+        "top_radius": sixteenths(0.125, 1.25),
+        "half_height": sixteenths(0.125, 1.25),
+    },
+    "octahedron": {"radius": sixteenths(0.25, 1.5)},
+    "plane": {"normal": vector(-1, 1).filter(any), "offset": sixteenths(-3, 1)},
+    "mandelbulb": {
+        "power": st.just(8),
+        "iterations": st.integers(1, 5),
+        "bailout": st.sampled_from([4, 256, 10000]),
+    },
+}
+
+
+# The ends of what the loader lets through, and what lies between.
+LENGTHS = st.sampled_from([1e-9, 1e-6, 1e-3, 0.1, 1.0, 3.0, 100.0, 1e4, 1e9])
+ANY = st.one_of(st.just(0), LENGTHS, LENGTHS.map(lambda x: -x), st.floats(-2, 2))
+
+
+@st.composite
+def extreme(draw: st.DrawFn) -> dict:
+    """A valid scene whose every number may be as large or small as the format allows."""
+    at = st.one_of(vector(-2.5, 2.5), st.tuples(ANY, ANY, ANY).map(list))
+    color = st.tuples(*[st.sampled_from([0, 5e-324, 1e-9, 0.5, 1, 1e9])] * 3).map(list)
+    shapes = []
+    for kind in draw(st.lists(st.sampled_from([*SIZES]), min_size=1, max_size=3)):
+        shape = {"type": kind, "material": "only"} | {key: draw(size) for key, size in SIZES[kind].items()}
+        if draw(st.booleans()):
+            for key in sorted(
+                shape.keys() - {"type", "material", "power", "iterations", "bailout", "normal"}
+            ):
+                size = st.tuples(*[LENGTHS] * 3).map(list) if key == "half_size" else LENGTHS
+                shape[key] = draw(st.one_of(st.just(shape[key]), size))
+        if kind == "plane":  # the loader divides it by the normal's length, a sixteenth at least
+            shape["offset"] = min(shape["offset"], 1e7)
+        for key, values in {
+            "position": at,
+            "rotation_degrees": at,
+            "repeat": st.tuples(*[st.one_of(st.just(0), LENGTHS)] * 3).map(list),
+        }.items():
+            if draw(st.integers(0, 3)) == 3:
+                shape[key] = draw(values)
+        shapes.append(shape)
+    scene = draw(scenes([*SIZES]))
+    scene["camera"]["vertical_fov_degrees"] = draw(st.sampled_from([30, 60, 1, 170]))
+    if draw(st.booleans()):
+        position = draw(st.tuples(ANY, ANY, ANY).map(list))
+        far = 1e-3 * max(1.0, *map(abs, position))  # towards the middle of the world, off every axis
+        ahead = [x - math.copysign(n * far, x) for n, x in zip((1, 2, 3), position, strict=True)]
+        scene["camera"] |= {"position": position, "look_at": ahead}
+    scene["light"] |= {"position": draw(at), "emission": draw(color), "shadow_strength": draw(LENGTHS)}
+    scene["fog"] = draw(st.sampled_from([0, 5e-324, 1e-30, 1e-9, 1.0, 1e9]))
+    scene["background"] = draw(color)
+    scene["march"] |= {
+        "max_steps": draw(st.sampled_from([300, 200, 100, 1])),
+        "max_bounces": draw(st.sampled_from([0, 1, 256])),
+    }
+    for key in ("hit_distance", "bounds_radius", "normal_step", "surface_offset"):
+        if draw(st.integers(0, 7)) == 7:
+            scene["march"][key] = draw(LENGTHS)
+    only = {
+        "color": draw(color),
+        "reflectivity": draw(st.sampled_from([0, 5e-324, 1])),
+        "shininess": draw(LENGTHS),
+    }
+    return scene | {"materials": {"only": only}, "shapes": shapes}
+
+
+@st.composite
+def shapes(draw: st.DrawFn, kinds: list[str]) -> dict:
+    kind = draw(st.sampled_from(kinds))
+    shape = {"type": kind, "material": draw(st.sampled_from(["plain", "mirror"]))}
+    shape |= {key: draw(size) for key, size in SIZES[kind].items()}
+    for key, values in {
+        "position": vector(-2.5, 2.5),
+        "rotation_degrees": st.tuples(*[st.integers(-180, 180)] * 3).map(list),
+        # cells that hold any of the shapes: smaller ones are not benign (hard cases 9 and 33)
+        "repeat": st.tuples(*[st.sampled_from([0, 4, 6.5])] * 3).map(list),
+    }.items():
+        if draw(st.booleans()):
+            shape[key] = draw(values)
+    return shape
+
+
+@st.composite
+def scenes(draw: st.DrawFn, kinds: list[str]) -> dict:
+    """A valid scene of one to four shapes."""
+    mirror = {"color": [0.125, 0.25, 0.125], "reflectivity": draw(sixteenths(0, 1)), "shininess": 15}
+    return {
+        "camera": {
+            "position": draw(vector(-5, 5)),
+            "look_at": [0.0625, 0.125, 0.03125],  # off the lattice of the positions: no zero direction
+            "up": [0.1003, 1, 0.0307],  # along no line from there to it
+            "vertical_fov_degrees": draw(st.integers(10, 110)),
+        },
+        "light": {
+            "position": draw(vector(-6, 6)),
+            "emission": [2, 3, 4],
+            "shadows": draw(st.sampled_from(["none", "hard", "soft"])),
+            "shadow_strength": draw(sixteenths(0.5, 8)),
+        },
+        "background": draw(st.sampled_from([[0, 0, 0], [0.25, 0.5, 0.75]])),
+        "fog": draw(st.sampled_from([0, 2.0**-20, 2.0**-10])),
+        "march": {
+            "max_steps": draw(st.sampled_from([256, 3000])),
+            "hit_distance": 1e-6,
+            "bounds_radius": 64,
+            "max_bounces": draw(st.integers(0, 4)),
+            "normal_step": 1e-4,
+            "surface_offset": 1e-3,
+        },
+        "materials": {
+            "plain": {"color": [0.5, 0.375, 0.25], "reflectivity": 0, "shininess": 20},
+            "mirror": mirror,
+        },
+        "shapes": draw(st.lists(shapes(kinds), min_size=1, max_size=4)),
+    }
+
+
+def pictures(scene: dict, name: str) -> dict[str, harness.Run]:
+    """Of every phase that renders it. A crash, a hang and a sample that is not finite are failures."""
+    path = harness.keep(name, scene)
+    found = {}
+    for phase in LADDER:
+        try:
+            picture = harness.KEPT / f"{phase}.{os.getpid()}.exr"
+            run = harness.call(
+                phase, path, "-n", SIZE, "-w", SIZE, "-o", picture, "--json", "--aov", timeout=TIME_LIMIT
+            )
+            if run.status == 4:
+                harness.check_refusal(run, 4)
+                continue
+            assert run.status == 0 and run.stderr == "", f"{run}"
+            run.scene, run.picture = scene, images.read(picture)
+        finally:
+            picture.unlink(missing_ok=True)
+        bad = images.non_finite(run.picture)
+        assert bad == 0, f"{run}: {bad} samples are not finite"
+        found[phase] = run
+    return found
+
+
+def unlike(a: images.Picture, b: images.Picture) -> np.ndarray:
+    """Pixels of another shape, of another depth by more than CLOSE, or of another colour as seen."""
+    wrong = a["id"] != b["id"]
+    both = ~wrong & (a["id"] >= 0)
+    depth = np.abs(np.where(both, a["Z"], 1) - np.where(both, b["Z"], 1))
+    # 1e-6/sin(angle): a grazing hit may end anywhere in its last step; the angle is known from the normal.
+    wrong |= both & ~(depth <= CLOSE * np.maximum(np.abs(np.where(both, a["Z"], 1)), 1))
+    x, y = (images.clamped(images.rgb(p)) for p in (a, b))
+    return wrong | ~(np.abs(x - y) <= CLOSE + 1 / 255).all(-1)
+
+
+def settled(examples: int):
+    """CI runs the same examples every time; STEPWISE_RANDOM=n looks at n others."""
+    more = os.environ.get("STEPWISE_RANDOM")
+    return settings(
+        max_examples=int(more) if more else examples,
+        derandomize=not more,
+        deadline=None,
+        database=None,
+        phases=[Stage.generate, Stage.shrink],  # explaining takes minutes more
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+@settled(20)
+@given(scene=scenes([*SIZES]))
+def test_no_phase_breaks(scene: dict) -> None:
+    """Any valid scene: Mandelbulbs, cameras and lights inside of shapes, everything at once."""
+    note("build/test-scenes/random_any.json")
+    pictures(scene, "random_any")
+
+
+@settled(20)
+@given(scene=extreme())
+def test_no_phase_breaks_at_the_limits(scene: dict) -> None:
+    """The largest and the smallest numbers that the format allows: finite, ended, alive."""
+    note("build/test-scenes/random_extreme.json")
+    pictures(scene, "random_extreme")
+
+
+@settled(25)
+@given(scene=scenes([kind for kind in SIZES if kind != "mandelbulb"]))
+def test_phases_agree(scene: dict) -> None:
+    """Exact distances, and nothing that rounding decides: all phases see what the baseline sees."""
+    note("build/test-scenes/random_benign.json")
+    runs = pictures(scene, "random_benign")
+    reference = runs.pop(REFERENCE)
+    for run in runs.values():
+        wrong = unlike(reference.picture, run.picture)
+        assert wrong.mean() <= ALLOWED, f"{run}: {wrong.sum()} of {wrong.size} pixels are not {REFERENCE}'s"
+
+
+def test_unlike_sees() -> None:
+    """The comparison: equal pictures agree; another shape, depth, colour or a NaN does not."""
+    plane = {name: np.full((2, 2), 0.5, np.float32) for name in images.AOVS}
+    assert not unlike(plane, plane).any()
+    changes = [("id", 1), ("Z", 0.6), ("R", 0.52), *itertools.product("ZRG", [np.nan])]
+    for name, value in changes:
+        other = {key: values.copy() for key, values in plane.items()}
+        other[name][0, 1] = value
+        assert unlike(plane, other).sum() == 1, (name, value)
+        assert unlike(other, plane).sum() == 1, (name, value)
+
+
+@pytest.mark.parametrize("kind", [*SIZES])
+def test_every_shape_is_drawn(kind: str) -> None:
+    """The strategy yields every kind, and its scenes load."""
+    seen = []
+
+    @settings(max_examples=8, derandomize=True, deadline=None, database=None)
+    @given(scene=scenes([kind]))
+    def draw(scene: dict) -> None:
+        seen.append(scene)
+
+    draw()
+    path = harness.keep(f"random_{kind}", seen[-1])
+    run = harness.call(REFERENCE, path, "-n", 2, "-w", 2, "--json")
+    assert run.status == 0 and {shape["type"] for scene in seen for shape in scene["shapes"]} == {kind}
