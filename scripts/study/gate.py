@@ -37,6 +37,17 @@ METRICS = (
 AT_LEAST = {"psnr_db", "psnr_display_db", "antialiased.psnr_db", "depth_agree_fraction"}
 ALWAYS = {"non_finite": 0, "antialiased.non_finite": 0}  # no phase may allow any
 
+# Against truth (scripts/accuracy.py) a phase may be no worse than baseline is, on any of these.
+_COLOURS = tuple(f"psnr{which}{space}_db" for which in ("_none", "", "_ideal") for space in ("", "_display"))
+HITS = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99")
+TRUTH_METRICS = (*HITS, *_COLOURS)
+CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
+TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
+LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is baseline (scripts/verify.py)
+# dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more.
+NEAREST = 150.0
+SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
+
 
 def flatten(nested: Mapping, prefix: str = "") -> dict:
     """{"antialiased": {"psnr_db": 30}} as {"antialiased.psnr_db": 30}."""
@@ -50,10 +61,11 @@ def check(phase: Phase) -> None:
     """Raises StudyError for a tolerance that is of no scene or class, bounds no metric, or has no reason."""
     for name, declared in phase.tolerance.items():
         where = f"{phase.name}: phase.json: tolerance.{name}"
-        if name not in ("smooth", "fractal", *scenes()):
+        if name not in ("smooth", "fractal", TRUTH, *scenes()):
             raise StudyError(
-                f"{where}: no such scene or class; there are smooth, fractal, {', '.join(scenes())}"
+                f"{where}: no such scene or class; there are smooth, fractal, {TRUTH}, {', '.join(scenes())}"
             )
+        known = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS)) if name == TRUTH else METRICS
         if not isinstance(declared, Mapping):
             raise StudyError(f"{where}: should be an object of metric: bound")
         if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():
@@ -62,12 +74,14 @@ def check(phase: Phase) -> None:
         if not bounds:
             raise StudyError(f"{where}: bounds no metric")
         for key, bound in bounds.items():
-            if key not in METRICS:
-                raise StudyError(f"{where}.{key}: no such metric; there are {', '.join(METRICS)}")
+            if key not in known:
+                raise StudyError(f"{where}.{key}: no such metric; there are {', '.join(known)}")
             number = isinstance(bound, int | float) and not isinstance(bound, bool) and math.isfinite(bound)
             if not (bound is True if key == "identical" else number):
                 wanted = "true" if key == "identical" else "a finite number"
                 raise StudyError(f"{where}.{key}: {bound!r} should be {wanted}")
+            if name == TRUTH and bound < 0:
+                raise StudyError(f"{where}.{key}: {bound!r} should be 0 or more: by how much it may be worse")
 
 
 def tolerance(phase: Phase, scene: Scene) -> dict | None:
@@ -93,4 +107,50 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
                 found[name] = f"{value:.6g}, should be at least {bound:g}"
         elif not (value <= bound):
             found[name] = f"{value:.6g}, should be at most {bound:g}"
+    return found
+
+
+def by_truth(phase: Phase) -> bool:
+    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own."""
+    return phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE
+
+
+def margins(phase: Phase) -> dict[str, float]:
+    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing."""
+    declared = flatten(phase.tolerance.get(TRUTH) or {})
+    return {name: bound for name, bound in declared.items() if name != "reason"}
+
+
+def visible(baseline: Mapping) -> dict[str, float]:
+    """Margins for phases that are shown and not gated: differences that a table of three digits has."""
+    values = flatten(baseline)
+    names = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS))
+    return {
+        name: SHOWN["db"] if name.endswith("_db") else SHOWN["share"] * abs(values.get(name, math.nan))
+        for name in names
+        if name in values
+    }
+
+
+def inferior(metrics: Mapping, baseline: Mapping, allowed: Mapping[str, float]) -> dict[str, str]:
+    """Metric on which the picture is further from truth than baseline's, by more than is allowed → why.
+
+    A scene whose truth is converged only has the hits of its proved pixels, if there are any.
+    """
+    mine, base = flatten(metrics), flatten(baseline)
+    found = {}
+    if not (mine["non_finite"] <= 0):
+        found["non_finite"] = f"{mine['non_finite']} samples, should be none"
+    for name in CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS:
+        if mine["converged_only"] and name in HITS and mine["proved_fraction"] == 0:
+            continue
+        value, other, margin = mine.get(name, math.nan), base.get(name, math.nan), allowed.get(name, 0)
+        grant = f" and {margin:g} are granted" if margin else ""
+        if name.endswith("_db"):
+            value, other = (NEAREST if x >= NEAREST else x for x in (value, other))
+        if name.endswith("_db") or name in AT_LEAST:
+            if not (value >= other - margin):
+                found[name] = f"{value:.6g}, baseline has {other:.6g}{grant}: should be at least that"
+        elif not (value <= other + margin):
+            found[name] = f"{value:.6g}, baseline has {other:.6g}{grant}: should be at most that"
     return found

@@ -144,8 +144,8 @@ def _percentile(values: np.ndarray, share: float, any_hit: bool) -> float:
     return float(np.percentile(values, share)) if values.size else math.nan if any_hit else 0.0
 
 
-def _geometry(reference: Picture, image: Picture) -> dict[str, float]:
-    """Hit mask, shapes, hit distances and normals: the errors below the picture."""
+def geometry(reference: Picture, image: Picture) -> dict[str, float]:
+    """Hit mask, shapes, hit distances and normals: the errors below the picture. Planes of any shape."""
     hit_a, hit_b = ((p["id"] >= 0) & np.isfinite(p["Z"]) for p in (reference, image))
     miss_a, miss_b = ((p["id"] == -1) & (p["Z"] == np.inf) for p in (reference, image))
     # Neither hit nor miss (a NaN, or a depth where there is no shape) agrees with nothing.
@@ -172,6 +172,27 @@ def _geometry(reference: Picture, image: Picture) -> dict[str, float]:
     }
 
 
+def colour_errors(reference: np.ndarray, image: np.ndarray, with_flip: bool = True) -> dict[str, float]:
+    """The picture metrics of two linear colours (height × width × 3), in linear and in display space."""
+    linear = reference, image
+    finite = all(np.isfinite(x).all() for x in linear)
+    # Infinity would look like 1 once clamped, so a picture that is not finite has no picture metrics.
+    psnr, rmse, over = _oiio(*map(clamped, linear), ONE_STEP, 1.0) if finite else (math.nan,) * 3
+    display = [to_display(x) for x in linear]
+    psnr8, _, over8 = _oiio(*display, 1.0, 255.0) if finite else (math.nan,) * 3
+    found = {
+        "psnr_db": psnr,
+        "rmse": rmse,
+        "fraction_over_1_255": over,
+        "max_abs": float(np.abs(linear[0] - linear[1]).max()) if finite else math.nan,
+        "psnr_display_db": psnr8,
+        "fraction_over_1_255_display": over8,
+    }
+    if with_flip:
+        found["flip_mean"], found["flip_max"] = flip(*display) if finite else (math.nan, math.nan)
+    return found
+
+
 def antialiased(reference: Picture, image: Picture, factor: int = 4) -> dict[str, float]:
     """The picture metrics after box averaging, for scenes where one sample per pixel is chaotic."""
     a, b = (box_average(rgb(p), factor) for p in (reference, image))
@@ -193,26 +214,12 @@ def compare(reference: Picture, image: Picture, large: tuple[Picture, Picture] |
         raise StudyError(f"pictures of different size: {a[1]}x{a[0]} and {b[1]}x{b[0]}")
     bad = non_finite(reference) + non_finite(image)
     hashes = sha256(reference), sha256(image)
-    linear = rgb(reference), rgb(image)
-    finite = all(np.isfinite(x).all() for x in linear)
-    # Infinity would look like 1 once clamped, so a picture that is not finite has no picture metrics.
-    psnr, rmse, over = _oiio(*map(clamped, linear), ONE_STEP, 1.0) if finite else (math.nan,) * 3
-    display = [to_display(x) for x in linear]
-    psnr8, _, over8 = _oiio(*display, 1.0, 255.0) if finite else (math.nan,) * 3
-    flip_mean, flip_max = flip(*display) if finite else (math.nan, math.nan)
     return {
         "non_finite": bad,
         "identical": hashes[0] == hashes[1],
         "reference_sha256": hashes[0],
         "sha256": hashes[1],
-        **_geometry(reference, image),
-        "psnr_db": psnr,
-        "rmse": rmse,
-        "fraction_over_1_255": over,
-        "max_abs": float(np.abs(linear[0] - linear[1]).max()) if finite else math.nan,
-        "psnr_display_db": psnr8,
-        "fraction_over_1_255_display": over8,
-        "flip_mean": flip_mean,
-        "flip_max": flip_max,
+        **geometry(reference, image),
+        **colour_errors(rgb(reference), rgb(image)),
         **({"antialiased": antialiased(*large)} if large else {}),
     }

@@ -75,7 +75,7 @@ def test_a_tolerance_for_what_is_no_scene_is_refused():
         gate.check(phase({"smoth": bound(psnr_db=50)}))
 
 
-@pytest.mark.parametrize("name", registry.phases())
+@pytest.mark.parametrize("name", registry.ladder())
 def test_what_the_phases_declare_is_understood(name):
     gate.check(registry.find_phase(name))
 

@@ -1,0 +1,201 @@
+#!/usr/bin/env python3
+"""Error of every phase to truth, per scene: hits, shapes, distances, normals, shadows, colours, and where."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from itertools import product
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import matplotlib
+from tqdm import tqdm
+
+from study import accuracy, accuracy_page, converge, draw, gate, images, panels, registry, store, truth, where
+from study.cli import StudyError
+from study.gallery import Gallery, Size
+from study.registry import Scene, Spec
+from study.run import NO_ISA, UNSUPPORTED
+
+DESCRIPTION = """\
+Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: none may
+be further from truth than baseline on any metric, but for what its phase.json grants (tolerance.truth, with
+a reason). baseline to opt4, and what is not on the ladder, are shown; scripts/verify.py has their gate."""
+BASE = Spec("baseline", "baseline")
+FAMILY = "truth"  # of the phases that are what the others are held against
+
+
+def at_least_1(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
+    return int(text)
+
+
+def arguments() -> argparse.Namespace:
+    cores = len(os.sched_getaffinity(0))
+    about = "a gated phase is further from truth than baseline, or a picture is not finite or not there"
+    parser = cli.parser(DESCRIPTION, {1: about, 3: "no phase could run on this CPU"})
+    add = parser.add_argument
+    add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
+    add("--scene", nargs="+", metavar="NAME", help="default: all")
+    add("-n", type=at_least_1, default=720, help="height in pixels; default: 720")
+    add("-w", type=at_least_1, help="width in pixels; default: 16:9, two_spheres square")
+    add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
+    add("--jobs", type=at_least_1, default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
+    add("--convergence-n", type=at_least_1, default=90, metavar="N", help="its height in pixels; default: 90")
+    return parser.parse_args()
+
+
+class Subject:
+    """A scene at a size, with truth's picture of it and baseline's errors: read and worked out once."""
+
+    def __init__(self, gallery: Gallery, scene: Scene, plain: Scene, size: Size) -> None:
+        self.gallery, self.scene, self.plain, self.size = gallery, scene, plain, size
+        self.truth = truth.picture(scene, size)
+        self.mirrors = accuracy.mirrors(scene)
+        self.where = where.classes(self.truth, self.mirrors)
+        self.base = self.measure(BASE)[0]
+
+    def measure(self, spec: Spec) -> tuple[dict, images.Picture]:
+        """The metrics of a spec's picture, and the picture."""
+        made, plain = (images.read(self.gallery.path(spec, s, self.size)) for s in (self.scene, self.plain))
+        return accuracy.metrics(self.truth, made, plain, self.scene.fractal), made
+
+    def row(self, spec: Spec) -> dict:
+        """One row of accuracy.json, its picture written."""
+        found, made = self.measure(spec)
+        phase = registry.find_phase(spec.phase)
+        gated = gate.by_truth(phase)
+        granted = gate.margins(phase) if gated else gate.visible(self.base)
+        worse = gate.inferior(found, self.base, granted)
+        wrong = where.bad(self.truth, made)
+        gallery, size = self.gallery, self.size
+        stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
+        title = f"{self.scene.name}, {size[0]}×{size[1]} pixels: {spec} against truth"
+        figure = where.figure(self.truth, made, title, str(spec), found, self.where, wrong)
+        panels.save(figure, gallery.folder / stem)
+        return {
+            **about(spec, self.scene, size),
+            "precision": phase.precision,
+            **found,
+            **where.shares(self.where, wrong),
+            "gated": gated,
+            "margins": granted,
+            "worse": list(worse),
+            "why": [f"{name}: {text}" for name, text in worse.items()],
+            "failed": bool(worse) if gated else "non_finite" in worse,
+            "binary_sha256": gallery.hashes[spec],
+            "truth_sha256": images.sha256(self.truth),
+            "picture": f"{gallery.folder.name}/{stem}",
+        }
+
+
+def about(spec: Spec, scene: Scene, size: Size) -> dict:
+    """What a row is about: its first keys."""
+    kind = "fractal" if scene.fractal else "smooth"
+    return {"phase": str(spec), "scene": scene.name, "class": kind, "width": size[0], "height": size[1]}
+
+
+def specs_of(names: list[str] | None) -> list[Spec]:
+    """The specs asked for, or every phase but truth itself. Raises StudyError."""
+    wanted = names or [name for name, phase in registry.phases().items() if phase.family != FAMILY]
+    specs = [Spec.parse(name) for name in dict.fromkeys(wanted)]
+    for spec in specs:
+        phase = registry.find_phase(spec.phase)
+        gate.check(phase)
+        if phase.family == FAMILY:
+            raise StudyError(f"{spec}: is truth itself; name phases that are to be held against it")
+    return specs
+
+
+def judge(
+    gallery: Gallery, scene: Scene, plain: Scene, size: Size, specs: list[Spec], refused: dict
+) -> tuple:
+    """Rows of a scene, and what could not be had: with its reason, and whether that is a failure."""
+    rows, missing = [], []
+
+    def missed(spec: Spec, reason: str, failed: bool = False) -> None:
+        missing.append({"phase": str(spec), "scene": scene.name, "reason": reason, "failed": failed})
+
+    def trouble(spec: Spec):
+        return refused.get((spec, scene.name)) or refused.get((spec, plain.name))
+
+    if error := trouble(BASE):
+        for spec in specs:
+            missed(spec, f"baseline: {error.message}", error.status not in (NO_ISA, UNSUPPORTED))
+        return rows, missing
+    subject = Subject(gallery, scene, plain, size)
+    for spec in tqdm(specs, f"compare {scene.name}", leave=False, disable=None):
+        if error := trouble(spec):
+            missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
+        else:
+            rows.append(subject.row(spec))
+    return rows, missing
+
+
+def run() -> int:
+    args = arguments()
+    specs = specs_of(args.phase)
+    scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
+    lacking = {spec: " ".join(registry.missing_isa(spec)) for spec in specs}
+    able = [spec for spec in specs if not lacking[spec]]
+    skipped = [
+        {"phase": str(s), "scene": None, "reason": f"this CPU lacks {lacking[s]}", "failed": False}
+        for s in specs
+        if lacking[s]
+    ]
+    folder = args.run or registry.ROOT / "build" / "accuracy"
+    using = list(dict.fromkeys([BASE, *able])) if able else []
+    gallery = Gallery(folder / "images", using)
+    plain = {scene.name: accuracy.without_shadows(scene, folder / "scenes") for scene in scenes}
+    sizes = {scene.name: scene.size(args.n, args.w) for scene in scenes}
+    tasks = [
+        (who, one, sizes[scene.name])
+        for scene, who in product(scenes, using)
+        for one in (scene, plain[scene.name])
+    ]
+    refused = gallery.render_all(tasks, args.jobs)
+    rows: list[dict] = []
+    for scene in scenes if able else []:
+        found, missing = judge(gallery, scene, plain[scene.name], sizes[scene.name], able, refused)
+        rows, skipped = rows + found, skipped + missing
+    tools = {"flip_tool": images.FLIP_TOOL, "picture_tool": images.PICTURE_TOOL}
+    result = {"schema": 1, **tools, "rows": rows, "skipped": skipped, "convergence": None}
+    if args.convergence:
+        result["convergence"] = converge.study(args.convergence_n, folder / "convergence")
+    store.write_json(folder / accuracy.FILE, result)
+    report(args, result, folder, alone=len(specs) == len(scenes) == len(rows) == 1)
+    if not rows:
+        return cli.CANNOT_RUN if not any(item["failed"] for item in skipped) else cli.FAILED
+    return cli.FAILED if any(item["failed"] for item in (*rows, *skipped)) else cli.OK
+
+
+def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
+    """JSON (a flat object for a row asked for alone) or tables; then what was skipped and what failed."""
+    figures = []
+    if result["rows"]:
+        with matplotlib.rc_context(draw.STYLE):
+            for name, figure in accuracy_page.figures(result).items():
+                figures += draw.save(figure, folder / "figures" / name, accuracy_page.note(result))
+    if args.json:
+        tools = {key: value for key, value in result.items() if key.endswith("_tool")}
+        more = {"convergence": result["convergence"]} if args.convergence else {}
+        cli.emit({**result["rows"][0], **tools, **more} if alone else result)
+    elif result["rows"]:
+        print(accuracy_page.text(result))
+        print(f"FLIP: {images.FLIP_TOOL}.\nPictures: {folder}/images, figures: {folder}/figures")
+    for item in result["skipped"]:
+        word = "FAIL" if item["failed"] else "skipped"
+        cli.say(f"{word} {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
+    for row in result["rows"]:
+        if row["failed"]:
+            picture = folder / row["picture"]
+            cli.say(f"FAIL {row['phase']} on {row['scene']}: {'; '.join(row['why'])} (picture: {picture})")
+
+
+if __name__ == "__main__":
+    cli.main(run)

@@ -1,0 +1,624 @@
+"""Errors to truth (study.accuracy, study.where, study.converge), their gate, and scripts/accuracy.py.
+
+The synthetic pictures have errors that are known by counting, by trigonometry or by the definition of PSNR.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+import types
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import accuracy as command_module
+from study import accuracy, accuracy_page, converge, gallery, gate, images, registry, store, where
+from study.cli import StudyError, plain
+from study.registry import ROOT, Phase, Spec
+
+HEIGHT, WIDTH, RADIUS = 40, 60, 11.5
+
+
+def made_truth(picture: dict) -> dict:
+    """A picture as truth's: without any shadow, every ray proved."""
+    truth = {name: plane.copy() for name, plane in picture.items()}
+    for prefix in ("ideal.", "none."):
+        truth |= {prefix + name: picture[name].copy() for name in "RGB"}
+    for name, value in {"shadow": 1, "status": 2, "status.all": 2}.items():
+        truth[name] = np.full(picture["R"].shape, value, np.float32)
+    return truth
+
+
+@pytest.fixture
+def disc(blank, miss):
+    """Picture factory: a disc of radius 11.5 around (20, 25 + shift), shape 0, on an empty background."""
+
+    def make(shift: int = 0) -> dict:
+        picture = blank(HEIGHT, WIDTH)
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        miss(picture, (rows - 20) ** 2 + (columns - 25 - shift) ** 2 > RADIUS**2)
+        return picture
+
+    return make
+
+
+def lengths() -> list[int]:
+    """Pixels of each row of the disc, by Pythagoras."""
+    rows = range(-11, 12)
+    return [2 * math.floor(math.sqrt(RADIUS**2 - y * y)) + 1 for y in rows]
+
+
+# --- below the picture
+
+
+@pytest.mark.parametrize("shift", [0, 1, 3, 20])
+def test_a_shifted_disc_has_the_false_hits_of_its_rows(disc, shift):
+    found = accuracy.metrics(made_truth(disc()), disc(shift))
+    # Each row of length l that moves by k leaves min(k, l) pixels and takes as many new ones.
+    ppm = 1e6 * sum(min(shift, length) for length in lengths()) / (HEIGHT * WIDTH)
+    assert found["false_misses_ppm"] == found["false_hits_ppm"] == pytest.approx(ppm)
+    assert found["wrong_shape_ppm"] == 0
+    assert found["proved_fraction"] == 1
+
+
+def test_undecided_pixels_are_left_out_and_counted(disc):
+    truth, image = made_truth(disc()), disc(3)
+    truth["status"][:, :25] = 0
+    truth["status"][0, 0] = np.nan
+    found = accuracy.metrics(truth, image)
+    # Misses lie at the left, hits at the right: only the hits remain, of fewer pixels.
+    assert found["false_misses_ppm"] == 0
+    assert found["false_hits_ppm"] == pytest.approx(1e6 * sum(min(3, n) for n in lengths()) / (HEIGHT * 35))
+    assert found["undecided_pixels"] == HEIGHT * 25
+    assert found["proved_fraction"] == pytest.approx(35 / 60)
+
+
+def test_nothing_proved_has_no_hit_metric(disc):
+    truth = made_truth(disc())
+    truth["status"][:] = 1
+    found = accuracy.metrics(truth, disc())
+    assert math.isnan(found["false_hits_ppm"]) and math.isnan(found["dt_p99"])
+    assert found["converged_pixels"] == HEIGHT * WIDTH and found["undecided_pixels"] == 0
+
+
+def test_another_shape_is_neither_a_false_hit_nor_a_miss(disc):
+    image = disc()
+    image["id"][20, 20:25] = 3
+    image["Z"][20, 20:25] = 99
+    found = accuracy.metrics(made_truth(disc()), image)
+    assert found["wrong_shape_ppm"] == pytest.approx(1e6 * 5 / (HEIGHT * WIDTH))
+    assert found["false_hits_ppm"] == found["false_misses_ppm"] == found["dt_max"] == 0
+
+
+@pytest.mark.parametrize(
+    ("plane", "spot", "metric"),
+    [
+        ("Z", (20, 25), "false_misses_ppm"),
+        ("id", (20, 25), "false_misses_ppm"),
+        ("id", (0, 0), "false_hits_ppm"),
+        ("Z", (0, 0), "false_hits_ppm"),
+    ],
+)
+def test_nan_is_a_wrong_hit_whatever_truth_says(disc, plane, spot, metric):
+    image = disc()
+    image[plane][spot] = np.nan
+    found = accuracy.metrics(made_truth(disc()), image)
+    assert found[metric] == pytest.approx(1e6 / (HEIGHT * WIDTH))
+    assert found["non_finite"] >= 1
+    assert where.bad(made_truth(disc()), image).sum() == 1
+
+
+def test_depth_and_normals_have_their_own_errors(blank):
+    truth, image = made_truth(blank(10, 20)), blank(10, 20)
+    image["Z"][:2] += 0.5  # a fifth of the pixels
+    image["Z"][5, 5] += 1.5
+    angle = math.radians(3)
+    image["N.x"][:], image["N.z"][:] = math.sin(angle), -math.cos(angle)
+    found = accuracy.metrics(truth, image)
+    assert (found["dt_p99"], found["dt_max"]) == (0.5, 1.5)
+    assert found["normal_p99_degrees"] == pytest.approx(3, abs=1e-4)
+
+
+# --- colours
+
+
+def test_each_truth_has_its_own_psnr(blank):
+    image, truth = blank(8, 8, 0.5), made_truth(blank(8, 8, 0.5))
+    for name in "RGB":
+        truth[name] += np.float32(0.1)
+        truth[f"ideal.{name}"] -= np.float32(0.01)
+    dark = blank(8, 8, 0.501)
+    found = accuracy.metrics(truth, image, dark)
+    assert found["psnr_db"] == pytest.approx(20, abs=1e-4)
+    assert found["psnr_ideal_db"] == pytest.approx(40, abs=1e-3)
+    assert found["psnr_none_db"] == pytest.approx(60, abs=1e-2)
+    assert found["rmse"] == pytest.approx(0.1, abs=1e-6)
+    levels = [math.trunc(255 * grey**0.4545) for grey in (0.5, 0.6, 0.49, 0.501)]
+    for key, level in (("psnr_display_db", levels[1]), ("psnr_ideal_display_db", levels[2])):
+        assert found[key] == pytest.approx(20 * math.log10(255 / abs(level - levels[0])), abs=1e-3)
+    assert "psnr_none_db" not in accuracy.metrics(truth, image)
+
+
+def test_shadow_error_is_of_what_the_shadow_takes(blank):
+    """Truth takes 0.25 in the upper half, the phase 0.35 there: √(½·0.1²), whatever else they are off by."""
+    truth, lit, shaded = made_truth(blank(10, 10, 0.8)), blank(10, 10, 0.7), blank(10, 10, 0.7)
+    for name in "RGB":
+        truth[name][:5] -= np.float32(0.25)
+        truth[f"ideal.{name}"][:5] -= np.float32(0.35)
+        shaded[name][:5] -= np.float32(0.35)
+    found = accuracy.metrics(truth, shaded, lit)
+    assert found["shadow_rmse"] == pytest.approx(math.sqrt(0.005), abs=1e-6)
+    assert found["shadow_ideal_rmse"] == pytest.approx(0, abs=1e-6)
+
+
+def test_a_shadow_that_nobody_can_see_is_no_error(blank):
+    """Linear and clamped: from 3.0 down to 1.5 nothing changes on a screen."""
+    truth, lit, shaded = made_truth(blank(4, 4, 3.0)), blank(4, 4, 3.0), blank(4, 4, 1.5)
+    assert accuracy.metrics(truth, shaded, lit)["shadow_rmse"] == 0
+    shaded["R"][0, 0] = np.inf
+    assert math.isnan(accuracy.metrics(truth, shaded, lit)["shadow_rmse"])
+
+
+def test_identical_is_infinite_in_memory_null_in_json_and_infinite_again(blank, tmp_path):
+    found = accuracy.metrics(made_truth(blank()), blank(), blank(), fractal=True)
+    assert found["psnr_db"] == found["psnr_none_display_db"] == math.inf
+    broken = blank()
+    broken["R"][0, 0] = np.nan
+    row = {"phase": "opt4", "scene": "trio", **found}
+    bad = {**row, **accuracy.metrics(made_truth(blank()), broken, blank(), fractal=True)}
+    assert plain(row)["psnr_db"] is None
+    store.write_json(tmp_path / "accuracy.json", {"rows": [row, bad], "skipped": []})
+    again, nan = accuracy.rows(tmp_path)
+    assert again["psnr_db"] == again["psnr_display_db"] == again["antialiased"]["psnr_ideal_db"] == math.inf
+    assert math.isnan(nan["psnr_db"]) and math.isnan(nan["antialiased"]["psnr_db"])
+    assert again["psnr_none_db"] == nan["psnr_none_db"] == math.inf
+
+
+def test_a_fractal_is_judged_averaged_and_by_depth(blank):
+    """Sparkle that averages out: ±0.1 on a chessboard, and a twentieth of the depths off by a hundredth."""
+    truth, image = made_truth(blank(40, 40)), blank(40, 40)
+    board = 0.1 * (-1.0) ** np.add.outer(np.arange(40), np.arange(40))
+    for name in "RGB":
+        image[name] += board.astype(np.float32)
+    image["Z"][:2] *= 1.01
+    truth["status"][:] = 1
+    found = accuracy.metrics(truth, image, image, fractal=True)
+    assert found["converged_only"] is True and found["proved_fraction"] == 0
+    assert found["psnr_db"] == pytest.approx(20, abs=1e-3)
+    assert found["antialiased"]["psnr_db"] > 120
+    assert found["depth_agree_fraction"] == pytest.approx(0.95)
+
+
+def test_pictures_that_do_not_belong_together_are_refused(blank):
+    truth = made_truth(blank())
+    with pytest.raises(StudyError, match="different size: 10x10 and 11x10"):
+        accuracy.metrics(truth, blank(10, 11))
+    del truth["none.G"]
+    with pytest.raises(StudyError, match=r"truth's picture lacks the channels none\.G"):
+        accuracy.metrics(truth, blank())
+
+
+def test_a_truth_that_is_none_is_refused_where_it_claims_to_know(blank):
+    truth = made_truth(blank())
+    truth["ideal.G"][3, 3] = np.nan
+    with pytest.raises(StudyError, match="not finite in 1 pixels"):
+        accuracy.metrics(truth, blank())
+    truth["status.all"][3, 3] = 0
+    assert accuracy.metrics(truth, blank())["unjudged_colours"] == 1
+    truth["Z"][4, 4] = np.inf
+    with pytest.raises(StudyError, match="neither hit nor miss"):
+        accuracy.metrics(truth, blank())
+
+
+# --- where
+
+
+def test_classes_by_truths_own_planes(blank, miss):
+    truth = made_truth(blank(30, 30))
+    miss(truth, np.s_[:, 25:])  # background
+    truth["id"][:, :10] = 1
+    truth["N.x"][:15, 10:20], truth["N.z"][:15, 10:20] = 1, 0  # a face at right angles
+    truth["shadow"][22:, 10:20] = 0.5
+    found = where.classes(truth, mirrors={1})
+    names = np.array(where.CLASSES)[found]
+    assert set(names[5, 9:11]) == {"silhouette"} and set(names[5, 24:26]) == {"silhouette"}
+    assert names[14, 12] == names[15, 12] == "edge" and names[13, 12] == names[17, 12] == "interior"
+    assert names[21, 15] == names[22, 15] == "shadow_boundary"
+    assert names[5, 5] == "reflection" and names[5, 28] == "interior"
+    assert (np.array(where.CLASSES)[where.classes(truth)] != "reflection").all()
+
+
+def test_the_first_class_that_applies_has_the_pixel(blank):
+    truth = made_truth(blank(9, 9))
+    truth["N.x"][:, 4:], truth["N.z"][:, 4:] = 1, 0
+    truth["shadow"][:, 4:] = 0
+    assert where.CLASSES[where.classes(truth, {0})[4, 4]] == "edge"
+    truth["id"][:, 4:] = 1
+    assert where.CLASSES[where.classes(truth, {0, 1})[4, 4]] == "silhouette"
+    truth["id"][:], truth["N.x"][:], truth["N.z"][:] = 0, 0, -1
+    assert where.CLASSES[where.classes(truth, {0})[4, 4]] == "shadow_boundary"
+
+
+def test_depth_that_jumps_is_a_silhouette_and_a_slanted_plane_is_not(blank):
+    truth = made_truth(blank(12, 40))
+    # 1/t of a plane is linear over the picture: here t goes from 10 to over 200.
+    truth["Z"][:] = 1 / np.linspace(0.1, 0.005, 40, dtype=np.float32)
+    assert (where.classes(truth) == where.CLASSES.index("interior")).all()
+    truth["Z"][:, 20:] *= 1.5
+    names = np.array(where.CLASSES)[where.classes(truth)]
+    assert (names[:, 19:21] == "silhouette").all() and (names[:, :18] == "interior").all()
+
+
+def test_neighbours_in_all_eight_directions(blank):
+    for spot in [(4, 4), (0, 0), (8, 8), (0, 8), (8, 0)]:
+        truth = made_truth(blank(9, 9))
+        truth["id"][spot] = 2
+        marked = where.classes(truth) == 0
+        rows, columns = np.mgrid[:9, :9]
+        near = np.maximum(abs(rows - spot[0]), abs(columns - spot[1])) <= 1
+        assert (marked == near).all()
+
+
+def test_bad_pixels_and_their_shares(disc):
+    truth, image = made_truth(disc()), disc()
+    image["R"][20, 20:24] += np.float32(0.1)
+    image["G"][20, 24] += np.float32(1 / 300)  # less than one step
+    image["id"][20, 25] = 5
+    image["B"][21, 25] = np.nan
+    truth["B"][22, 25], image["B"][22, 25] = 1, np.inf  # which looks like 1 once clamped
+    wrong = where.bad(truth, image)
+    assert wrong.sum() == 7 and not wrong[20, 24]
+    found = where.shares(where.classes(truth, {0}), wrong)
+    assert found["bad_pixels"] == 7 and found["bad_reflection"] == 1
+    assert sum(found[f"bad_{name}"] for name in where.CLASSES) == pytest.approx(1)
+    none = where.shares(where.classes(truth), np.zeros_like(wrong))
+    assert none["bad_pixels"] == 0 and none["bad_interior"] == 0
+
+
+def test_the_map_has_the_classes_colour_and_loses_no_pixel(blank):
+    truth, wrong = made_truth(blank(9, 14)), np.zeros((9, 14), bool)
+    wrong[8, 13] = wrong[0, 0] = True
+    classed = np.full((9, 14), where.CLASSES.index("edge"))
+    classed[0, 0] = where.CLASSES.index("interior")
+    for factor in (1, 4):
+        made = where.painted(truth, classed, wrong, factor)
+        bytes_ = np.round(255 * made).astype(int)
+        assert made.shape == (-(-9 // factor), -(-14 // factor), 3)
+        assert "#{:02X}{:02X}{:02X}".format(*bytes_[-1, -1]) == where.COLOURS["edge"]
+        assert "#{:02X}{:02X}{:02X}".format(*bytes_[0, 0]) == where.COLOURS["interior"]
+        assert made[1, 1].max() <= where.DIM
+    large = where.painted(made_truth(blank(50, 400)), np.zeros((50, 400), int), np.eye(50, 400) > 0)
+    assert (large[20, 21] != large[20, 25]).any(), "few marks of a large picture are drawn larger"
+
+
+# --- scenes
+
+
+def test_mirrors_are_the_shapes_whose_material_reflects():
+    assert accuracy.mirrors(registry.find_scene("scene0")) == {2}  # its sphere
+    assert accuracy.mirrors(registry.find_scene("scene0_plain")) == frozenset()
+    scene = registry.find_scene("scene0")
+    still = {**scene.data, "march": {**scene.data["march"], "max_bounces": 0}}
+    assert accuracy.mirrors(dataclasses.replace(scene, data=still)) == frozenset()
+
+
+def test_a_scene_without_its_shadows(tmp_path):
+    scene = registry.find_scene("scene0")
+    made = accuracy.without_shadows(scene, tmp_path)
+    data = json.loads(made.path.read_text())
+    assert data["light"].pop("shadows") == "none" and scene.data["light"]["shadows"] == "soft"
+    assert data == {**scene.data, "light": {k: v for k, v in scene.data["light"].items() if k != "shadows"}}
+    age = made.path.stat().st_mtime_ns
+    assert accuracy.without_shadows(scene, tmp_path).path.stat().st_mtime_ns == age
+    cubes = registry.find_scene("cubes")
+    assert accuracy.without_shadows(cubes, tmp_path) is cubes
+
+
+# --- the gate
+
+
+def values(**changed: float) -> dict:
+    """Metrics of some picture, in memory."""
+    made = {name: 60.0 if name.endswith("_db") else 5.0 for name in gate.TRUTH_METRICS}
+    return {"non_finite": 0, "converged_only": False, "proved_fraction": 1.0, **made, **changed}
+
+
+@pytest.mark.parametrize("name", gate.TRUTH_METRICS)
+def test_worse_than_baseline_on_any_metric_fails(name):
+    sign = -1 if name.endswith("_db") else 1
+    base = values()
+    assert gate.inferior(base, base, {}) == {}
+    assert gate.inferior(values(**{name: base[name] - sign}), base, {}) == {}
+    assert list(gate.inferior(values(**{name: base[name] + sign * 1e-9}), base, {})) == [name]
+    assert list(gate.inferior(values(**{name: math.nan}), base, {})) == [name]
+    assert list(gate.inferior(base, values(**{name: math.nan}), {})) == [name]
+    beyond = values(**{name: base[name] + sign * 2})
+    assert gate.inferior(beyond, base, {name: 2}) == {}
+    assert list(gate.inferior(beyond, base, {name: 1.9})) == [name]
+
+
+def test_what_the_issue_wants_declared_is():
+    colours = {f"psnr{which}{space}_db" for which in ("", "_none", "_ideal") for space in ("", "_display")}
+    assert colours | {"false_hits_ppm", "false_misses_ppm", "dt_p99"} <= set(gate.TRUTH_METRICS)
+
+
+def test_infinite_is_as_near_as_floats_can_tell():
+    far = gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
+    assert far["psnr_db"] == "149, baseline has 150: should be at least that"
+    assert gate.inferior(values(psnr_db=151.0), values(psnr_db=math.inf), {}) == {}
+    assert gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
+
+
+def test_no_margin_lets_a_picture_pass_that_is_not_finite():
+    allowed = dict.fromkeys(gate.TRUTH_METRICS, 1e9)
+    assert list(gate.inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
+
+
+def test_what_is_converged_only_is_gated_averaged_and_by_depth():
+    names = {f"psnr{w}{s}_db": 50.0 for w in ("", "_none", "_ideal") for s in ("", "_display")}
+    base = values(converged_only=True, proved_fraction=0.0, depth_agree_fraction=0.99, antialiased=names)
+    nothing = dict.fromkeys(gate.HITS, math.nan)
+    assert gate.inferior({**base, **nothing}, {**base, **nothing}, {}) == {}
+    worse = {**base, "psnr_db": 1.0, "depth_agree_fraction": 0.98, "antialiased": {**names, "psnr_db": 49.0}}
+    assert set(gate.inferior(worse, base, {})) == {"depth_agree_fraction", "antialiased.psnr_db"}
+    proved = {**base, "proved_fraction": 0.5, "false_hits_ppm": 6.0}
+    assert set(gate.inferior(proved, base, {})) == {"false_hits_ppm"}
+
+
+@given(st.floats(0, 1e6), st.floats(0, 1e6), st.floats(0, 1e3))
+def test_non_inferiority_is_the_inequality(mine, base, margin):
+    failed = "dt_p99" in gate.inferior(values(dt_p99=mine), values(dt_p99=base), {"dt_p99": margin})
+    assert failed == (mine > base + margin)
+
+
+def rung(order: int, family: str = "ladder", **tolerance: object) -> Phase:
+    known = registry.find_phase("opt1")
+    return dataclasses.replace(known, name="opt9", order=order, family=family, tolerance=tolerance)
+
+
+def test_rungs_behind_opt4_are_held_against_truth():
+    assert [gate.by_truth(rung(order)) for order in (0, 4, 5, 9)] == [False, False, True, True]
+    assert not gate.by_truth(rung(9, "truth"))
+    for name in ("baseline", "opt1", "opt2", "opt3", "opt4"):
+        assert not gate.by_truth(registry.find_phase(name))
+
+
+def test_margins_are_declared_with_a_reason():
+    granted = {"dt_p99": 1e-6, "antialiased": {"psnr_db": 1}, "reason": "24 bits"}
+    phase = rung(5, truth=granted)
+    gate.check(phase)
+    assert gate.margins(phase) == {"dt_p99": 1e-6, "antialiased.psnr_db": 1}
+    assert gate.margins(rung(5)) == {}
+    for wrong, message in (
+        ({"dt_p99": 1}, "lacks its reason"),
+        ({"reason": "so"}, "bounds no metric"),
+        ({"dt_p99": -1, "reason": "so"}, "should be 0 or more"),
+        ({"mask_mismatch_ppm": 1, "reason": "so"}, "no such metric"),
+        ({"dt_p99": math.inf, "reason": "so"}, "finite number"),
+    ):
+        with pytest.raises(StudyError, match=message):
+            gate.check(rung(5, truth=wrong))
+
+
+# --- convergence
+
+
+def test_convergence_says_what_agrees_with_what(blank):
+    quad, double, rough = blank(8, 8), blank(8, 8), blank(8, 8)
+    double["Z"][0] *= 1.01  # an eighth
+    for name in "RGB":
+        rough[name] += np.float32(0.01)
+    pictures = {("quad", 1e-3): rough, ("quad", 1e-6): quad, ("double", 1e-6): double, ("float", 1e-3): quad}
+    rows = converge.table(pictures)
+    found = {(row["precision"], row["hit_distance"]): row for row in rows}
+    assert [row["hit_distance"] for row in rows] == [1e-3, 1e-3, 1e-6, 1e-6]
+    assert found["double", 1e-6]["quad"]["depth_agree_fraction"] == pytest.approx(7 / 8)
+    assert found["quad", 1e-3]["finest"]["psnr_db"] == pytest.approx(40, abs=1e-2)
+    assert found["float", 1e-3]["quad"]["psnr_db"] == pytest.approx(40, abs=1e-2)
+    assert found["float", 1e-3]["finest"]["psnr_db"] == math.inf
+    assert "quad" not in found["quad", 1e-6] and "finest" not in found["quad", 1e-6]
+    assert "double" not in found["float", 1e-3]
+    assert converge.table({}) == []
+
+
+# --- the command
+
+
+@pytest.fixture
+def house(tmp_path, monkeypatch, write_exr, disc):
+    """The command with pictures made here: truth is the disc, a phase's picture what `pictures` says."""
+    monkeypatch.delenv("STEPWISE_ISA_LIMIT", raising=False)
+    pictures = {name: disc for name in ("baseline", "opt4", "opt5")}
+    (tmp_path / "bin").mkdir()
+
+    def build(spec: Spec):
+        path = tmp_path / "bin" / str(spec)
+        path.write_text(str(spec))
+        return path
+
+    def render(spec, scene, height, width, *, aov, out):
+        made = pictures[str(spec)]
+        if isinstance(made, Exception):
+            raise made
+        write_exr(out, made())
+
+    monkeypatch.setattr(gallery, "build", build)
+    monkeypatch.setattr(gallery, "render", render)
+    monkeypatch.setattr(command_module.truth, "picture", lambda scene, size: made_truth(disc()))
+    opt1 = registry.find_phase("opt1")
+    known = {
+        name: dataclasses.replace(opt1, name=name, order=order, family=family, tolerance={})
+        for name, order, family in (
+            ("baseline", 0, "ladder"),
+            ("opt4", 4, "ladder"),
+            ("opt5", 5, "ladder"),
+            ("exact", 0, "truth"),
+        )
+    }
+    monkeypatch.setattr(registry, "phases", lambda root=ROOT: known)
+    return types.SimpleNamespace(pictures=pictures, known=known, run=tmp_path / "run")
+
+
+@pytest.fixture
+def command(house, monkeypatch, capsys):
+    def call(*words: str) -> tuple[int, str, str]:
+        size = ("-n", str(HEIGHT), "-w", str(WIDTH), "--jobs", "1", "--run", str(house.run))
+        monkeypatch.setattr(sys, "argv", ["accuracy.py", *size, *words])
+        return command_module.run(), *capsys.readouterr()
+
+    return call
+
+
+KEYS = (
+    *("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", "normal_p99_degrees"),
+    *("shadow_rmse", "rmse", "psnr_db", "psnr_ideal_db", "psnr_none_db", "flip_mean", "flip_max"),
+    *("fraction_over_1_255", "proved_fraction", "non_finite"),
+)
+
+
+def test_one_row_is_one_flat_object(command, house):
+    status, out, _ = command("--phase", "opt4", "--scene", "scene0", "--json")
+    found = json.loads(out)
+    assert status == 0 and set(KEYS) <= found.keys()
+    assert (found["psnr_db"], found["rmse"], found["gated"], found["worse"]) == (None, 0, False, [])
+    assert not any(isinstance(found[key], dict | list) for key in KEYS)
+    kept = json.loads((house.run / "accuracy.json").read_text())["rows"]
+    assert len(kept) == 1 and kept[0].items() <= found.items()
+    assert (house.run / found["picture"]).is_file()
+    assert (house.run / "figures" / "accuracy-where.png").is_file()
+
+
+def test_a_gated_phase_that_is_further_than_baseline_fails_with_metric_and_both_values(command, house, disc):
+    house.pictures["opt5"] = lambda: disc(1)
+    status, out, err = command("--phase", "opt4", "opt5", "--scene", "trio", "--json")
+    rows = {row["phase"]: row for row in json.loads(out)["rows"]}
+    assert status == 1
+    assert rows["opt5"]["failed"] and {"false_hits_ppm", "false_misses_ppm", "psnr_db"} <= set(
+        rows["opt5"]["worse"]
+    )
+    ppm = f"{1e6 * 23 / (HEIGHT * WIDTH):.6g}"
+    assert f"FAIL opt5 on trio: false_hits_ppm: {ppm}, baseline has 0: should be at most that" in err
+
+
+def test_nobody_need_copy_baselines_errors(command, house, disc):
+    house.pictures["baseline"] = lambda: disc(2)
+    status, out, _ = command("--phase", "opt5", "--scene", "trio", "--json")
+    assert status == 0 and json.loads(out)["false_hits_ppm"] == 0
+
+
+def test_a_declared_margin_is_granted(command, house, disc):
+    house.pictures["opt5"] = lambda: disc(1)
+    reason = {"reason": "a test", **dict.fromkeys(gate.TRUTH_METRICS, 1e5)}
+    house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance={"truth": reason})
+    assert command("--phase", "opt5", "--scene", "trio")[0] == 0
+    del reason["false_misses_ppm"]
+    status, _, err = command("--phase", "opt5", "--scene", "trio")
+    assert status == 1 and "false_misses_ppm" in err and "false_hits_ppm" not in err
+
+
+def test_an_ungated_phase_is_shown_with_a_mark(command, house, disc):
+    house.pictures["opt4"] = lambda: disc(1)
+    status, out, _ = command("--phase", "opt4", "--scene", "trio")
+    line = next(line for line in out.splitlines() if line.startswith("trio"))
+    assert status == 0 and f"9,583 {accuracy_page.MARK}" in line and "further than baseline" in line
+
+
+def test_a_picture_that_is_not_finite_fails_gated_or_not(command, house, disc):
+    def broken():
+        picture = disc()
+        picture["G"][20, 20] = np.nan
+        return picture
+
+    house.pictures["opt4"] = broken
+    status, _, err = command("--phase", "opt4", "--scene", "trio")
+    assert status == 1 and "non_finite: 2 samples" in err
+
+
+def test_what_cannot_be_is_said(command, house):
+    from study.run import DriverError
+
+    house.pictures["opt4"] = DriverError(4, "no planes here")
+    status, _, err = command("--phase", "opt4", "opt5", "--scene", "trio")
+    assert status == 0 and "skipped opt4 on trio: no planes here" in err
+    house.pictures["opt4"] = DriverError(-11, "killed by SIGSEGV")
+    status, _, err = command("--phase", "opt4", "--scene", "trio")
+    assert status == 1 and "FAIL opt4 on trio: killed by SIGSEGV" in err
+    with pytest.raises(StudyError, match="exact: is truth itself"):
+        command("--phase", "exact", "--scene", "trio")
+
+
+# --- the page
+
+
+def test_tables_and_figures_from_the_file_alone(command, house, disc):
+    house.pictures["opt4"] = lambda: disc(1)
+    command("--phase", "baseline", "opt4", "--scene", "trio", "mandelbulb", "--json")
+    result = accuracy.read(house.run)
+    names = [name for name, *_ in accuracy_page.tables(result)]
+    assert names == ["accuracy", "accuracy-averaged", "accuracy-where"]
+    text = accuracy_page.text(result)
+    assert text.count("identical") and accuracy_page.MARK in text
+    (figure,) = accuracy_page.figures(result).values()
+    bars = figure.axes[0].containers[where.CLASSES.index("silhouette")]
+    bad = next(row for row in result["rows"] if row["phase"] == "opt4")["bad_pixels"]
+    assert [bar.get_width() for bar in bars] == [0, pytest.approx(1e6 * bad / (HEIGHT * WIDTH))]
+
+
+def test_another_things_json_is_one_clear_line(tmp_path):
+    assert accuracy.rows(tmp_path) == []
+    for wrong in ({"rows": [{}]}, {"rows": 5}, []):
+        store.write_json(tmp_path / "accuracy.json", wrong)
+        with pytest.raises(StudyError, match=r"not what scripts/accuracy\.py writes"):
+            accuracy.rows(tmp_path)
+
+
+# --- the whole chain, against a program that knows spheres only
+
+
+def rays(scene, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Origin, and unit directions through the middles of pixels (height × width × 3)."""
+    camera = scene.data["camera"]
+    position, target, up = (np.array(camera[k], float) for k in ("position", "look_at", "up"))
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(up, forward) / np.linalg.norm(np.cross(up, forward))
+    above = np.cross(forward, right)
+    tangent = math.tan(math.radians(camera["vertical_fov_degrees"]) / 2)
+    x = (2 * (np.arange(width) + 0.5) / width - 1) * width / height * tangent
+    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangent
+    directions = forward + x[None, :, None] * right + y[:, None, None] * above
+    return position, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def test_twenty_steps_lose_the_spheres_rims(tmp_path, monkeypatch, capsys):
+    """two_spheres has a cap of 20 steps: baseline's misses and |Δt| by the discriminant of a quadratic."""
+    n = 48
+    words = ("--phase", "baseline", "--scene", "two_spheres", "-n", str(n), "--json", "--jobs", "1")
+    monkeypatch.setattr(sys, "argv", ["accuracy.py", *words, "--run", str(tmp_path)])
+    assert command_module.run() == 0
+    found = json.loads(capsys.readouterr().out)
+
+    scene = registry.find_scene("two_spheres")
+    origin, directions = rays(scene, n, n)
+    depth = np.full((2, n, n), np.inf)
+    for i, shape in enumerate(scene.data["shapes"]):
+        offset = origin - np.array(shape.get("position", (0, 0, 0)), float)
+        half = directions @ offset
+        inside = half**2 - (offset @ offset - shape["radius"] ** 2)
+        first = -half - np.sqrt(np.maximum(inside, 0))
+        depth[i][(inside >= 0) & (first > 0)] = first[(inside >= 0) & (first > 0)]
+    exact = depth.min(axis=0)
+    (path,) = tmp_path.glob("images/two_spheres-baseline-*.exr")
+    made = images.read(path)
+    hit = made["id"] >= 0
+    assert found["false_misses_ppm"] == pytest.approx(1e6 * (np.isfinite(exact) & ~hit).sum() / n**2) != 0
+    assert found["false_hits_ppm"] == pytest.approx(1e6 * (np.isinf(exact) & hit).sum() / n**2)
+    same = hit & (made["id"] == depth.argmin(axis=0)) & np.isfinite(exact)
+    off = np.abs(made["Z"].astype(float)[same] - exact[same])
+    assert found["dt_max"] == pytest.approx(off.max(), abs=1e-5)
+    assert found["dt_p99"] == pytest.approx(np.percentile(off, 99), abs=1e-5)
+    assert found["proved_fraction"] == 1
