@@ -11,7 +11,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
 
-.PHONY: help setup setup-test study demo test verify sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -46,6 +46,24 @@ roofline: setup ## ceilings of this machine, every phase below them (Tables 5 an
 
 hotspots: setup ## where the time goes (Tables 2, 3 and 4), and what single steps are worth
 	@$(PY) scripts/run_study.py --part hotspots --part ablations $(ARGS)
+
+truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in proved enclosures
+	@$(PY) scripts/truth.py $(or $(SCENE),scene0) -n $(N) $(ARGS)
+
+accuracy: setup ## every phase against truth: hits, distances, normals, shadows, colours; PHASE=…: of one phase
+	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/accuracy.py -n $(N) --phase $(PHASE),scripts/run_study.py --part accuracy) $(ARGS)
+
+stability: setup ## hard cases: where each phase first fails, as its strength grows
+	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/stability.py --phase $(PHASE),scripts/run_study.py --part stability) $(ARGS)
+
+pareto: setup ## speed against error to truth: every phase over hit distance, step cap and approximations
+	@$(PY) scripts/run_study.py --part pareto $(ARGS)
+
+functions: setup ## roots, exp, log, pow, sin …: ns per element against ulp, every float tried
+	@$(PY) scripts/run_study.py --part functions $(ARGS)
+
+toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
+	@$(PY) scripts/run_study.py --part toolchains $(ARGS)
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/report.py $(ARGS)

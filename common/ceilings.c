@@ -125,8 +125,9 @@ static const char *const KIND_NAMES[KINDS] = {"fma",  "add",   "mul",     "minma
 #define VEX_256(NAME, BODY) KERNEL(NAME, 256, "vmovups", "vzeroupper", BODY)
 #define EVEX_512(NAME, BODY) KERNEL(NAME, 512, "vmovups", "vzeroupper", BODY)
 
-#define FOUR(BODY) BODY BODY BODY BODY
-#define SIXTEEN(BODY) FOUR(BODY) FOUR(BODY) FOUR(BODY) FOUR(BODY)
+// Repeated by the assembler: ISO C allows literals of 4095 characters.
+#define FOUR(BODY) ".rept 4\n\t" BODY ".endr\n\t"
+#define SIXTEEN(BODY) ".rept 16\n\t" BODY ".endr\n\t"
 // The kinds of one precision and width; P: suffix of the mnemonics (sd, pd, ss, ps).
 // clang-format off
 #define LEGACY_KERNELS(P)                                                                          \

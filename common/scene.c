@@ -204,6 +204,11 @@ static double dot3(const double a[3], const double b[3]) {
 
 static bool normalize3(double a[3]) {
     double length = sqrt(dot3(a, a));
+    if (length < 1e-140) { // its square has lost digits, or all of them: larger first
+        for (int i = 0; i < 3; i++)
+            a[i] *= 0x1p600;
+        length = sqrt(dot3(a, a));
+    }
     if (!(length > 0))
         return false;
     for (int i = 0; i < 3; i++)

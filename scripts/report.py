@@ -18,7 +18,7 @@ import pandas as pd
 import plots
 import roofline
 import tables
-from study import analysis, claims, columns, facts, ladder, paper, registry, roof, sections, show, store
+from study import analysis, chapters, claims, columns, facts, ladder, paper, registry, roof, show, store
 from study.analysis import Data
 from study.cli import StudyError
 
@@ -161,6 +161,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    found = chapters.all_of(data)
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
@@ -172,7 +173,8 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         ladders=ladders,
         runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
         figures={figure["name"]: figure for figure in figures(data, rows, out.parent / "figures")},
-        sections=sections.all_of(data),
+        sections=found,
+        images={section.id: copied(section.images, out.parent / "figures") for section in found},
         inline=counted_figures(data, out.parent / "figures"),
         verification=show.table(data.pairs, columns.VERIFICATION),
         failing=[pair for pair in data.pairs if not pair.get("within_tolerance")],

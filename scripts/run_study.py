@@ -40,6 +40,7 @@ HEIGHTS = (
 )  # of the headline, and half and a quarter of it beside
 QUICK_HEIGHT = 180  # of a run that is made for a single part
 VALIDATION_HEIGHT = 90
+TRUTH_HEIGHT = 180  # scene0's truth: half a minute on two cores
 FULL = {"sizes": [str(n) for n in range(100, 2001, 100)], "launches": "4"}  # the paper's sweep
 
 
@@ -174,13 +175,50 @@ def ablations(run: Path, options: argparse.Namespace, height: int) -> bool:
     return script("ablations", *size, "--run", str(run), capture=True, accepted=CHECKED).returncode == cli.OK
 
 
+def accuracy(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Every phase against truth, and the Mandelbulb's convergence; all scenes where it was asked for."""
+    scenes = [] if options.part or options.full else ["--scene", *dict.fromkeys([*options.scene, "trio"])]
+    size = ["-n", "720" if options.full else str(TRUTH_HEIGHT)]
+    convergence = ["--convergence"] if options.part or options.full else []
+    return judged("accuracy", *scenes, *size, *convergence, "--run", str(run))
+
+
+def stability(run: Path, options: argparse.Namespace, height: int) -> bool:
+    few = [] if options.part or options.full else ["--strengths", "few"]
+    return judged("stability", *few, "--run", str(run))
+
+
+def pareto(run: Path, options: argparse.Namespace, height: int) -> bool:
+    quick = ["--scene", *options.scene, "-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
+    return judged("pareto", *([] if options.part or options.full else quick), "--run", str(run))
+
+
+def functions(run: Path, options: argparse.Namespace, height: int) -> bool:
+    return judged("functions", *([] if options.part or options.full else ["--quick"]), "--run", str(run))
+
+
+def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
+    return judged("toolchains", "--run", str(run))
+
+
+def judged(name: str, *arguments: str) -> bool:
+    """Runs a script that judges what it measures: whether all is well."""
+    return script(name, *arguments, capture=True, accepted=CHECKED).returncode == cli.OK
+
+
 # What a run can be given besides its times, in this order.
 PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = {
     "flops": ("counting FLOPs, bytes and instructions", flops),
     "roofline": ("ceilings of this machine", roofline),
     "hotspots": ("hotspots, and a model of what bounds them", hotspots),
     "ablations": ("single steps put in and taken out", ablations),
+    "accuracy": ("every phase against truth", accuracy),
+    "stability": ("hard cases", stability),
+    "pareto": ("speed against error", pareto),
+    "functions": ("functions: speed against ulp", functions),
+    "toolchains": ("compilers and flags", toolchains),
 }
+ON_REQUEST = {"toolchains"}  # minutes of building: by make toolchains, and with --full
 
 
 def arguments() -> argparse.Namespace:
@@ -239,7 +277,7 @@ def main() -> int:
     run, height = newest(options) if options.part else (None, 0)
     if run is None:
         run, height, wrong = ladder_run(options, step)
-    for name in options.part or PARTS:
+    for name in options.part or [name for name in PARTS if options.full or name not in ON_REQUEST]:
         text, part = PARTS[name]
         step(text)
         if not part(run, options, height):

@@ -51,6 +51,7 @@ missing_packages() {
     command -v pkg-config >/dev/null || need pkg-config
     pkg-config --exists jansson 2>/dev/null || need libjansson-dev
     pkg-config --exists OpenEXR 2>/dev/null || need libopenexr-dev
+    [ -e /usr/include/mpfr.h ] || need libmpfr-dev
     find_python
     if [ -z "$python" ]; then
         need python3

@@ -10,7 +10,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, columns, ladder, paper, sections, show, store
+from study import analysis, chapters, columns, ladder, paper, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -43,7 +43,7 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
     if data.pairs:
         pairs = pd.DataFrame(data.pairs).drop(columns=["tolerance"], errors="ignore")
         made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
-    for section in sections.all_of(data):
+    for section in chapters.all_of(data):
         made |= {part.name: (part.frame, part.markdown) for part in section.parts}
     return made
 

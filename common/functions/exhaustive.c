@@ -43,7 +43,8 @@ static double ulps_per_unit(double exact) {
 }
 
 // `count` ≤ BLOCK. A result that is no number counts as non-finite, and its error is infinite.
-static struct error compare(const struct buffers *at, size_t count) {
+static inline __attribute__((always_inline)) struct error compare_each(const struct buffers *at,
+                                                                       size_t count) {
     double most[LANES] = {0}, squares[LANES] = {0}, good[LANES] = {0};
     size_t whole = count / LANES * LANES;
     for (size_t i = 0; i < whole; i += LANES)
@@ -73,6 +74,16 @@ static struct error compare(const struct buffers *at, size_t count) {
     if (sum.non_finite)
         sum.most = INFINITY;
     return sum;
+}
+
+// Half of the search's time is spent here.
+__attribute__((target("avx2"))) static struct error compare_avx2(const struct buffers *at,
+                                                                 size_t count) {
+    return compare_each(at, count);
+}
+
+static struct error compare(const struct buffers *at, size_t count) {
+    return __builtin_cpu_supports("avx2") ? compare_avx2(at, count) : compare_each(at, count);
 }
 
 static void find_worst(const struct buffers *at, size_t count, struct error *error) {
@@ -106,7 +117,7 @@ static void do_job(const struct work *work, const struct job *job, struct buffer
                 continue;
             one->entry->stream(one->library, (count + 15) / 16 * 16, at->a, NULL, at->got);
             struct error here = compare(at, count);
-            if (!(here.most <= errors[k].most))
+            if (here.most > 0 && !(here.most < errors[k].most))
                 find_worst(at, count, &here);
             error_add(&errors[k], &here);
         }

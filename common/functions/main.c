@@ -57,6 +57,38 @@ static struct runnable look_up(const struct entries *of, const struct entry *ent
     return one;
 }
 
+static void print_span(const char *name, const struct span *span) {
+    printf(", \"%s\": {\"low\": %.17g, \"high\": %.17g, \"both_signs\": %s}", name, span->low,
+           span->high, span->both_signs ? "true" : "false");
+}
+
+// What each function is tried on: floats of one argument by segments, the rest by samples.
+static void print_targets(void) {
+    printf("], \"targets\": [");
+    for (size_t t = 0; t < target_count; t++) {
+        const struct target *target = &targets[t];
+        printf("%s\n{\"function\": \"%s\", \"float_segments\": [", t ? "," : "", target->name);
+        for (int s = 0; s < MOST_SEGMENTS && target->segments[s].stride; s++) {
+            float ends[2];
+            memcpy(&ends[0], &target->segments[s].first, sizeof ends[0]);
+            memcpy(&ends[1], &target->segments[s].last, sizeof ends[1]);
+            printf("%s{\"first\": %.9g, \"last\": %.9g, \"stride\": %u}", s ? ", " : "",
+                   (double)ends[0], (double)ends[1], target->segments[s].stride);
+        }
+        printf("]");
+        if (target->arguments == 2) {
+            print_span("float_a", &target->a[0]);
+            print_span("float_b", &target->b[0]);
+            print_span("double_b", &target->b[1]);
+            print_span("timed_b", &target->timed[1]);
+        }
+        print_span("double_a", &target->a[1]);
+        print_span("timed_a", &target->timed[0]);
+        printf("}");
+    }
+    printf("]}\n");
+}
+
 static void print_list(const struct runnable *all, size_t count) {
     printf("{\"mpfr\": %s, \"entries\": [", has_mpfr ? "true" : "false");
     for (size_t i = 0; i < count; i++) {
@@ -70,7 +102,7 @@ static void print_list(const struct runnable *all, size_t count) {
                target ? target->arguments : 1);
         printf(one->missing ? "\"%s\"}" : "null}", one->missing);
     }
-    printf("]}\n");
+    print_targets();
 }
 
 static void print_number(const char *name, double value) {
@@ -93,7 +125,10 @@ static bool print_errors(const struct runnable *all, size_t count,
                i, e->count, e->non_finite);
         if (e->count) {
             print_number("max_ulp", e->most);
-            print_number("rms_ulp", sqrt(e->squares / (double)(e->count - e->non_finite)));
+            // to as many digits as the order of the threads leaves alone
+            printf(", \"rms_ulp\": %.9g",
+                   e->count > e->non_finite ? sqrt(e->squares / (double)(e->count - e->non_finite))
+                                            : 0.0);
             print_number("worst_a", e->worst_a);
             print_number("worst_b", e->worst_b);
         }

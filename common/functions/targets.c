@@ -138,7 +138,9 @@ double ulp_of(double exact, bool is_double) {
 }
 
 void error_add(struct error *total, const struct error *part) {
-    if (!(part->most <= total->most)) {
+    // of equal errors the one at the larger argument: in whatever order the threads come
+    bool tie = part->most == total->most && part->worst_a > total->worst_a;
+    if (!(part->most <= total->most) || tie) {
         total->most = part->most;
         total->worst_a = part->worst_a;
         total->worst_b = part->worst_b;

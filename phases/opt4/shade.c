@@ -199,9 +199,11 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
     return vec_choose(edge, rounded, exact);
 }
 
-// Towards the side the ray comes from. Once for each shape that the packet hit.
+// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
+// distance falls along the ray, by a closed form, which is of unit length; 1 where there is a difference
+// instead, which at an edge or through a thin plate is no slope to divide by.
 struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
-                     const struct world *world) {
+                     const struct world *world, real *slope) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)world->scene->model.march.normal_step;
     _mm256_storeu_ps(id, shape);
@@ -217,7 +219,9 @@ struct vec normal_at(real t, real dt, struct vec direction, mask found, real sha
     }
     ACTIVE(count_of(found));
     real length = vec_norm(gradient);
-    mask away = greater(vec_dot(direction, gradient), set(0.0f));
+    real along = vec_dot(direction, gradient);
+    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1.0f));
+    mask away = greater(along, set(0.0f));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
     // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
     mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));

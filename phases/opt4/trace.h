@@ -29,9 +29,9 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
                struct hit *hit);
 real shadow(struct place point, struct vec to_light, real distance, mask active,
             const struct world *world);
-// Of the hits at distance t + dt; called while world->approach is still theirs.
+// Of the hits at distance t + dt, and the slope there; called while world->approach is still theirs.
 struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
-                     const struct world *world);
+                     const struct world *world, real *slope);
 void trace(struct place origin, struct vec direction, mask active, int bounce,
            const struct world *world, struct shaded *result);
 

@@ -58,7 +58,7 @@ static inline int bits(mask a) {
     return _mm256_movemask_ps(a);
 }
 
-// Lanes of a mask: for ACTIVE alone, which a timing build has not.
+// Lanes of a mask: what a counting build asks, and a timing build never does.
 static inline int count_of(mask a) {
     return __builtin_popcount((unsigned)bits(a));
 }

@@ -44,7 +44,11 @@ static bool FN(in_cell)(struct FN(search) * search, const struct solid *solid, i
     for (int i = 0; i < 3; i++)
         local.o[i] = FN(sub)(ray->o[i], FN(mul)(FN(point)(shape->repeat[i]), FN(point)(cell[i])));
     struct FN(parts) parts;
-    FN(in_copy)(shape, local, range, &parts, evals);
+    struct IV within = {walls.in.lo > range.lo ? walls.in.lo : range.lo,
+                        walls.out.hi < range.hi ? walls.out.hi : range.hi};
+    if (!(within.lo <= within.hi))
+        return false;
+    FN(in_copy)(shape, local, within, &parts, evals);
     if (parts.lost)
         FN(doubtful)(search, walls.in.lo);
     for (int i = 0; i < parts.count; i++) {
@@ -129,6 +133,7 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
     double block[3][2], seen[3][2] = {{INFINITY, INFINITY}, {0, 0}, {0, 0}};
     for (int i = 0; i < 3; i++)
         axes[i] = FN(start_axis)(ray->o[i], ray->d[i], size[i], range);
+    REAL before = 0; // up to there every cell has been looked at
     for (long cells = 0;; cells++) {
         REAL leaves = (REAL)INFINITY; // by then the ray has left the block
         bool wide = false;
@@ -143,8 +148,8 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
             leaves = axis->wall.hi < leaves ? axis->wall.hi : leaves;
         }
         if (wide || cells > MOST_CELLS) {
-            FN(doubtful)(search, 0);
-            return;
+            FN(doubtful)(search, wide ? 0 : before);
+            break;
         }
         for (int i = 0; i < 3; i++) { // with the cells behind the walls that it may reach by then
             bool may = axes[i].way != 0 && axes[i].wall.lo <= leaves;
@@ -171,6 +176,7 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
             }
         }
         memcpy(seen, block, sizeof seen);
+        before = leaves;
     }
     if (last.pending)
         FN(consider)(search, index, &last.part);

@@ -45,8 +45,11 @@ static void FN(in_copy)(const struct shape *shape, struct FN(ray) ray, struct IV
     default: break; // a Mandelbulb is marched, not solved
     }
     for (int i = 0; shift != 0 && i < parts->count; i++) {
-        parts->at[i].in = FN(add)(parts->at[i].in, by);
-        parts->at[i].out = FN(add)(parts->at[i].out, by);
+        struct FN(part) *part = &parts->at[i];
+        if (part->in.lo > -(REAL)INFINITY)
+            part->in = FN(add)(part->in, by);
+        if (part->out.hi < (REAL)INFINITY)
+            part->out = FN(add)(part->out, by);
     }
 }
 
@@ -171,7 +174,7 @@ static void FN(go_out)(struct FN(search) * search, const struct solid *solids, i
                                       .inside = true,
                                       .proved = within || beyond};
     memcpy(search->best.cell, around.out_cell, sizeof search->best.cell);
-    if (search->doubt <= around.out.hi)
+    if (search->doubt <= around.out.hi && search->doubt <= search->reach.hi)
         search->best.proved = false;
 }
 

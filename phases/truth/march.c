@@ -162,17 +162,19 @@ static void unit(struct ivq v[3]) {
         v[i] = div_q(v[i], length);
 }
 
-// Central differences of the estimate, 1e-12 apart: rounding is below 1e-18 of it.
-static void bulb_normal(const struct solid *solid, const struct ivq point[3], struct ivq n[3]) {
-    struct dd p[3];
+// By the scene's own rule, forward differences over normal_step, in double-double: closer by, the
+// gradient of a fractal's estimate says nothing of what is seen.
+static void bulb_normal(const struct prepared *prepared, const struct ivq point[3],
+                        struct ivq n[3]) {
+    struct dd p[3], slope[3], step = dd_from(prepared->model.march.normal_step);
+    int nearest;
     for (int i = 0; i < 3; i++)
         p[i] = dd_from_quad(mid_q(point[i]));
-    struct dd slope[3];
+    struct dd here = distance_to_scene(prepared, p, &nearest);
     for (int i = 0; i < 3; i++) {
-        struct dd before[3] = {p[0], p[1], p[2]}, behind[3] = {p[0], p[1], p[2]};
-        before[i] = dd_add(p[i], dd_from(0x1p-40));
-        behind[i] = dd_add(p[i], dd_from(-0x1p-40));
-        slope[i] = dd_sub(distance_to(solid, before), distance_to(solid, behind));
+        struct dd beside[3] = {p[0], p[1], p[2]};
+        beside[i] = dd_add(p[i], step);
+        slope[i] = dd_sub(distance_to_scene(prepared, beside, &nearest), here);
     }
     struct dd length = dd_norm(slope);
     for (int i = 0; i < 3; i++) {
@@ -240,7 +242,7 @@ void find_normal(const struct prepared *prepared, const struct ray_q *ray, struc
     const struct shape *shape = solid->shape;
     struct ivq moved[3], local[3], own[3];
     if (shape->type == SHAPE_MANDELBULB)
-        bulb_normal(solid, hit->point, hit->normal);
+        bulb_normal(prepared, hit->point, hit->normal);
     else {
         for (int i = 0; i < 3; i++)
             moved[i] = sub_q(hit->point[i], point_q(shape->position[i]));

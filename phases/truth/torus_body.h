@@ -112,12 +112,15 @@ static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL 
     struct IV stack[160];
     int depth = 0;
     stack[depth++] = (struct IV){low, high};
-    while (depth > 0) {
+    for (int rounds = 0; depth > 0; rounds++) {
+        if (rounds > MOST_ROUNDS)
+            return false;
         struct IV x = stack[--depth];
         REAL m = x.lo + (x.hi - x.lo) * (REAL)0.484375, h = FN(half_width)(x.lo, x.hi, m);
         struct IV c[5];
         FN(shifted)(q, m, c);
-        if (!FN(has_zero)(FN(value_over)(c, h)))
+        struct IV value = FN(value_over)(c, h);
+        if (!FN(has_zero)(value))
             continue;
         if (!FN(has_zero)(FN(slope_over)(c, h))) {
             int p = FN(sign_at)(q, x.lo), r = FN(sign_at)(q, x.hi);
@@ -129,7 +132,9 @@ static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL 
                 continue;
             }
         }
-        if (x.hi - x.lo <= FINE * scale || depth + 2 > 160 || !(m > x.lo && m < x.hi)) {
+        // Rounding alone, of a double root or near one: smaller pieces would say no more.
+        bool drowned = value.hi - value.lo <= (c[0].hi - c[0].lo) * 4;
+        if (drowned || x.hi - x.lo <= FINE * scale || depth + 2 > 160 || !(m > x.lo && m < x.hi)) {
             if (!FN(note)(events, count, x, true))
                 return false;
             continue;
@@ -142,14 +147,21 @@ static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL 
 
 // From the places to the parts: which side the ray is on between them.
 static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event) * events,
-                            int count, REAL end, struct FN(parts) * parts) {
-    int side = 1;
-    struct FN(part) part = FN(whole);
+                            int count, struct IV range, int side, bool open,
+                            struct FN(parts) * parts) {
+    struct FN(part) part = FN(whole); // if it begins inside, it has done so for ever
+    REAL end = range.hi;
     part.in_face = part.out_face = 0;
+    if (side == 0) {
+        part.in = part.out = range;
+        part.sure = false;
+        FN(keep)(parts, part);
+        return;
+    }
     for (int i = 0; i < count; i++) {
         struct IV s = events[i].s;
         struct IV gap = {s.hi, i + 1 < count ? events[i + 1].s.lo : end};
-        int next = i + 1 == count ? 1 : FN(side_at)(q, FN(mid)(gap));
+        int next = i + 1 == count && !open ? 1 : FN(side_at)(q, FN(mid)(gap));
         if (next == 0) { // nothing is known from here to the end
             part.in = side < 0 ? part.in : s;
             part.out = (struct IV){s.lo, end};
@@ -159,6 +171,7 @@ static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event)
         }
         if (side > 0 && next < 0) {
             part.in = s;
+            part.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
             part.sure = true;
         } else if (side < 0 && next > 0) {
             part.out = s;
@@ -172,15 +185,17 @@ static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event)
             part.sure = true;
             FN(keep)(parts, part);
             part.in = s;
+            part.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
             part.sure = false;
         }
         side = next;
     }
+    if (side < 0)
+        FN(keep)(parts, part); // it goes on
 }
 
 static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
                          struct FN(parts) * parts, long *evals) {
-    (void)range;
     const struct IV *o = ray->o, *d = ray->d;
     struct IV big = FN(point)(shape->torus.major_radius);
     struct IV small = FN(point)(shape->torus.minor_radius);
@@ -210,8 +225,18 @@ static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, 
     // A hair more than the ball, so that both ends are outside of the torus.
     REAL room = (ball.out.hi - ball.in.lo) * (REAL)0x1p-20;
     REAL low = ball.in.lo - room, high = ball.out.hi + room;
+    // Nor beyond the range; there it may begin or end inside.
+    int side = 1;
+    if (low < range.lo) {
+        low = range.lo;
+        side = FN(side_at)(&q, low);
+    }
+    bool open = range.hi < high;
+    high = open ? range.hi : high;
+    if (!(low < high))
+        return;
     if (!FN(isolate)(&q, low, high, high - low, events, &count))
         parts->lost = true;
     else
-        FN(from_events)(&q, events, count, high, parts);
+        FN(from_events)(&q, events, count, (struct IV){low, high}, side, open, parts);
 }

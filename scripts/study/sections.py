@@ -50,6 +50,8 @@ class Section:
     remarks: list[str] = field(default_factory=list)
     details: list[str] = field(default_factory=list)
     figures: Sequence[str] = ()
+    images: dict[Path, str] = field(default_factory=dict)  # files and their captions, below the tables
+    html: str = ""  # a fragment of its own, in place of tables
 
 
 # What reading another thing's JSON can raise, from here down to a cell's text.
@@ -57,7 +59,7 @@ BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, Arithmeti
 
 
 @contextlib.contextmanager
-def _from(file: Path | str, script: str) -> Iterator[None]:
+def reading(file: Path | str, script: str) -> Iterator[None]:
     """Whatever the content of `file` makes fail becomes a StudyError: the file, why, and who writes it."""
     try:
         yield
@@ -68,15 +70,15 @@ def _from(file: Path | str, script: str) -> Iterator[None]:
         ) from error
 
 
-def _part(
+def part(
     name: str, caption: str, rows: Sequence[Row], shown: Sequence[Column], folded: bool = False
 ) -> list[Part]:
     rows = list(rows)
     if not rows:
         return []
-    part = Part(name, caption, rows, show.table(rows, shown), folded)
-    _ = part.markdown  # here, where a cell that is no text is still known to be the file's
-    return [part]
+    made = Part(name, caption, rows, show.table(rows, shown), folded)
+    _ = made.markdown  # here, where a cell that is no text is still known to be the file's
+    return [made]
 
 
 CONVENTIONS = (
@@ -138,20 +140,20 @@ def counted(path: Path) -> Section:
     """Table 1, what its difference from the paper's is made of, and the validation."""
     remarks, parts = [], []
     file = path / "counts.json"
-    with _from(file, f"scripts/flops.py --run {path}"):
+    with reading(file, f"scripts/flops.py --run {path}"):
         first = _pictures(flops.read(file)[0])
         remarks += [CONVENTIONS] if first else []
-        parts += _part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1)
-        parts += _part(
+        parts += part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1)
+        parts += part(
             "table1-readings",
             "What the difference from the paper's figure is made of: baseline under other rules of "
             "counting. The paper's own sheet is not public; none of these is claimed to be its rule",
             table1.readings(first),
             columns.READINGS,
         )
-        parts += _part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS, folded=True)
+        parts += part("table1-terms", "Where the FLOPs are", table1.terms(first), columns.TERMS, folded=True)
     file = path / "validation.json"
-    with _from(file, f"scripts/flops.py --validate --run {path}"):
+    with reading(file, f"scripts/flops.py --validate --run {path}"):
         rows = flops.read_validation(file)
         judged = table1.by_scene(r for r in rows if r["judged"])
         calls = [r for r in judged if r["scope"].startswith("calls of")]
@@ -160,9 +162,9 @@ def counted(path: Path) -> Section:
         totals = [r for r in judged if r["scope"] == "total"]
         remarks += _said([r for r in rows if not r["scope"].startswith(libm.MATH)], calls, math)
         caption = "Declared against measured, whole pictures"
-        parts += _part("validation", caption, totals, columns.VALIDATION)
+        parts += part("validation", caption, totals, columns.VALIDATION)
         caption = "Declared against measured, by function"
-        parts += _part("validation-functions", caption, judged, columns.VALIDATION, folded=True)
+        parts += part("validation-functions", caption, judged, columns.VALIDATION, folded=True)
     return Section("flops", "FLOPs: declared, counted, measured", "make flops", parts, remarks)
 
 
@@ -170,7 +172,7 @@ def roofline(data: Data) -> Section:
     """Ceilings, Tables 5 and 6, the share of each roof."""
     parts: list[Part] = []
     both = f"{data.path / 'counts.json'} or ceilings.json"
-    with _from(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
+    with reading(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
         found, limits, notes = roof.read(data.path, strict=False)
         table = roof.rows(data, found, limits)
         notes = [*roof.remarks(table), *notes]
@@ -180,17 +182,17 @@ def roofline(data: Data) -> Section:
                 ("table6", "Table 6: of the optimised phases"),
             ):
                 rows = table[table["section"] == name].to_dict("records")
-                parts += _part(name, title, rows, roof.PERFORMANCE)
+                parts += part(name, title, rows, roof.PERFORMANCE)
             if limits:
                 caption = "Share of each roof, at the largest size that was timed and counted"
-                parts += _part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
+                parts += part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
         if limits:
             if table.empty and (other := roof.foreign(data, limits)):
                 notes.append(other)
             caption = "What one core does at best: flop per core cycle, best sample and median"
-            parts += _part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
+            parts += part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
             caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
-            parts += _part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
+            parts += part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
     return Section(
         "roofline",
         "Roofline",
@@ -213,19 +215,19 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
     """Tables 2 and 4 (functions) and 3 (what bounds them). `microarchitecture`: of the run's CPU."""
     file = path / "hotspots.json"
     parts, remarks, details = [], [], []
-    with _from(file, f"scripts/hotspots.py --run {path}"):
+    with reading(file, f"scripts/hotspots.py --run {path}"):
         record = hotspots.read(file)
         rows = hotspots.table_rows(record, widest=hotspots.core_width(microarchitecture))
         for phase in dict.fromkeys(row["phase"] for row in rows):
             mine = [row for row in rows if row["phase"] == phase]
             title = HOTSPOTS.get(phase, f"The same of {phase}")
             folded = phase not in ("baseline", "opt3")
-            parts += _part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, folded)
+            parts += part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, folded)
         split = bounds.rows(record) if record.get("bounds") else []
         caption = "Table 3: what the cycles went to, structs against arrays"
-        parts += _part("table3", caption, split, bounds.COLUMNS)
+        parts += part("table3", caption, split, bounds.COLUMNS)
         caption = "The hot regions under the model"
-        parts += _part("table3-regions", caption, bounds.region_rows(record), bounds.REGIONS, folded=True)
+        parts += part("table3-regions", caption, bounds.region_rows(record), bounds.REGIONS, folded=True)
         if rows:
             remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else [])]
             details = hotspots.notes(record)
@@ -268,18 +270,12 @@ def steps(path: Path) -> Section:
     """The ablations: single steps put in or taken out."""
     file = path / "ablations.json"
     remarks, parts = [], []
-    with _from(file, f"scripts/ablations.py --run {path}"):
+    with reading(file, f"scripts/ablations.py --run {path}"):
         result = ablations.read(file)
         rows = result["rows"]
         if rows:
             left_out = [*result["skipped"], *result["failures"]]
             remarks = [STEPS_ABOUT.format(**result)]
             remarks += [f"not measured: {one['ablation']}: {one['reason']}" for one in left_out]
-        parts = _part("ablations", "Each step alone, against the code without it", rows, STEPS)
+        parts = part("ablations", "Each step alone, against the code without it", rows, STEPS)
     return Section("ablations", "What single steps are worth", "make hotspots", parts, remarks)
-
-
-def all_of(data: Data) -> list[Section]:
-    """Every section, in the order of the page. Raises StudyError for a broken file."""
-    name = (data.context.get("cpu") or {}).get("microarchitecture")
-    return [counted(data.path), roofline(data), hot(data.path, name), steps(data.path)]

@@ -543,6 +543,24 @@ static void camera_frames(void **state) {
     }
 }
 
+// The square of 3e-161 is denormal: a length from it would be off in the third digit.
+static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
+    (void)state;
+    for (int e = 0; e >= -300; e -= 20) {
+        json_t *root = parse(WHOLE);
+        json_t *camera = json_pack("{s:[i,i,i], s:[f,i,f], s:[i,i,i], s:f}", "position", 0, 0, 0,
+                                   "look_at", 3 * pow(10, e), 0, 4 * pow(10, e), "up", 0, 1, 0,
+                                   "vertical_fov_degrees", 30.);
+        json_object_set_new(root, "camera", camera);
+        assert_true(load_json(root, JSON_REAL_PRECISION(17)));
+        json_decref(root);
+        const double digits = 1e-15;
+        assert_true(near(scene.view.forward[0], 0.6, digits));
+        assert_true(near(scene.view.forward[2], 0.8, digits));
+        scene_free(&scene);
+    }
+}
+
 static void features_are_found(void **state) {
     (void)state;
     static const struct {
@@ -662,6 +680,7 @@ int main(void) {
         cmocka_unit_test(unreadable_files),
         cmocka_unit_test(values_arrive),
         cmocka_unit_test(camera_frames),
+        cmocka_unit_test(a_tiny_step_to_look_at_is_still_a_direction),
         cmocka_unit_test(features_are_found),
         cmocka_unit_test(hash_follows_content),
         cmocka_unit_test(overrides_replace),

@@ -6,7 +6,6 @@ left out; the tolerances that a phase declares are held by scripts/verify.py.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 import re
@@ -66,11 +65,20 @@ FRACTAL = {
     "double": Bounds(mask=0.02, depth=1e-4, normal=0.05, colour=0.002, mean=0.005, off=0.1),
     "float": Bounds(mask=0.05, depth=1e-3, normal=0.5, colour=0.01, mean=0.01, off=0.3),
 }
-# Normals of the reference are differences over normal_step, in which leaves hide.
-FRACTAL["exact"] = dataclasses.replace(FRACTAL["float"], normal=2)
-# Where a repeated shape is not its cell's mirror image, its distance jumps at the cells' walls, and a march
-# steps over what lies behind: a proved picture differs from a marched one there.
-JUMPS = ["plane_repeated_x", "plane_repeated_y", "plane_repeated_z"]
+FRACTAL["exact"] = FRACTAL["float"]
+# Where a proved picture is not the reference's, whatever its arithmetic: a shape that is not its mirror
+# image has a distance that jumps at its cells' walls, and a march steps over what lies behind; no limit of a
+# march ends a proof; and a march that starts inside of a shape ends there, a proof where the ray comes out.
+UNLIKE = ["plane_repeated_x", "plane_repeated_y", "plane_repeated_z", "plane_repeated_all"]
+UNLIKE += [
+    "plane_turned_repeated",
+    "max_steps_1",
+    "max_steps_2",
+    "max_steps_20",
+    "hit_distance",
+    "two_spheres",
+]
+UNLIKE += ["camera_within_a_shape", "camera_under_the_floor", "camera_at_a_centre"]
 
 
 def precision(phase: str) -> str:
@@ -111,6 +119,9 @@ def compare(run: Run, expected: dict[str, np.ndarray], bounds: Bounds) -> None:
 def check(run: Run, *options: str | int) -> None:
     """The picture in itself, and beside the reference's."""
     check_picture(run)
+    proves = precision(run.record["phase"]) == "exact"
+    if proves and (options or run.record["scene"] in UNLIKE):
+        return
     height, width = run.picture["R"].shape
     reference = harness.reference(ROOT / run.command[1], width, height, *options)
     fractal = is_fractal(run.scene)
@@ -125,8 +136,7 @@ def check(run: Run, *options: str | int) -> None:
 
 @pytest.mark.parametrize("name", FEATURES)
 def test_feature(phase: str, name: str) -> None:
-    run = render(phase, keep(name, FEATURES[name]), WIDTH, HEIGHT)
-    check_picture(run) if precision(phase) == "exact" and name in JUMPS else check(run)
+    check(render(phase, keep(name, FEATURES[name]), WIDTH, HEIGHT))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -260,7 +270,7 @@ def test_overrides(phase: str) -> None:
     assert plain.record["overridden"] is False and plain.record["max_steps"] == 3000, f"{plain}"
     for steps in (1, 2, 40):
         run = render(phase, path, 17, 9, "--max-steps", steps)
-        check_picture(run) if proves else check(run, "--max-steps", steps)
+        check(run, "--max-steps", steps)
         assert run.record["max_steps"] == steps and run.record["overridden"] is True, f"{run}"
         assert proves or run.picture["evals"].max() == steps, (
             f"{run}: evals up to {run.picture['evals'].max()}"

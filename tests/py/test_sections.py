@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from study import ablations, analysis, hotspots, sections
+from study import ablations, analysis, chapters, hotspots, sections
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -103,7 +103,7 @@ def put(run: Path, name: str, content: Any) -> None:
 
 
 def test_a_sound_run_has_every_part(run: Path) -> None:
-    names = {name for section in sections.all_of(analysis.load(run)) for name in parts_of(section)}
+    names = {name for section in chapters.all_of(analysis.load(run)) for name in parts_of(section)}
     expected = {"table1", "table1-terms", "validation", "validation-functions", "ablations"}
     assert names >= expected | {"hotspots-baseline", "table3", "table3-regions"}
 
@@ -164,7 +164,7 @@ def test_a_broken_file_is_one_line_with_its_name(run: Path, name: str, where: tu
     data = analysis.load(run)
     put(run, name, broken(name, where, value))
     with pytest.raises(StudyError) as caught:
-        sections.all_of(data)
+        chapters.all_of(data)
     said = str(caught.value)
     script = {"counts": "flops", "validation": "flops"}.get(Path(name).stem, Path(name).stem)
     assert said.startswith(str(run / name)) and f"scripts/{script}.py" in said
@@ -262,7 +262,7 @@ def test_the_width_is_of_the_runs_cpu(run: Path) -> None:
     data = analysis.load(run)
     for name, shown in (("Granite Rapids", None), ("Zen 5", 6.7)):
         data.context["cpu"] = {"microarchitecture": name}
-        parts = {k: v for section in sections.all_of(data) for k, v in parts_of(section).items()}
+        parts = {k: v for section in chapters.all_of(data) for k, v in parts_of(section).items()}
         assert parts["hotspots-baseline"].rows[0]["per_cycle"] == shown
 
 

@@ -1,0 +1,24 @@
+"""The chapters of a run's page and the tables beside it, in their order."""
+
+from __future__ import annotations
+
+from study import sections, truth_sections
+from study.analysis import Data
+from study.sections import Section
+
+
+def all_of(data: Data) -> list[Section]:
+    """Raises StudyError for a broken file."""
+    name = (data.context.get("cpu") or {}).get("microarchitecture")
+    path = data.path
+    return [
+        truth_sections.headline(path),
+        truth_sections.errors(path),
+        truth_sections.hard(path),
+        sections.counted(path),
+        sections.roofline(data),
+        sections.hot(path, name),
+        sections.steps(path),
+        truth_sections.approximations(path),
+        truth_sections.compilers(path),
+    ]
