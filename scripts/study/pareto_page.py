@@ -90,8 +90,8 @@ def note(result: dict[str, Any]) -> str:
     return (
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches, one thread. Small "
         "marks: other hit distances and step caps; large: the scene's own; hollow: an approximated root. "
-        "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the Mandelbulb's, "
-        "in quad precision, is converged only. "
+        "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
+        "Mandelbulb's, in quad precision, is converged only. "
         "The star is the paper's program run again: baseline's time here over its speed-up, its error "
         "against its own baseline in display space."
     )

@@ -1,0 +1,99 @@
+"""Truth's cache: made once, whole or not at all; what the phase left undecided is decided exactly."""
+
+from __future__ import annotations
+
+import copy
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from study import cli, images, registry, run, truth
+from study.registry import ROOT
+
+SIZE = (16, 12)
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(truth, "CACHE", tmp_path / "cache")
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def scene():
+    return registry.find_scene("two_spheres")
+
+
+def test_made_once(cache, scene, monkeypatch):
+    first = truth.summary(scene, SIZE)
+    assert not first.cached and first.proved == 16 * 12 and first.undecided == first.converged_only == 0
+    assert 0 <= first.widest < 1e-9
+    monkeypatch.setattr(run, "render", lambda *_, **__: pytest.fail("rendered again"))
+    again = truth.summary(scene, SIZE)
+    assert again.cached and again.seconds == first.seconds
+    assert [path.name for path in cache.iterdir()] == [truth.path_of(scene, SIZE).name]
+    picture = truth.picture(scene, SIZE)
+    assert {*images.AOVS, "status", "width", "shadow", "ideal.R", "none.B"} <= picture.keys()
+
+
+def test_undecided_rays_are_decided(cache, scene):
+    """Every pixel forgotten, and found again by the other program."""
+    right = truth.picture(scene, SIZE)
+    assert (right["id"] >= 0).any() and (right["id"] < 0).any()
+    planes = copy.deepcopy(right)
+    planes["status"][:], planes["status.all"][:], planes["id"][:] = truth.UNDECIDED, truth.UNDECIDED, 7
+    planes["Z"][:] = planes["width"][:] = np.nan
+    assert truth.decide(scene.data, planes) == (16 * 12, 16 * 12)
+    assert (planes["status"] == truth.PROVED).all() and (planes["id"] == right["id"]).all()
+    hit = right["id"] >= 0
+    assert (np.abs(planes["Z"][hit] - right["Z"][hit]) <= np.spacing(right["Z"][hit])).all()
+    assert (planes["Z"][~hit] == np.inf).all() and (planes["width"] <= 1e-13).all()
+
+
+def test_a_fractal_is_left_alone(scene):
+    planes = {"status": np.zeros((2, 2), np.float32)}
+    assert truth.decide({"shapes": [{"type": "mandelbulb"}]}, planes) == (0, 0)
+
+
+def test_a_killed_run_leaves_no_half_picture(cache, scene):
+    code = f"""
+import os, signal, sys
+sys.path.insert(0, {str(ROOT / "scripts")!r})
+from pathlib import Path
+from study import registry, run, truth
+truth.CACHE = Path({str(cache)!r})
+truth._write = lambda path, *_: (path.write_bytes(b"half"), os.kill(os.getpid(), signal.SIGKILL))
+truth.make(registry.find_scene("two_spheres"), {SIZE!r})
+"""
+    done = subprocess.run([sys.executable, "-c", code])
+    assert done.returncode == -signal.SIGKILL
+    left = list(cache.iterdir())
+    assert len(left) == 1 and left[0].is_dir() and left[0].name.startswith(".")
+    path = truth.make(scene, SIZE)
+    assert list(cache.iterdir()) == [path] and images.read(path)["status"].shape == SIZE[::-1]
+
+
+def test_a_scene_is_its_values(scene):
+    other = json.loads(json.dumps(scene.data))
+    other["march"] = dict(reversed(other["march"].items()))
+    other["fog"] = float(other["fog"])
+    assert truth.scene_hash(other) == truth.scene_hash(scene.data)
+    other["march"]["hit_distance"] *= 2
+    assert truth.scene_hash(other) != truth.scene_hash(scene.data)
+
+
+def test_the_script(tmp_path):
+    def script(*arguments):
+        command = [sys.executable, ROOT / "scripts" / "truth.py", *arguments]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    done = script("two_spheres", "-n", "12", "-w", "16", "--json")
+    assert done.returncode == cli.OK, done.stderr
+    (found,) = json.loads(done.stdout)["scenes"]
+    assert (found["proved"], found["undecided"], found["converged_only"]) == (16 * 12, 0, 0)
+    wrong = script("two_sphere", "-n", "12")
+    assert wrong.returncode == cli.BAD_INPUT and "did you mean two_spheres" in wrong.stderr
