@@ -73,7 +73,8 @@ extern const size_t target_count;
 const struct target *target_of(const char *function);
 
 // Errors in units in the last place of the exact value: ulp(y) = 2^(e − p + 1) for 2^e ≤ |y| <
-// 2^(e+1), not below the format's least exponent (J.-M. Muller, "On the definition of ulp(x)", INRIA RR-5504, 2005).
+// 2^(e+1), not below the format's least exponent (J.-M. Muller, "On the definition of ulp(x)",
+// INRIA RR-5504, 2005).
 struct error {
     double most, squares;       // largest; sum of squares of the finite ones
     double worst_a, worst_b;    // where the largest was

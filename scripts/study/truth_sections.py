@@ -10,6 +10,7 @@ from study import (
     accuracy,
     accuracy_page,
     functions,
+    functions_figures,
     functions_page,
     hard_page,
     pareto,
@@ -89,7 +90,7 @@ def approximations(path: Path) -> Section:
             parts += part("rsqrt", caption, result["rsqrt_tables"], functions_page.TABLES, folded=True)
             caption = "Every implementation"
             parts += part("functions-all", caption, result["entries"], functions_page.ENTRIES, folded=True)
-            remarks = [functions_page.note(result), functions_page.normalise_note(result)]
+            remarks = [functions_figures.note(result), functions_figures.normalise_note(result)]
             captions = {
                 "functions-float": "Floats: ns per element against the largest error",
                 "functions-double": "Doubles: ns per element against the largest error",
