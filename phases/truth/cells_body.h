@@ -149,6 +149,7 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
         }
         if (wide || cells > MOST_CELLS) {
             FN(doubtful)(search, wide ? 0 : before);
+            search->worn = !wide;
             break;
         }
         for (int i = 0; i < 3; i++) { // with the cells behind the walls that it may reach by then

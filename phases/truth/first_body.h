@@ -60,7 +60,7 @@ struct FN(search) {
     int rival_shape;
     REAL second; // the same of the next shape
     REAL doubt;  // least s at which something doubtful may begin
-    bool inside;
+    bool inside, worn;
     struct FN(part) around; // if inside: the part that holds the start
     int around_shape;
     struct IV reach;
@@ -190,6 +190,7 @@ struct FN(first) FN(first_hit)(const struct solid *solids, int count, const stru
         FN(against)(&search, &solids[i], i, ray, evals);
     if (search.inside) {
         FN(go_out)(&search, solids, count, ray, evals);
+        search.best.worn = search.worn;
         return search.best;
     }
     struct FN(first) *best = &search.best;
@@ -203,5 +204,6 @@ struct FN(first) FN(first_hit)(const struct solid *solids, int count, const stru
         REAL most = best->shape < 0 ? reach.hi : best->s.hi;
         best->s = (struct IV){least < most ? least : most, most};
     }
+    search.best.worn = search.worn;
     return search.best;
 }

@@ -80,6 +80,13 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
             return;
         }
     }
+    if (!first.proved && first.worn) {
+        struct first_q rest = {.s = widen(first.s), .shape = first.shape, .face = first.face};
+        for (int i = 0; i < 3; i++)
+            rest.cell[i] = first.cell[i];
+        take(hit, rest);
+        return;
+    }
     take(hit, first_hit_q(solids, count, ray, reach, &hit->evals));
 }
 
@@ -152,8 +159,14 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
         }
         hit->status = hit->status > CONVERGED ? CONVERGED : hit->status;
     }
+    struct ivq s = hit->s;
+    if (hit->status == UNDECIDED) // shown where the nearest sure surface is, if there is one
+        s.lo = s.hi;
+    if (!(s.hi - s.hi == 0))
+        hit->shape = -1;
+    hit->guess = mid_q(hit->status == UNDECIDED ? mul_q(s, length) : hit->t);
     if (hit->shape >= 0)
-        point_on(ray, hit->s, hit->point);
+        point_on(ray, s, hit->point);
 }
 
 static void unit(struct ivq v[3]) {

@@ -122,7 +122,7 @@ static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
         frame->rgb[3 * pixel + (size_t)i] = (float)seen->color[SOFT][i];
     if (!frame->depth)
         return;
-    frame->depth[pixel] = found ? (float)mid_q(hit->t) : INFINITY;
+    frame->depth[pixel] = found ? (float)hit->guess : INFINITY;
     frame->id[pixel] = (float)hit->shape;
     for (int i = 0; i < 3; i++)
         frame->normal[3 * pixel + (size_t)i] = found ? (float)mid_q(hit->normal[i]) : 0;

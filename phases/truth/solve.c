@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-enum { MOST_PARTS = 8, MOST_ROOTS = 16, MOST_CELLS = 4000, MOST_ROUNDS = 5000 };
+enum { MOST_PARTS = 8, MOST_ROOTS = 16, MOST_CELLS = 2000, MOST_ROUNDS = 5000 };
 
 #define REAL double
 #define IV ivd

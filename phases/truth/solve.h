@@ -51,6 +51,7 @@ struct ray_q {
         int face;                                                                                  \
         double cell[3];                                                                            \
         bool proved;                                                                               \
+        bool worn;              /* gave up in small cells: quads would too */                      \
         bool face_sure, inside; /* the ray started inside of a shape */                            \
     }
 FIRSTS(ivd, first_d);

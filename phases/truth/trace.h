@@ -30,6 +30,7 @@ struct hit {
     int face;
     double cell[3];
     struct ivq s, t; // p = o + s·d, t = s·|d|
+    quad guess;      // t to show: the middle, if it is decided
     struct ivq point[3];
     struct ivq normal[3]; // unit, towards the ray
     enum status status;
