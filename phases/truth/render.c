@@ -1,5 +1,6 @@
 // The phase's entry points: camera rays as intervals about the exact rational direction, tiles of
 // the picture dealt to threads.
+#include <float.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -135,10 +136,11 @@ static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
     }
     frame->planes[PLANE_SHADOW][pixel] = (float)seen->shadow[SOFT];
     frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)seen->shadow[IDEAL];
-    // Upward: a float that is no less than the width.
+    // Upward: a float that is no less than the width. Of a ray that may never leave a half-space: FLT_MAX.
     quad width = hit->t.hi - hit->t.lo;
     bool none = !found && hit->status != UNDECIDED;
-    frame->planes[PLANE_WIDTH][pixel] = none ? 0 : nextafterf((float)width, INFINITY);
+    float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
+    frame->planes[PLANE_WIDTH][pixel] = none ? 0 : above;
     frame->planes[PLANE_STATUS][pixel] = (float)hit->status;
     frame->planes[PLANE_STATUS_ALL][pixel] = (float)seen->all;
 }

@@ -225,9 +225,7 @@ def test_mirrors_by_recursion() -> None:
 
 REFUSED = [
     ({"camera": {"look_at": [0, 0, 0]}}, "look_at"),
-    ({"camera": {"look_at": [0, 0, 1e-170]}}, "look_at"),
     ({"camera": {"up": [0, 0, 0]}}, "up"),
-    ({"camera": {"up": [0, 1e-170, 0]}}, "up"),
     ({"camera": {"up": [0, 1e-7, 1]}}, "up"),
     ({"fog": -1e-320}, "fog"),
     ({"background": [1e10, 0, 0]}, "beyond"),

@@ -75,8 +75,7 @@ CASE = Case(
     what="A room in which directions (view, up, a plane's normal) are 10^e long and additions to places, "
     "angles, colours, fog and reflectivity are 1e-7 of that, down to denormals; rendered by the phase as "
     "built, started with denormals flushed to zero, and built with -ffast-math. What the loader refuses is "
-    "not rendered: zero directions, directions whose square is zero (below 1e-162), normals and sizes "
-    "below 1e-9, and anything that is not a finite number.",
+    "not rendered: zero directions, normals and sizes below 1e-9, and anything that is not a finite number.",
     why="A square of a number below 1e-154 (1e-19 in float) is denormal or zero, and a division by its "
     "root infinite. -ffast-math lets the compiler drop every check for NaN, and flushing turns small into "
     "zero.",
