@@ -31,7 +31,41 @@ static void to_floats(const double from[3], float to[3]) {
         to[i] = (float)from[i];
 }
 
-static struct placed place_shape(int index, const struct shape *shape) {
+// See struct placed. A plane that is not repeated has one row.
+static void place_rows(struct placed *p, const struct shape *shape, double turn[3][3]) {
+    bool linear = p->way == LINEAR;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const double *n = shape->plane.normal;
+            p->row[i][j] =
+                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
+        }
+        p->centre[i] = shape->position[i];
+    }
+    if (p->way == POWER) {
+        p->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)p->radius_sq;
+    }
+    if (linear) {
+        p->offset = shape->plane.offset;
+        to_floats(p->row[0], p->normal);
+    }
+}
+
+// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
+// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// cheaper, and from many radii away more exact. 1e15: its square is a float.
+static enum way way_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+    if (repeated)
+        return AT_POINT;
+    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
+        shape->sphere.radius < 1e15)
+        return POWER;
+    return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
+}
+
+static struct placed place_shape(int index, const struct shape *shape,
+                                 const struct limits *limits) {
     struct placed p = {.type = shape->type, .index = (float)index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
@@ -41,8 +75,12 @@ static struct placed place_shape(int index, const struct shape *shape) {
         p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
         p.repeated = p.repeated || shape->repeat[i] > 0.0;
         p.cell[i] = (float)shape->repeat[i];
-        p.per_cell[i] = shape->repeat[i] > 0.0 ? (float)(1.0 / shape->repeat[i]) : 0.0f;
+        p.wide_cell[i] = shape->repeat[i];
+        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.per_cell[i] = (float)p.wide_per_cell[i];
     }
+    p.way = way_of(shape, p.repeated, limits);
+    place_rows(&p, shape, turn);
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
@@ -77,7 +115,7 @@ static struct placed place_shape(int index, const struct shape *shape) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = place_shape(i, &model->shapes[i]);
+        prepared->placed[i] = place_shape(i, &model->shapes[i], &model->march);
     return true;
 }
 
@@ -186,10 +224,11 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
     struct approach *approach = new_approaches(prepared);
     if (!approach)
         return false;
-    struct vec along = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);
-        approach_shapes(place_of(points + 3 * i), along, prepared, approach);
+        approach_origins(place_of(points + 3 * i), prepared, approach);
+        approach_directions(nowhere, prepared, approach);
         distance[i] = _mm256_cvtss_f32(sdf(approach, set(0.0f), prepared, set(0.0f), &shape));
         nearest[i] = (int)_mm256_cvtss_f32(shape);
     }

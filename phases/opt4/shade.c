@@ -85,51 +85,56 @@ static struct vec octahedron_gradient(struct vec p) {
 
 // The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
 // of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct placed *placed, const struct approach *approach, real t,
-                           real dt, float step, int axis) {
+static struct vec moved_in(const struct placed *placed, const struct approach *approach, float step,
+                           int axis) {
     COUNT(moved_in, call);
-    struct vec p =
-        vec_along(vec_along(approach->origin, approach->direction, t), approach->direction, dt);
-    if (placed->repeated) // before the step too: it would drown in a far point's rounding
-        p = vec_wrapped(placed, p);
-    if (axis >= 0) {
-        COUNT(moved_in, moved);
-        COUNT(moved_in, scalar);
-        p = (struct vec){p.x + set(step * placed->turn[0][axis]),
-                         p.y + set(step * placed->turn[1][axis]),
-                         p.z + set(step * placed->turn[2][axis])};
-    }
+    struct vec p = approach->origin;
+    if (axis < 0)
+        return p;
+    COUNT(moved_in, moved);
+    COUNT(moved_in, scalar);
+    p = (struct vec){p.x + set(step * placed->turn[0][axis]),
+                     p.y + set(step * placed->turn[1][axis]),
+                     p.z + set(step * placed->turn[2][axis])};
     return placed->repeated ? vec_wrapped(placed, p) : p;
 }
 
-static real moved_distance(const struct placed *placed, const struct approach *approach, real t,
-                           real dt, mask done, float step, int axis) {
-    COUNT(moved_distance, call);
-    if (is_linear(placed)) {
-        COUNT(moved_distance, linear);
-        struct vec n = turned_back(placed, vec_set(placed->size));
-        real along = axis == 0 ? n.x : axis == 1 ? n.y : n.z;
-        real here = mul_add(dt, approach->direction.x,
-                            mul_add(t, approach->direction.x, approach->origin.x));
-        if (axis >= 0)
-            COUNT(moved_distance, moved);
-        return axis < 0 ? here : mul_add(along, set(step), here);
-    }
-    return distance_at(moved_in(placed, approach, t, dt, step, axis), placed, done);
+static real moved_power(const struct placed *placed, const struct approach *approach, float step,
+                        int axis) {
+    if (axis < 0)
+        return approach->power;
+    COUNT(moved_power, moved);
+    struct vec column = {set(placed->turn[0][axis]), set(placed->turn[1][axis]),
+                         set(placed->turn[2][axis])};
+    return mul_add(set(step), mul_add(set(2.0f), vec_dot(approach->origin, column), set(step)),
+                   approach->power);
 }
 
-static struct vec difference(const struct placed *placed, const struct approach *approach, real t,
-                             real dt, mask done, float step) {
+static real moved_distance(const struct placed *placed, const struct approach *approach, mask done,
+                           float step, int axis) {
+    COUNT(moved_distance, call);
+    if (placed->way == POWER)
+        return sdf_power(moved_power(placed, approach, step, axis), placed);
+    if (placed->way == LINEAR) {
+        if (axis < 0)
+            return approach->origin.x;
+        COUNT(moved_distance, moved);
+        return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
+    }
+    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+}
+
+static struct vec difference(const struct placed *placed, const struct approach *approach,
+                             mask done, float step) {
     COUNT(difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, t, dt, done, step, axis);
+        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
 // Of the whole scene, as in the other phases.
-static struct vec scene_difference(real t, real dt, mask done, float step,
-                                   const struct world *world) {
+static struct vec scene_difference(mask done, float step, const struct world *world) {
     ACTIVE(LANES - count_of(done));
     COUNT(scene_difference, call);
     real f[4];
@@ -137,44 +142,45 @@ static struct vec scene_difference(real t, real dt, mask done, float step,
         f[axis + 1] = set(INFINITY);
         for (int i = 0; i < world->scene->model.shape_count; i++) {
             COUNT(scene_difference, shape);
-            f[axis + 1] = least_of(moved_distance(&world->scene->placed[i], &world->approach[i], t,
-                                                  dt, done, step, axis),
-                                   f[axis + 1]);
+            f[axis + 1] = least_of(
+                moved_distance(&world->scene->placed[i], &world->approach[i], done, step, axis),
+                f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-// Hits from where a step may come nearer to another shape than to the one hit.
-static mask in_contact(real t, real dt, mask found, real shape, float step,
-                       const struct world *world) {
-    COUNT(in_contact, call);
-    COUNT(in_contact, scalar);
-    real own = set(INFINITY), other = own;
-    for (int i = 0; i < world->scene->model.shape_count; i++) {
-        COUNT(in_contact, shape);
-        const struct placed *placed = &world->scene->placed[i];
-        real distance = moved_distance(placed, &world->approach[i], t, dt, not_in(found), step, -1);
-        mask is_own = not_less(set(0.5f), absolute(shape - set(placed->index)));
-        own = choose(is_own, distance, own);
-        other = choose(is_own, other, least_of(distance, other));
+struct nearness near_hit(mask found, const struct world *world) {
+    COUNT(near_hit, call);
+    COUNT(near_hit, scalar);
+    const struct prepared *scene = world->scene;
+    real least = set(INFINITY), second = least, shape = set(-1.0f);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(near_hit, shape);
+        const struct placed *placed = &scene->placed[i];
+        real distance = moved_distance(placed, &world->approach[i], not_in(found), 0, -1);
+        shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
+        second = least_of(second, most_of(distance, least));
+        least = least_of(distance, least);
     }
-    return both(found, less(other, own + set(2.0f * step)));
+    float step = (float)scene->model.march.normal_step;
+    return (struct nearness){least, choose(found, shape, set(-1.0f)),
+                             both(found, less(second, least + set(2.0f * step)))};
 }
 
 // `contact`: hits near another shape, whose difference is the scene's.
-static struct vec gradient_of(int shape, real t, real dt, mask found, mask contact, float step,
+static struct vec gradient_of(int shape, mask found, mask contact, float step,
                               const struct world *world) {
     ACTIVE(count_of(found));
     COUNT(gradient_of, call);
     const struct placed *placed = &world->scene->placed[shape];
     const struct approach *approach = &world->approach[shape];
     mask near = both(found, contact);
-    struct vec p = moved_in(placed, approach, t, dt, 0, -1), exact = p, rounded = p;
-    if (!is_linear(placed) && bits(but_not(contact, found)))
-        rounded = difference(placed, approach, t, dt, not_in(found), step);
+    struct vec p = moved_in(placed, approach, 0, -1), exact = p, rounded = p;
+    if (placed->way != LINEAR && bits(but_not(contact, found)))
+        rounded = difference(placed, approach, not_in(found), step);
     if (bits(near))
-        rounded = vec_choose(near, scene_difference(t, dt, not_in(near), step, world), rounded);
+        rounded = vec_choose(near, scene_difference(not_in(near), step, world), rounded);
     ACTIVE(count_of(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;
@@ -194,33 +200,32 @@ static struct vec gradient_of(int shape, real t, real dt, mask found, mask conta
     real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
     real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
     mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
-    if (is_linear(placed)) // its own difference is the closed form
+    if (placed->way == LINEAR) // its own difference is the closed form
         edge = both(edge, near);
     return vec_choose(edge, rounded, exact);
 }
 
 // Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1 where there is a difference
-// instead, which at an edge or through a thin plate is no slope to divide by.
-struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
+// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
+// difference instead, which at an edge or through a thin plate is no slope to divide by.
+struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
                      const struct world *world, real *slope) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)world->scene->model.march.normal_step;
-    _mm256_storeu_ps(id, shape);
+    _mm256_storeu_ps(id, near->shape);
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    mask contact = in_contact(t, dt, found, shape, step, world);
     for (int rest = bits(found); rest;) {
         ACTIVE(count_of(found));
         COUNT(normal_at, shape);
         int i = (int)id[__builtin_ctz((unsigned)rest)];
-        mask same = both(found, not_less(set(0.5f), absolute(shape - set((float)i))));
-        gradient = vec_choose(same, gradient_of(i, t, dt, same, contact, step, world), gradient);
+        mask same = both(found, not_less(set(0.5f), absolute(near->shape - set((float)i))));
+        gradient = vec_choose(same, gradient_of(i, same, near->contact, step, world), gradient);
         rest &= ~bits(same);
     }
     ACTIVE(count_of(found));
     real length = vec_norm(gradient);
     real along = vec_dot(direction, gradient);
-    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1.0f));
+    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1e30f));
     mask away = greater(along, set(0.0f));
     struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
     // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.

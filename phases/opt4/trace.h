@@ -29,8 +29,16 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
                struct hit *hit);
 real shadow(struct place point, struct vec to_light, real distance, mask active,
             const struct world *world);
-// Of the hits at distance t + dt, and the slope there; called while world->approach is still theirs.
-struct vec normal_at(real t, real dt, struct vec direction, mask found, real shape,
+// What a hit's place says, once it is the origin of world->approach: more exactly than the march,
+// which has rounded origin and direction in the frames of all shapes.
+struct nearness {
+    real distance, shape; // of the nearest
+    mask contact;         // another shape is within two normal steps of it
+};
+
+struct nearness near_hit(mask found, const struct world *world);
+// Of hits that are the origins of world->approach, and the slope there.
+struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
                      const struct world *world, real *slope);
 void trace(struct place origin, struct vec direction, mask active, int bounce,
            const struct world *world, struct shaded *result);

@@ -182,6 +182,56 @@ static inline struct vec place_sub(struct place a, const float hi[3], const floa
                         (a.hi.z - set(hi[2])) + (a.lo.z - set(lo[2]))};
 }
 
+// Eight doubles: for what is asked once per ray, where float would drown the difference of two places.
+typedef struct {
+    __m256d low, high;
+} wide;
+
+struct wide_vec {
+    wide x, y, z;
+};
+
+static inline wide wide_sum(real hi, real lo) {
+    return (wide){_mm256_cvtps_pd(_mm256_castps256_ps128(hi)) +
+                      _mm256_cvtps_pd(_mm256_castps256_ps128(lo)),
+                  _mm256_cvtps_pd(_mm256_extractf128_ps(hi, 1)) +
+                      _mm256_cvtps_pd(_mm256_extractf128_ps(lo, 1))};
+}
+
+static inline struct wide_vec wide_place(struct place p) {
+    COUNT(wide_place, call);
+    return (struct wide_vec){wide_sum(p.hi.x, p.lo.x), wide_sum(p.hi.y, p.lo.y),
+                             wide_sum(p.hi.z, p.lo.z)};
+}
+
+static inline wide wide_less(wide a, double b) {
+    __m256d both = _mm256_set1_pd(b);
+    return (wide){a.low - both, a.high - both};
+}
+
+static inline struct wide_vec wide_from(struct wide_vec a, const double b[3]) {
+    COUNT(wide_from, call);
+    return (struct wide_vec){wide_less(a.x, b[0]), wide_less(a.y, b[1]), wide_less(a.z, b[2])};
+}
+
+static inline wide wide_mul(wide a, double b) {
+    __m256d both = _mm256_set1_pd(b);
+    return (wide){a.low * both, a.high * both};
+}
+
+static inline wide wide_mul_add(wide a, double b, wide c) {
+    __m256d both = _mm256_set1_pd(b);
+    return (wide){_mm256_fmadd_pd(a.low, both, c.low), _mm256_fmadd_pd(a.high, both, c.high)};
+}
+
+static inline wide wide_dot(struct wide_vec a, const double b[3]) {
+    return wide_mul_add(a.x, b[0], wide_mul_add(a.y, b[1], wide_mul(a.z, b[2])));
+}
+
+static inline real narrow(wide a) {
+    return _mm256_set_m128(_mm256_cvtpd_ps(a.high), _mm256_cvtpd_ps(a.low));
+}
+
 // log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
 // (1980); polynomials by Chebyshev interpolation, derived by scripts/polynomials.py. Errors
 // measured over all floats of their ranges by tests/c/test_math_opt4.c.
