@@ -11,7 +11,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 truth enclosures stability pareto functions toolchains
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -52,6 +52,9 @@ truth: setup ## the exact pictures of SCENE=… (default: scene0) at N=360, in p
 
 accuracy: setup ## every phase against truth: hits, distances, normals, shadows, colours; PHASE=…: of one phase
 	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/accuracy.py -n $(N) --phase $(PHASE),scripts/run_study.py --part accuracy) $(ARGS)
+
+enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random and adversarial rays per shape
+	@STEPWISE_RAYS=100000 $(PY) -m pytest -q tests/py/test_enclosures.py $(ARGS)
 
 stability: setup ## hard cases: where each phase first fails, as its strength grows
 	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/stability.py --phase $(PHASE),scripts/run_study.py --part stability) $(ARGS)

@@ -62,7 +62,7 @@ def main() -> int:
         print(functions_coefficients.FILE)
         return cli.OK
     run.cpu_set(args.cpu, 1)  # says so if there is none such
-    folder = args.run or registry.ROOT / "build" / "functions"
+    folder = store.writable(args.run or registry.ROOT / "build" / "functions")
     quick = args.quick
     result = functions.study(
         quick,

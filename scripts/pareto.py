@@ -33,6 +33,17 @@ def positive(kind: type) -> object:
     return check
 
 
+def length(text: str) -> float:
+    """What the loader takes as a hit distance, in scene units."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0
+    if not 1e-9 <= value <= 1e9:
+        raise argparse.ArgumentTypeError(f"'{text}': must be a length of 1e-9 to 1e9")
+    return value
+
+
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
@@ -53,7 +64,7 @@ def arguments() -> argparse.Namespace:
         help="default: %(default)s",
     )
     about = "besides the scene's own; default: %(default)s"
-    add("--hit-distance", nargs="+", type=positive(float), default=list(pareto.HIT_DISTANCES), help=about)
+    add("--hit-distance", nargs="+", type=length, default=list(pareto.HIT_DISTANCES), help=about)
     add("--max-steps", nargs="+", type=positive(int), default=list(pareto.STEPS), help=about)
     add("-n", type=positive(int), default=90, help="height in pixels; default: 90")
     add("--launches", type=positive(int), default=6, help="process launches of each; default: 6")
@@ -66,7 +77,7 @@ def arguments() -> argparse.Namespace:
 def main() -> int:
     args = arguments()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
-    folder = args.run or registry.ROOT / "build" / "pareto"
+    folder = store.writable(args.run or registry.ROOT / "build" / "pareto")
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     lacking = {spec: registry.missing_isa(spec) for spec in specs}
@@ -87,19 +98,21 @@ def main() -> int:
                 scene, points, args.n, args.launches, args.seed, args.cpu, Path(scratch)
             )
             rows, skipped = rows + found, skipped + missing
+    if not rows:
+        pareto.say_missing(skipped)
+        raise StudyError("nothing was measured: every point was refused, for the reasons above")
     settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "cpu")}
     result = {"schema": 1, **settings, "context": machine.context(), "rows": rows, "skipped": skipped}
     result["winners"] = pareto.winners(rows)
     result["sentences"] = [pareto.sentence(winner) for winner in result["winners"]]
     store.write_json(folder / pareto.FILE, result)
-    if rows:
-        with matplotlib.rc_context(STYLE):
-            figures = save(pareto_page.figure(rows), folder / "figures" / "pareto", pareto_page.note(result))
+    with matplotlib.rc_context(STYLE):
+        figures = save(pareto_page.figure(rows), folder / "figures" / "pareto", pareto_page.note(result))
     if args.json:
         cli.emit(result)
     else:
         print("\n".join(result["sentences"]))
-        print("\n".join(str(path) for path in figures) if rows else "nothing was measured")
+        print("\n".join(str(path) for path in figures))
     pareto.say_missing(skipped)
     bad = [row for row in rows if row["non_finite"]]
     for row in bad:

@@ -80,6 +80,7 @@ def run() -> int:
     if args.list:
         return listing(args.json) or cli.OK
     chosen = hard.find_cases(args.case)
+    folder = store.writable(args.run or registry.ROOT / "build" / "stability")
     names, skipped = measure.able(args.phase)
     for item in skipped:
         cli.say(f"skipped {item['phase']}: {item['reason']}")
@@ -93,7 +94,6 @@ def run() -> int:
     rows = measure.sweep(names, chosen, few, args.jobs, time_limit=args.time_limit)
     about = [measure.about(case) | {"strengths": case.few() if few else case.strengths} for case in chosen]
     result = {"schema": 1, "phases": phases, "cases": about, "results": rows, "skipped": skipped}
-    folder = args.run or registry.ROOT / "build" / "stability"
     store.write_json(folder / "stability.json", result)
     written = hard_page.read(folder / "stability.json")
     for case in written["cases"]:

@@ -50,6 +50,9 @@ def arguments() -> argparse.Namespace:
 def study(args: argparse.Namespace) -> dict:
     """toolchains.json. Raises StudyError where not even gcc as shipped can be built and run."""
     specs = [Spec.parse(name) for name in dict.fromkeys(args.phase)]
+    for spec in specs:
+        if spec.flags_from != spec.phase:
+            raise StudyError(f"{spec}: flags are what is compared here; name {spec.phase} alone")
     lacking = {spec: registry.missing_isa(spec) for spec in specs}
     skipped = [
         {"phase": s.phase, "reason": f"this CPU lacks {' '.join(what)}"}
@@ -93,8 +96,9 @@ def study(args: argparse.Namespace) -> dict:
 def main() -> int:
     args = arguments()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    folder = store.writable(args.run or registry.ROOT / "build" / "toolchains")
     result = study(args)
-    store.write_json((args.run or registry.ROOT / "build" / "toolchains") / "toolchains.json", result)
+    store.write_json(folder / "toolchains.json", result)
     if args.json:
         cli.emit(result)
     elif result["rows"]:

@@ -19,7 +19,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from study import blocks, claims, cli, gate, images, patches, registry, run, stats, store
+from study import blocks, cli, gate, images, patches, registry, run, stats, store, verdicts
 from study.build import build
 from study.cli import StudyError
 from study.gallery import Gallery, Size
@@ -53,24 +53,24 @@ class Ablation:
         return float(match[1]) if match else None
 
     def holds(self, gain: stats.Interval, failed: Iterable[str]) -> str:
-        """The paper's claim held against what was found, in the words of study.claims; "" for no claim."""
+        """The paper's claim held against what was found, in the words of study.verdicts; "" for no claim."""
         if self.claim is None and not self.paper.startswith(("no gain", "not satisfying")):
             return ""
         if not gain.sufficient:
-            return claims.FEW
+            return verdicts.FEW
         if self.claim is None:  # what the paper gave up: too wrong, or no faster
             given_up = self.paper.startswith("not satisfying") and list(failed)
             if given_up or gain.high <= NO_GAIN:
-                return claims.HOLDS
-            return claims.FAILS if gain.low > NO_GAIN else claims.WITHIN
+                return verdicts.HOLDS
+            return verdicts.FAILS if gain.low > NO_GAIN else verdicts.WITHIN
         if gain.low >= self.claim:
-            return claims.HOLDS
-        return claims.FAILS if gain.high < self.claim else claims.WITHIN
+            return verdicts.HOLDS
+        return verdicts.FAILS if gain.high < self.claim else verdicts.WITHIN
 
 
 def said(row: Mapping[str, Any]) -> str:
     """A row's claim; of a step that the paper gave up also why that holds: too wrong, no faster, or both."""
-    if row["claim"] != claims.HOLDS or row["paper_value"] is not None:
+    if row["claim"] != verdicts.HOLDS or row["paper_value"] is not None:
         return row["claim"]
     high = row["gain"]["high"] if isinstance(row["gain"], Mapping) else row["gain"].high
     why = ["too wrong"] * bool(row["paper"].startswith("not satisfying") and row["failed"])

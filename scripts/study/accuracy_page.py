@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study import show, where
+from study import converge, show, where
 from study.draw import legend, look, panels
 from study.show import Column, Row
 
@@ -118,15 +118,15 @@ def _against(other: str, name: str):
 
 CONVERGENCE = [
     Column("", "hit distance", lambda r: f"{r['hit_distance']:g}"),
-    Column("", "precision", lambda r: r["precision"]),
+    Column("", "precision", lambda r: converge.WORDS.get(r["precision"], r["precision"])),
     Column("", "phase", lambda r: r["phase"]),
     Column("", "evaluations per ray", lambda r: show.number(r["evals_per_ray"])),
     *(
         Column(f"against {about}", head, _against(other, name))
         for other, about in (
-            ("quad", "quad, same hit distance"),
+            ("quad", "double-double, same hit distance"),
             ("double", "double, same hit distance"),
-            ("finest", "quad, least hit distance"),
+            ("finest", "double-double, least hit distance"),
         )
         for head, name in (
             ("depth agrees, share", "depth_agree_fraction"),
@@ -146,10 +146,10 @@ REMARKS = (
 
 
 CONVERGED = (
-    "The Mandelbulb: quad is truth's arithmetic. Truth's normals are analytic and its plane is hit exactly, "
-    "the phases' normals are differences and their plane is hit within the hit distance: against quad that "
-    "is compared too; float against double is arithmetic alone. A hit distance no less than the scene's "
-    "surface offset ends shadow rays where they start."
+    "The Mandelbulb: double-double (104 bits, about 31 digits) is truth's arithmetic. Truth's plane is hit "
+    "exactly and has its own normal, the phases' normals are differences and their plane is hit within the "
+    "hit distance: against truth that is compared too; float against double is arithmetic alone. A hit "
+    "distance no less than the scene's surface offset ends shadow rays where they start."
 )
 
 
@@ -232,14 +232,14 @@ def places(rows: Sequence[Row]) -> Figure:
 
 
 LINES = {
-    "quad": ("-", "to quad"),
+    "quad": ("-", "to double-double"),
     "double": ("--", "to double"),
-    "finest": (":", "to quad, least hit distance"),
+    "finest": (":", "to double-double, least hit distance"),
 }
 
 
 def convergence(table: dict[str, Any]) -> Figure:
-    """Depth against quad, and averaged pictures against double and the finest march, by hit distance."""
+    """Depth against truth's arithmetic, averaged pictures against double and the finest march."""
     made = Figure(figsize=(11, 4.6), layout="constrained")
     names = list(dict.fromkeys(row["precision"] for row in table["rows"]))
     looks = look(pd.DataFrame({"phase": names, "threads": 1}))
@@ -254,7 +254,7 @@ def convergence(table: dict[str, Any]) -> Figure:
                 mine = [r for r in table["rows"] if r["precision"] == name and other in r]
                 if not mine:
                     continue
-                label = f"{name} {LINES[other][1]}"
+                label = f"{converge.WORDS.get(name, name)} {LINES[other][1]}"
                 (lines[label],) = axes.plot(
                     [r["hit_distance"] for r in mine],
                     [r[other][metric] for r in mine],
@@ -286,5 +286,6 @@ def note(result: dict[str, Any]) -> str:
     heights = sorted({row["height"] for row in result["rows"]})
     return (
         f"n = {', '.join(map(str, heights))}. Truth: proved hits, analytic normals, the paper's shadow "
-        "estimator in exact arithmetic; the Mandelbulb's is converged only (quad precision)."
+        "estimator in exact arithmetic; the Mandelbulb's is converged only, in double-double (104 bits, "
+        "about 31 digits)."
     )

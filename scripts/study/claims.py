@@ -13,9 +13,8 @@ import pandas as pd
 from study import ladder, paper, register, show
 from study.analysis import Cell, Data
 from study.stats import Interval
+from study.verdicts import FAILS, FEW, HOLDS, OPEN, UNSURE, WITHIN
 
-HOLDS, FAILS, OPEN = register.HOLDS, register.FAILS, register.OPEN
-FEW, UNSURE, WITHIN = "too few launches", "cannot be told apart here", "within the interval here"
 WORDS = ("text", "quote", "source", "scene", "note", "command")
 EVEN = 1.10  # what counts as the same time: a clock or a page can be worth several percent
 Claim = dict[str, Any]

@@ -50,6 +50,16 @@ def _pictures() -> list[Column]:
     ]
 
 
+def _truth_psnr(name: str) -> Callable[[Row], str]:
+    """In dB; averaged pictures, and truth converged only, are said so."""
+
+    def text(row: Row) -> str:
+        found = number(row.get(name))
+        return found if found == NOTHING or not row.get("truth_converged_only") else f"{found} (4×4)"
+
+    return text
+
+
 LADDER = [
     Column("", "phase", word("phase")),
     Column("", "precision", word("precision")),
@@ -60,6 +70,10 @@ LADDER = [
     Column("speed-up over", "opt2, same flags [95\u00a0%]", speedup("speedup_same_flags", "same_flags_base")),
     Column("error against baseline", "tolerance", gate, gate_mark),
     *_pictures(),
+    Column("error to truth", "PSNR linear, dB", _truth_psnr("truth_psnr_db")),
+    Column("error to truth", "ideal shadow, dB", _truth_psnr("truth_psnr_ideal_db")),
+    Column("error to truth", "wrong hits, ppm", plain("truth_wrong_ppm")),
+    Column("error to truth", "|Δt| 99\u00a0%", plain("truth_dt_p99", 2)),
     Column("error below the picture", "hit mask, ppm", plain("mask_mismatch_ppm")),
     Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
     Column("error below the picture", "depth agrees", _fractal_depth),
@@ -72,6 +86,7 @@ README = [
     Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
     Column("", "× opt2, same flags", speedup("speedup_same_flags", "same_flags_base")),
     Column("", "the paper's program", rerun),
+    Column("", "PSNR to truth, dB", _truth_psnr("truth_psnr_db")),
     Column("", "PSNR to baseline, dB", lambda r: psnr(r, "psnr_db")),
     Column("", "4×4 averaged, dB", lambda r: psnr(r, "antialiased_psnr_db")),
     Column("", "pixels off > 1/255", lambda r: percent(r.get("fraction_over_1_255"))),

@@ -1,7 +1,8 @@
-"""The Mandelbulb has no proof: how float, double and quad agree on it, for each hit distance.
+"""The Mandelbulb has no proof: how float, double and double-double agree on it, for each hit distance.
 
 All three march to the same hit distance, so what they differ in is arithmetic alone; beside it, how far each
-is from the finest march there is (quad at the least hit distance): what the hit distance costs.
+is from the finest march there is (double-double at the least hit distance): what the hit distance costs.
+"quad" in the JSON is truth's double-double, 104 bits or about 31 digits (phases/truth/dd.h).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ SCENE = "mandelbulb"
 HIT_DISTANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 PHASES = {"float": "opt4", "double": "baseline", "quad": "truth"}  # who marches in which arithmetic
 FINEST = "quad"
+WORDS = {"quad": "double-double"}  # for people: the key is older than its arithmetic's right name
 
 
 def agreement(reference: Picture, image: Picture) -> dict[str, float]:

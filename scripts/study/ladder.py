@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from study import paper, stats
+from study import accuracy, paper, stats
 from study.analysis import Cell, Data
 from study.stats import Interval
 
@@ -49,6 +49,32 @@ def error_of(data: Data, cell: Cell) -> dict[str, Any]:
         "within_tolerance": bool(pair.get("within_tolerance")) if pair else None,
         "is_reference": cell.spec == BASE,
     }
+
+
+TRUTH = ("psnr_db", "psnr_ideal_db", "psnr_none_db", "dt_p99")  # of accuracy.json, to truth
+
+
+def truth_errors(data: Data) -> pd.DataFrame:
+    """What accuracy.json has of each (scene, phase), columns truth_…; PSNR of a fractal is the averaged one.
+
+    `truth_wrong_ppm`: false hits, false misses and wrong shapes together, NaN where none could be proved.
+    """
+    made = []
+    for row in accuracy.read(data.path)["rows"]:
+        colours = row["antialiased"] if row["converged_only"] else row
+        wrong = sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
+        made.append(
+            {
+                "scene": row["scene"],
+                "phase": row["phase"],
+                **{f"truth_{name}": colours.get(name, row.get(name)) for name in TRUTH},
+                "truth_wrong_ppm": wrong,
+                "truth_converged_only": row["converged_only"],
+                "truth_height": row["height"],
+            }
+        )
+    names = [f"truth_{name}" for name in (*TRUTH, "wrong_ppm", "converged_only", "height")]
+    return pd.DataFrame(made, columns=["scene", "phase", *names])
 
 
 def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str, float]:
@@ -135,6 +161,7 @@ def rows(data: Data, height: int | None = None) -> pd.DataFrame:
         return made
     theirs = paper.ladder().rename(columns={"cycles_per_pixel": "paper_cycles_per_pixel"})
     made = made.merge(theirs, how="left", on=["scene", "phase"])
+    made = made.merge(truth_errors(data), how="left", on=["scene", "phase"])
     made.loc[made["threads"] > 1, [c for c in theirs if c not in ("scene", "phase")]] = np.nan
     return made
 

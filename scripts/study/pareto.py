@@ -1,8 +1,9 @@
 """Speed against error: every phase over hit distance × step cap × approximation, held against truth.
 
 A point is (scene, program, hit distance, step cap). Its time is the median over process launches in one
-interleaved run; its errors are against truth (study.truth), which knows nothing of either parameter but for
-the estimator's steps. The parameters are changed for this study alone, and every point names its own.
+interleaved run; its errors are against truth (study.truth), the same for all points of a scene. Proved hits
+know nothing of either parameter; the shadow estimator and the Mandelbulb, which truth marches, have the
+scene's own. The parameters are changed for this study alone, and every point names its own.
 """
 
 from __future__ import annotations
@@ -153,25 +154,60 @@ def pace_of(row: Row) -> float:
 
 
 def level_of(row: Row, metric: str) -> float:
-    """PSNR as a number: JSON's null is infinite; NaN, which reaches no level, where it was not found."""
+    """PSNR as a number: JSON's null is infinite; NaN, which reaches no level, where there is none.
+
+    A picture that is not finite has none: its null was NaN.
+    """
     value = row.get(metric, math.nan)
-    return math.inf if value is None else value
+    if value is not None:
+        return value
+    return math.nan if row["non_finite"] else math.inf
 
 
 def front(rows: Sequence[Row], metric: str) -> list[Row]:
     """Rows that no other is both faster and nearer than, from fast to near; none without a number."""
     best, made = -math.inf, []
-    for row in sorted(rows, key=lambda row: (pace_of(row), -level_of(row, metric))):
-        if not row["non_finite"] and level_of(row, metric) > best:
+    able = [row for row in rows if not row["non_finite"]]
+    for row in sorted(able, key=lambda row: (pace_of(row), -level_of(row, metric))):
+        if level_of(row, metric) > best:
             best = level_of(row, metric)
             made.append(row)
     return made
 
 
+def reaching(rows: Sequence[Row], metric: str, level: float) -> list[Row]:
+    """The finite rows of at least `level` dB."""
+    return [row for row in rows if not row["non_finite"] and level_of(row, metric) >= level]
+
+
 def fastest(rows: Sequence[Row], metric: str, level: float) -> Row | None:
     """The fastest row of at least `level` dB."""
-    able = [row for row in rows if not row["non_finite"] and level_of(row, metric) >= level]
-    return min(able, key=pace_of, default=None)
+    return min(reaching(rows, metric, level), key=pace_of, default=None)
+
+
+def ends_of(row: Row) -> tuple[float, float] | None:
+    """95 % interval of the pace, ns/pixel; None of too few launches."""
+    pace = row["ns_per_pixel"]
+    low, high = (pace[end] if isinstance(pace, dict) else getattr(pace, end) for end in ("low", "high"))
+    known = low is not None and high is not None and math.isfinite(low) and math.isfinite(high)
+    return (low, high) if known else None
+
+
+def rivals(rows: Sequence[Row], metric: str, level: float) -> list[str]:
+    """Who else reaches the level in an interval that overlaps the fastest's, or without one; once each.
+
+    None where the fastest itself has no interval: then nothing is told apart.
+    """
+    best = fastest(rows, metric, level)
+    if best is None or (mine := ends_of(best)) is None:
+        return []
+    near = [
+        row
+        for row in reaching(rows, metric, level)
+        if row is not best and ((other := ends_of(row)) is None or other[0] <= mine[1])
+    ]
+    itself = f"{best['phase']} by other parameters"
+    return list(dict.fromkeys(itself if row["phase"] == best["phase"] else row["phase"] for row in near))
 
 
 def winners(rows: Sequence[Row]) -> list[Row]:
@@ -184,9 +220,8 @@ def winners(rows: Sequence[Row]) -> list[Row]:
                 continue
             for level in LEVELS:
                 best = fastest(mine, metric, level)
-                made.append(
-                    {"scene": scene, "truth": about, "metric": metric, "level_db": level, "best": best}
-                )
+                about_it = {"scene": scene, "truth": about, "metric": metric, "level_db": level, "best": best}
+                made.append(about_it | {"not_told_apart_from": rivals(mine, metric, level)})
     return made
 
 
@@ -195,9 +230,11 @@ def sentence(winner: Row) -> str:
     best, where = winner["best"], f"{winner['scene']}, {winner['level_db']} dB to {winner['truth']}"
     if best is None:
         return f"{where}: no program reaches it"
-    pace = best["ns_per_pixel"]
-    low, high = (pace[end] if isinstance(pace, dict) else getattr(pace, end) for end in ("low", "high"))
-    ends = f" [{low:.3g}, {high:.3g}]" if low is not None and math.isfinite(low) else ""
+    found = ends_of(best)
+    ends = f" [{found[0]:.3g}, {found[1]:.3g}]" if found else ""
+    doubt = "" if found else "; insufficient launches to tell it from others"
+    if near := winner.get("not_told_apart_from"):
+        doubt += f"; not told apart from {', '.join(near)}"
     how = (
         "the scene's own parameters"
         if best["own_parameters"]
@@ -205,7 +242,7 @@ def sentence(winner: Row) -> str:
     )
     return (
         f"{where}: {best['phase']} is the fastest, {pace_of(best):.3g}{ends} ns/pixel ({how}; "
-        f"{level_of(best, winner['metric']):.1f} dB)"
+        f"{level_of(best, winner['metric']):.1f} dB){doubt}"
     )
 
 

@@ -7,17 +7,17 @@ there is "not measured", never a verdict.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from study import ablations, flops, roof, show
+from study import ablations, flops, roof, show, store
 from study.analysis import Data
+from study.cli import StudyError
+from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART
 
-HOLDS, PART, FAILS, OPEN = "holds here", "holds in part", "does not hold here", "not measured"
-NEVER = "cannot be tested here"
+HEIGHT, VECTORS = 720, 20_000_000  # the papers' sizes: at a smaller one a statement holds in part at most
 NEAR = 1.10  # a figure within 10 % of the stated one is taken to be it
 
 Claim = dict[str, Any]
@@ -25,12 +25,23 @@ Found = tuple[str, str]  # what was found here, verdict
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The JSON object in `path`, {} where there is none that can be read."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    """The JSON object in `path`, {} where there is no such file. Raises StudyError for what is none."""
+    if not path.exists():
         return {}
-    return found if isinstance(found, dict) else {}
+    found = store.read_json(path)
+    if not isinstance(found, dict):
+        raise StudyError(f"{path}: must be a JSON object; make it again with the script that wrote it")
+    return found
+
+
+def known(value: Any) -> bool:
+    """Whether it is a finite number: JSON's null is none."""
+    return isinstance(value, (int, float)) and math.isfinite(value)
+
+
+def sized(verdict: str, here: float, stated: float) -> str:
+    """A statement that was not tried at the size it is about holds in part at most."""
+    return PART if verdict == HOLDS and not here >= stated else verdict
 
 
 def judged(here: float, stated: float) -> str:
@@ -139,7 +150,8 @@ def _ablation(data: Data, claim: Claim) -> Found:
                 "×",
             )
             psnr = row["psnr_db"]
-            picture = "identical picture" if psnr is None else f"{psnr:.1f} dB to baseline"
+            picture = "not finite" if row["non_finite"] else "identical picture"  # JSON's null is either
+            picture = picture if psnr is None else f"{psnr:.1f} dB to baseline"
             return f"{gain}, {picture}", row["claim"] or OPEN
     return "", OPEN
 
@@ -160,9 +172,11 @@ def _hottest(data: Data, claim: Claim) -> Found:
 def _never_misses(data: Data, claim: Claim) -> Found:
     for row in read(data.path / "accuracy.json").get("rows", []):
         if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
-            ppm = row["false_misses_ppm"]
-            text = f"{ppm:.3g} ppm of the pixels missed at n = {row['height']}, by proof"
-            return text, HOLDS if ppm == 0 else FAILS
+            ppm, height = row["false_misses_ppm"], row["height"]
+            if not known(ppm):
+                return "no pixel of truth is proved", OPEN
+            text = f"{ppm:.3g} ppm of the pixels missed at n = {height}, by proof"
+            return text, sized(HOLDS, height, HEIGHT) if ppm == 0 else FAILS  # one miss refutes at any size
     return "", OPEN
 
 
@@ -170,21 +184,33 @@ def _compilers(data: Data, claim: Claim) -> Found:
     rows = read(data.path / "toolchains.json").get("rows", [])
     if not rows:
         return "", OPEN
-    mine = [row for row in rows if row["compiler"].startswith("icx") and row["scene"] == claim["scene"]]
-    if not mine:
+    ms = {
+        (row["compiler"], row["phase"], row["flags"]): row["ms"]["value"]
+        for row in rows
+        if row["scene"] == claim["scene"] and known((row["ms"] or {}).get("value"))
+    }
+    if not any(compiler == "icx" for compiler, _, _ in ms):
         return "no icx on this machine", NEVER
-    gains = [row["speedup"]["value"] for row in mine]
-    return f"{min(gains):.2f} to {max(gains):.2f}× of gcc's speed", HOLDS if max(gains) > 1 else FAILS
+    pairs = [(ms.get(("gcc", *what)), t) for (compiler, *what), t in ms.items() if compiler == "icx"]
+    gains = [gcc / icx for gcc, icx in pairs if gcc]
+    if not gains:
+        return "no program by icx has its like by gcc", OPEN
+    faster = sum(gain > 1 for gain in gains)
+    text = f"{min(gains):.2f} to {max(gains):.2f}× of gcc's speed; icx is faster in {faster} of {len(gains)}"
+    text += " pairs of the same phase and flags"
+    return text, HOLDS if faster == len(gains) else PART if faster else FAILS
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
     rows = read(data.path / "functions.json").get("normalise", [])
     mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
+    mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
     if not mine:
         return "", OPEN
     row = max(mine, key=lambda row: row["vectors"])
     here = row["speedup"]["value"]
-    return f"{here:.2f}× for {row['vectors']:,} vectors", judged(here, claim["value"])
+    text = f"{here:.2f}× for {row['vectors']:,} vectors"
+    return text, sized(judged(here, claim["value"]), row["vectors"], VECTORS)
 
 
 def _later(data: Data, claim: Claim) -> Found:

@@ -45,6 +45,18 @@ def write_text(path: Path, text: str) -> None:
         raise _problem(path, error) from None
 
 
+def writable(folder: Path) -> Path:
+    """`folder`, made if need be and tried with a file. Raises StudyError: before measuring, not after."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=folder, prefix=".writable.")
+        os.close(handle)
+        os.unlink(name)
+    except OSError as error:
+        raise StudyError(f"{folder}: cannot be written to: {error.strerror or error}") from None
+    return folder
+
+
 def write_json(path: Path, value: Any) -> None:
     """`write_text` of indented JSON; NaN and infinity become null."""
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")

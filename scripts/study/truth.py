@@ -1,8 +1,9 @@
 """The exact picture of a scene, as near as it can be had: rendered once by phases/truth, then kept.
 
-Undecided primary rays are decided by study.exact and written back (id, Z, width, status): the pixel's colour
-and normal stay those of the phase's best guess. A cached file is there whole or not at all; its name has
-hashes of the scene's values, of the program and of what decides here.
+Undecided primary rays are decided by study.exact and written back (id, Z, width, status); the pixel's chain
+(status.all) stays undecided. Colour, normal and shadow stay the phase's where it had guessed that shape, and
+are NaN, that is unjudged, where it had guessed another or had no normal. A cached file is there whole or not
+at all; its name has hashes of the scene's values, of the program and of what decides here.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from study import images, run
+from study import images, run, store
 from study.build import build
 from study.cli import StudyError
 from study.images import Picture
@@ -92,10 +93,7 @@ def make(scene: Scene, size: Size) -> Path:
     path = path_of(scene, size)
     if path.exists():
         return path
-    try:
-        CACHE.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StudyError(f"{CACHE}: cannot be made: {error.strerror}") from None
+    store.writable(CACHE)
     _sweep()
     begun = time.monotonic()
     # Of this process by its name: a killed run's folder is known for what it is, and swept by the next one.
@@ -127,6 +125,13 @@ def _sweep() -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def _forget(planes: Picture, row: int, column: int) -> None:
+    """NaN, which nothing is judged by, for what hangs on the primary hit: normal, colours, shadows."""
+    for name in planes:
+        if name.startswith(("N.", "ideal.", "none.", "shadow")) or name in ("R", "G", "B"):
+            planes[name][row, column] = np.nan
+
+
 def decide(data: dict[str, Any], planes: Picture) -> tuple[int, int]:
     """Decides undecided primary rays in place. Number of rays decided, and of these found to be otherwise."""
     rows, columns = np.nonzero(planes["status"] == UNDECIDED)
@@ -136,7 +141,6 @@ def decide(data: dict[str, Any], planes: Picture) -> tuple[int, int]:
 
     scene = exact.Scene.of(data)
     height, width = planes["status"].shape
-    mirrors = {name for name, m in data["materials"].items() if m["reflectivity"] > 0}
     decided = mended = 0
     for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
         origin, direction = scene.camera_ray(column, row, width, height)
@@ -144,7 +148,10 @@ def decide(data: dict[str, Any], planes: Picture) -> tuple[int, int]:
         if found.status == "undecided":
             continue
         decided += 1
-        mended += int(planes["id"][row, column] != found.shape)
+        other = planes["id"][row, column] != found.shape
+        mended += int(other)
+        if other or (found.shape >= 0 and not any(planes[f"N.{axis}"][row, column] for axis in "xyz")):
+            _forget(planes, row, column)
         planes["id"][row, column] = found.shape
         planes["status"][row, column] = PROVED
         if found.low is None or found.high is None:
@@ -153,8 +160,6 @@ def decide(data: dict[str, Any], planes: Picture) -> tuple[int, int]:
             length = math.sqrt(sum(Fraction(x) ** 2 for x in direction))
             planes["Z"][row, column] = float((found.low + found.high) / 2) * length
             planes["width"][row, column] = float(found.high - found.low) * length
-        if found.shape < 0 or data["shapes"][found.shape]["material"] not in mirrors:
-            planes["status.all"][row, column] = PROVED  # the primary ray is its whole chain
     return decided, mended
 
 

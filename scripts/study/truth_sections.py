@@ -117,7 +117,9 @@ def _interval(name: str, unit: str = ""):
 
 
 def _psnr(row: Row) -> str:
-    return "identical" if row["psnr_to_shipped_db"] is None else show.number(row["psnr_to_shipped_db"])
+    if row["psnr_to_shipped_db"] is not None:
+        return show.number(row["psnr_to_shipped_db"])
+    return "not finite" if row["non_finite"] else "identical"  # JSON's null is either
 
 
 CHAINS = [

@@ -155,7 +155,7 @@ def _notes(metrics: dict) -> tuple[str, str]:
             f"{_decibels(mean['psnr_ideal_db'])}\n"
             f"depth agrees within 0.1 % in {agree:.6g} % of the pixels"
         )
-        status = f"{metrics['converged_pixels']:,} pixels converged only: quad precision, no proof"
+        status = f"{metrics['converged_pixels']:,} pixels converged only: double-double, 104 bits; no proof"
         share = f"{100 * metrics['proved_fraction']:.6g} % of the camera rays proved"
         return mine, f"{status}\n{share}: hits are judged on these alone"
     text = {name: show.number(value) for name, value in metrics.items() if isinstance(value, float)}

@@ -215,6 +215,20 @@ def test_a_truth_that_is_none_is_refused_where_it_claims_to_know(blank):
         accuracy.metrics(truth, blank())
 
 
+def test_a_hit_without_a_normal_in_truth_is_left_out_of_the_angles_alone(blank):
+    truth, image = made_truth(blank(10, 10)), blank(10, 10)
+    image["N.x"][:5], image["N.z"][:5] = 1, 0  # a quarter turn off, where truth knows nothing
+    image["Z"][0, 0] += 2
+    for name in ("N.x", "N.y", "N.z", "ideal.G"):
+        truth[name][:5] = np.nan
+    truth["status.all"][:5] = 0
+    found = accuracy.metrics(truth, image)
+    assert found["normal_p99_degrees"] == 0 and found["dt_max"] == 2
+    assert found["unjudged_colours"] == 50 and found["false_misses_ppm"] == 0
+    truth["N.y"][:] = np.nan
+    assert math.isnan(accuracy.metrics(truth, image)["normal_p99_degrees"])
+
+
 # --- where
 
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import matplotlib
 import pytest
 
-from study import pareto, pareto_page, registry
+from study import cli, pareto, pareto_page, registry
 from study.draw import STYLE, save
-from study.registry import Spec
+from study.registry import ROOT, Spec
+
+SCRIPT = ROOT / "scripts" / "pareto.py"
 
 
 def row(phase: str, pace: float, psnr: float | None, **more: object) -> dict:
@@ -85,3 +90,68 @@ def test_the_figure_is_drawn_from_rows_alone(tmp_path) -> None:
         made = save(pareto_page.figure(rows), tmp_path / "pareto", "note")
     text = made[0].read_text()
     assert "opt4" in text and all(path.stat().st_size > 1000 for path in made)
+
+
+def test_a_null_of_a_broken_picture_is_nan_and_drawn_nowhere() -> None:
+    broken, same = row("broken", 1, None, non_finite=3), row("same", 1, None)
+    assert math.isnan(pareto.level_of(broken, "psnr_db"))
+    assert pareto.level_of(same, "psnr_db") == math.inf
+    text = pareto_page._decibels("psnr_db")
+    assert (text(broken), text(same), text(row("nan", 1, math.nan, non_finite=1))) == (
+        "not finite",
+        "∞",
+        "not finite",
+    )
+    figure = pareto_page.figure([row("baseline", 9, 50), row("opt4", 1, None, non_finite=3)])
+    drawn = [tuple(p) for axes in figure.axes for c in axes.collections for p in c.get_offsets()]
+    assert (9, 50) in drawn and all(x != 1 for x, _ in drawn)
+
+
+def test_who_overlaps_the_fastest_is_named() -> None:
+    rows = [row("b", 20, 60), row("c", 24, 60), row("d", 30, 60), row("b", 21, 60, own_parameters=False)]
+    winner = next(w for w in pareto.winners([*rows, row("low", 20, 30)]) if w["level_db"] == 60)
+    assert winner["best"] is rows[0]  # [18, 22]: c has [21.6, 26.4], d [27, 33], low is too far off
+    assert winner["not_told_apart_from"] == ["c", "b by other parameters"]
+    assert pareto.sentence(winner).endswith("60.0 dB); not told apart from c, b by other parameters")
+
+
+@pytest.mark.parametrize("nothing", [None, math.nan])
+def test_too_few_launches_are_said(nothing: float | None) -> None:
+    few = {"value": 5, "low": nothing, "high": nothing}
+    rows = [row("opt4", 5, 61, ns_per_pixel=few), row("opt3", 6, 61, ns_per_pixel=few)]
+    winner = next(w for w in pareto.winners(rows) if w["level_db"] == 60)
+    said = pareto.sentence(winner)
+    assert "insufficient launches" in said and "[" not in said and "apart from" not in said
+    lone = [row("opt4", 5, 61), rows[1]]
+    assert pareto.rivals(lone, "psnr_db", 60) == ["opt3"]  # without an interval nobody is told apart
+
+
+@pytest.mark.parametrize("value", ["inf", "nan", "0", "-1", "9e-10", "1.1e9", "near"])
+def test_a_hit_distance_that_no_loader_takes_is_an_argument_error(value: str) -> None:
+    done = subprocess.run([sys.executable, SCRIPT, f"--hit-distance={value}"], capture_output=True, text=True)
+    assert done.returncode == cli.BAD_INPUT and "must be a length of 1e-9 to 1e9" in done.stderr
+
+
+def test_a_folder_that_cannot_be_written_to_is_said_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for name in ("pareto", "toolchains", "stability", "functions"):
+        command = [sys.executable, SCRIPT.with_name(f"{name}.py"), "--run", tmp_path / "file" / "run"]
+        # Measuring all of these takes minutes: only a check before it ends in time.
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+        assert done.returncode == cli.BAD_INPUT and "cannot be written to" in done.stderr, name
+
+
+def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pareto as command
+
+    refused = [{"phase": "opt1", "scene": "scene0", "reason": "refused"}]
+    monkeypatch.setattr(pareto, "study_scene", lambda *_: ([], refused))
+    monkeypatch.setattr(sys, "argv", ["pareto.py", "--phase", "opt1", "--run", str(tmp_path)])
+    with pytest.raises(cli.StudyError, match="nothing was measured") as caught:
+        command.main()
+    assert caught.value.exit_status == cli.BAD_INPUT and not list(tmp_path.iterdir())
+
+
+def test_the_note_names_the_mandelbulbs_arithmetic() -> None:
+    said = pareto_page.note({"n": 90, "launches": 6})
+    assert "double-double (104 bits, about 31 digits)" in said and "quad" not in said

@@ -5,12 +5,17 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from study import analysis, claims, paper, register
 from study.analysis import Data
+from study.cli import StudyError
+from study.registry import ROOT
 
 
 @pytest.fixture
@@ -18,7 +23,7 @@ def data(tmp_path: Path) -> Data:
     """A run of nothing but the files that a test puts there."""
     (tmp_path / "frames.jsonl").write_text("")
     return dataclasses.replace(
-        analysis.Data(tmp_path, {}, {}, None, [], [], []),  # type: ignore[arg-type]
+        analysis.Data(tmp_path, {}, {}, pd.DataFrame(), [], [], []),
     )
 
 
@@ -90,10 +95,81 @@ def test_more_than_twice_means_more_than_twice(data: Data, bulb: float, verdict:
 
 def test_a_single_miss_refutes_never(data: Data) -> None:
     claim = {"scene": "scene0", "phase": "baseline", "value": 0}
-    for ppm, verdict in ((0.0, register.HOLDS), (0.5, register.FAILS)):
-        row = {"scene": "scene0", "phase": "baseline", "height": 720, "false_misses_ppm": ppm}
+    cases = [(0.0, 720, register.HOLDS), (0.0, 719, register.PART), (None, 720, register.OPEN)]
+    cases += [(0.5, 720, register.FAILS), (0.5, 90, register.FAILS)]
+    for ppm, height, verdict in cases:
+        row = {"scene": "scene0", "phase": "baseline", "height": height, "false_misses_ppm": ppm}
         put(data, "accuracy.json", {"rows": [row]})
-        assert register.CHECKS["never_misses"](data, claim)[1] == verdict
+        text, found = register.CHECKS["never_misses"](data, claim)
+        assert found == verdict
+        assert ppm is None or f"n = {height}" in text
+
+
+@pytest.mark.parametrize(
+    ("here", "vectors", "verdict"),
+    [
+        (19.0, 20_000_000, register.HOLDS),
+        (19.0, 19_999_999, register.PART),
+        (5.0, 20_000_000, register.PART),
+        (0.9, 1024, register.FAILS),
+        (None, 20_000_000, register.OPEN),
+    ],
+)
+def test_normalising_holds_at_the_claims_size_alone(
+    data: Data, here: float | None, vectors: int, verdict: str
+) -> None:
+    row = {"isa": "SSE", "name": "RSQRTPS + 1", "vectors": vectors, "speedup": {"value": here}}
+    put(data, "functions.json", {"normalise": [row]})
+    text, found = register.CHECKS["normalize"](data, {"value": 18.35})
+    assert found == verdict and (here is None or f"{vectors:,} vectors" in text)
+
+
+@pytest.mark.parametrize(
+    ("icx", "verdict"),
+    [
+        ((9, 19), register.HOLDS),
+        ((9, 21), register.PART),
+        ((10, 20), register.FAILS),
+        ((None, 21), register.FAILS),
+    ],
+)
+def test_icx_is_held_against_gcc_by_the_same_flags(data: Data, icx: tuple, verdict: str) -> None:
+    def row(compiler: str, flags: str, ms: float | None) -> dict:
+        about = {"compiler": compiler, "phase": "opt4", "flags": flags, "scene": "scene0"}
+        return about | {"ms": {"value": ms}, "speedup": {"value": ms and 40 / ms}}
+
+    flags = "and fast-math", "as shipped"
+    rows = [row("gcc", f, ms) for f, ms in zip(flags, (10, 20), strict=True)]
+    put(data, "toolchains.json", {"rows": rows})
+    claim = {"scene": "scene0"}
+    assert register.CHECKS["compilers"](data, claim)[1] == register.NEVER
+    rows += [row("icx", f, ms) for f, ms in zip(flags, icx, strict=True)]
+    put(data, "toolchains.json", {"rows": rows})
+    assert register.CHECKS["compilers"](data, claim)[1] == verdict
+    put(data, "toolchains.json", {"rows": rows[2:]})
+    assert register.CHECKS["compilers"](data, claim)[1] == register.OPEN
+
+
+def test_an_ablation_that_is_not_finite_is_not_identical(data: Data) -> None:
+    gain = {"value": 2.0, "low": 1.9, "high": 2.1}
+    row = {"ablation": "opt1+a", "scene": "scene0", "gain": gain, "psnr_db": None, "claim": register.HOLDS}
+    for bad, word in ((0, "identical picture"), (5, "not finite")):
+        result = {"rows": [row | {"non_finite": bad}], "skipped": [], "failures": []}
+        put(data, "ablations.json", result)
+        text, _ = register.CHECKS["ablation"](data, {"phase": "opt1+a", "scene": "scene0"})
+        assert text.endswith(f", {word}")
+
+
+@pytest.mark.parametrize("broken", ['{"rows": [', "[]"])
+def test_a_broken_file_is_an_error_that_names_it(data: Data, broken: str) -> None:
+    (data.path / "accuracy.json").write_text(broken)
+    with pytest.raises(StudyError, match=r"accuracy\.json"):
+        register.CHECKS["never_misses"](data, {"scene": "scene0", "phase": "baseline"})
+
+
+@pytest.mark.parametrize("module", ["register", "claims", "ablations"])
+def test_each_module_can_be_imported_alone(module: str) -> None:
+    subprocess.run([sys.executable, "-c", f"import study.{module}"], cwd=ROOT / "scripts", check=True)
 
 
 def test_the_hottest_are_taken_together(data: Data) -> None:

@@ -191,3 +191,11 @@ def test_a_full_disk_keeps_what_is_there(small_disk):
     assert made.plan == {"notes": "x" * 1000}
     assert sorted(path.name for path in made.path.iterdir()) == ["frames.jsonl", "plan.json"]
     made.close()
+
+
+def test_a_folder_is_tried_and_left_empty(tmp_path):
+    folder = tmp_path / "new" / "run"
+    assert store.writable(folder) == folder and not list(folder.iterdir())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="cannot be written to"):
+        store.writable(tmp_path / "file")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import cli, images, registry, toolchains
+from study import cli, images, registry, toolchains, truth_sections
 from study.cli import StudyError
 from study.registry import ROOT, Spec
 from study.toolchains import BASE, SETS, Program
@@ -99,3 +99,17 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
     assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
     assert made["rows"][0]["changed_fraction"] == 0
+
+
+def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
+    command = [sys.executable, ROOT / "scripts" / "toolchains.py", "--phase", "opt2@opt4", "--scene"]
+    command += ["two_spheres", "--compiler", "gcc", "--flags", "as shipped", "-n", "8", "--launches", "1"]
+    done = subprocess.run([*command, "--no-truth", "--run", tmp_path], capture_output=True, text=True)
+    assert done.returncode == cli.BAD_INPUT and "opt2@opt4: flags are what is compared" in done.stderr
+
+
+def test_a_null_psnr_of_a_broken_picture_is_not_identical() -> None:
+    row = {"psnr_to_shipped_db": None, "non_finite": 0}
+    assert truth_sections._psnr(row) == "identical"
+    assert truth_sections._psnr(row | {"non_finite": 2}) == "not finite"
+    assert truth_sections._psnr(row | {"psnr_to_shipped_db": 42.0}) == "42.0"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -11,10 +12,14 @@ import sys
 import numpy as np
 import pytest
 
-from study import cli, images, registry, run, truth
+from study import accuracy, cli, images, registry, run, truth
+from study.cli import StudyError
 from study.registry import ROOT
 
 SIZE = (16, 12)
+# Planes that hang on the primary hit.
+HANGING = [f"N.{axis}" for axis in "xyz"] + [p + c for p in ("", "ideal.", "none.") for c in "RGB"]
+HANGING += ["shadow", "shadow.ideal"]
 
 
 @pytest.fixture
@@ -48,10 +53,45 @@ def test_undecided_rays_are_decided(cache, scene):
     planes["status"][:], planes["status.all"][:], planes["id"][:] = truth.UNDECIDED, truth.UNDECIDED, 7
     planes["Z"][:] = planes["width"][:] = np.nan
     assert truth.decide(scene.data, planes) == (16 * 12, 16 * 12)
+    assert (planes["status.all"] == truth.UNDECIDED).all()
+    for name in HANGING:
+        assert np.isnan(planes[name]).all(), name
     assert (planes["status"] == truth.PROVED).all() and (planes["id"] == right["id"]).all()
     hit = right["id"] >= 0
     assert (np.abs(planes["Z"][hit] - right["Z"][hit]) <= np.spacing(right["Z"][hit])).all()
     assert (planes["Z"][~hit] == np.inf).all() and (planes["width"] <= 1e-13).all()
+
+
+def test_only_a_right_guess_with_a_normal_keeps_its_colours(cache, scene):
+    """Undecided: a hit guessed right, one whose normal is lost, one taken for another, a miss."""
+    right = truth.picture(scene, SIZE)
+    hits, misses = (list(zip(*np.nonzero(mask), strict=True)) for mask in (right["id"] >= 0, right["id"] < 0))
+    kept, bare, other, missed = *hits[:3], misses[0]
+    planes = copy.deepcopy(right)
+    for spot in (kept, bare, other, missed):
+        planes["status"][spot] = planes["status.all"][spot] = truth.UNDECIDED
+    for axis in "xyz":
+        planes[f"N.{axis}"][bare] = 0
+    planes["id"][other] = 1 - right["id"][other]
+    assert truth.decide(scene.data, planes) == (4, 1)
+    for name in HANGING:
+        assert np.isnan([planes[name][bare], planes[name][other]]).all(), name
+        for spot in (kept, missed):
+            assert planes[name][spot] == right[name][spot], name
+    assert (planes["status.all"] < truth.CONVERGED).sum() == 4
+    made = {name: right[name] for name in images.AOVS}
+    found = accuracy.metrics(planes, made)
+    assert found["unjudged_colours"] == 2 and found["undecided_pixels"] == 0
+    assert found["psnr_db"] == math.inf and found["normal_p99_degrees"] == 0
+    assert found["false_hits_ppm"] == found["false_misses_ppm"] == found["wrong_shape_ppm"] == 0
+
+
+def test_a_cache_that_cannot_be_written_to_is_said_before_rendering(tmp_path, scene, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(truth, "CACHE", tmp_path / "file" / "cache")
+    monkeypatch.setattr(run, "render", lambda *_, **__: pytest.fail("rendered"))
+    with pytest.raises(StudyError, match="cannot be written to"):
+        truth.make(scene, SIZE)
 
 
 def test_a_fractal_is_left_alone(scene):

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from study.hard import Case, Outcome, Phase
-from study.hard.scenes import found, scene, shape
+from study.hard.scenes import found, scene, shape, worst
 
 CELL = 4.0  # a power of two: the places in a cell and the cells' own add up exactly
 SIZE = (24, 18)
@@ -63,14 +63,16 @@ def run(phase: Phase, cell: float) -> Outcome:
     off_f = 0.0
     for one in SHAPES:
         home, away = (phase.distances(lattice(0, (one,)), q) for q in (p, p + far))
-        off_f = max(off_f, float(np.abs(away - home).max()))
+        off_f = worst([off_f, worst(np.abs(away - home))])  # max() would drop a NaN
     over = overstep(p, away)  # of the cones, which come last
     a, b = phase.render(lattice(0), SIZE), phase.render(lattice(cell), SIZE)
     same = found(a) & (a["id"] == b["id"])
     off_t = float(np.abs(a["Z"][same].astype(float) - b["Z"][same]).max(initial=0))
     other = int((a["id"] != b["id"]).sum())
     note = f"|Δf| {off_f:.1e}, |Δt| {off_t:.1e}, {other} of {a['id'].size} pixels with another shape; "
-    return Outcome(max(off_f, off_t), note=note + f"between cones f is up to {over:.2f} too large (overstep)")
+    return Outcome(
+        worst([off_f, off_t]), note=note + f"between cones f is up to {over:.2f} too large (overstep)"
+    )
 
 
 CASE = Case(

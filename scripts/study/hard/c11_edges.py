@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from study.hard import Case, Outcome, Phase
-from study.hard.scenes import angle_degrees, found, normals, scene, shape
+from study.hard.scenes import angle_degrees, found, normals, scene, shape, worst
 
 BOX, CONE, OCTAHEDRON = [1.0, 0.75, 0.5], (1.0, 0.5, 0.75), 1.0
 NORMAL_STEP = 1e-4
@@ -53,16 +53,16 @@ def facing(one: dict, point: np.ndarray, normal: np.ndarray) -> dict:
 
 
 def run(phase: Phase, delta: float) -> Outcome:
-    worst, where, off = 0.0, "", 0.0
+    names, angles, off = [], [], []
     for name, one, point, normal in spots(delta):
         picture = phase.render(facing(one, point, normal), (1, 1))
         if not found(picture)[0, 0]:
             return Outcome(180.0, note=f"{name}: missed")
-        off = max(off, abs(float(picture["Z"][0, 0]) - AWAY))
-        angle = float(angle_degrees(normals(picture)[0, 0], normal))
-        if not angle <= worst:
-            worst, where = angle, name
-    return Outcome(worst, note=f"worst at the {where}; |Δt| up to {off:.1e}" if where else "")
+        names.append(name)
+        off.append(abs(float(picture["Z"][0, 0]) - AWAY))
+        angles.append(float(angle_degrees(normals(picture)[0, 0], normal)))
+    note = f"worst at the {names[int(np.argmax(angles))]}; |Δt| up to {worst(off):.1e}"
+    return Outcome(worst(angles), note=note if worst(angles) != 0 else "")
 
 
 CASE = Case(

@@ -60,10 +60,9 @@ def run(phase: Phase, strength: float) -> Outcome:
     got = rgb(phase.render(between(strength), SIZE)).astype(float)
     error = worst(np.abs(got - known) / known.max())
     dark, ambient = behind()
-    error = max(error, worst(np.abs(phase.render(dark, SIZE)["R"].astype(float) - ambient) / ambient))
-    brightest = 0.0
-    for whole in enclosed(strength):
-        brightest = max(brightest, worst(rgb(phase.render(whole, SIZE)).astype(float)))
+    unlit = worst(np.abs(phase.render(dark, SIZE)["R"].astype(float) - ambient) / ambient)
+    error = worst([error, unlit])  # max() would drop a NaN
+    brightest = worst([worst(rgb(phase.render(whole, SIZE)).astype(float)) for whole in enclosed(strength)])
     # Diffuse and specular at a light as near as a hit can be, 1e-6 off, and the mirror's 1/0.9.
     bound = 5 * (0.7 + 0.2) / 1e-6 / 0.9
     return Outcome(error if brightest <= bound else np.inf, note=f"inside a shape at most {brightest:.3g}")

@@ -89,9 +89,13 @@ def normals(picture: Picture) -> np.ndarray:
 
 
 def angle_degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between vectors along the last axis; atan2 keeps its digits where acos of a product has none left."""
+    """Between unit vectors along the last axis; 180 where one is none (zero, NaN): it has no direction.
+
+    atan2 keeps its digits where acos of a product has none left.
+    """
     across = np.linalg.norm(np.cross(a, b), axis=-1)
-    return np.degrees(np.arctan2(across, (a * b).sum(-1)))
+    unit = np.all([abs(np.linalg.norm(v, axis=-1) - 1) <= 1e-3 for v in np.broadcast_arrays(a, b)], axis=0)
+    return np.where(unit, np.degrees(np.arctan2(across, (a * b).sum(-1))), 180.0)
 
 
 def worst(values: np.ndarray) -> float:
