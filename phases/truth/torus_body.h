@@ -222,8 +222,10 @@ static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, 
     q.f[4] = FN(sqr)(a);
     struct FN(event) events[MOST_ROOTS];
     int count = 0;
-    // A hair more than the ball, so that both ends are outside of the torus.
-    REAL room = (ball.out.hi - ball.in.lo) * (REAL)0x1p-20;
+    // A hair more than the ball, so that both ends are outside of the torus: of the ball's own size, for
+    // a ray that touches it, as one along the outer equator does, has no way inside of it.
+    struct IV across = FN(root)(FN(div)(FN(sqr)(FN(add)(big, small)), a));
+    REAL room = ((ball.out.hi - ball.in.lo) + across.hi) * (REAL)0x1p-20;
     REAL low = ball.in.lo - room, high = ball.out.hi + room;
     // Nor beyond the range; there it may begin or end inside.
     int side = 1;
