@@ -8,16 +8,19 @@ that ends badly without saying which test failed counts as one failure. Standard
 from __future__ import annotations
 
 import argparse
+import contextvars
 import itertools
 import os
 import re
 import subprocess
 import sys
+import threading
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "build" / "test-results"
@@ -28,6 +31,10 @@ BUILDS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
 }
+
+
+# Where a step's output goes; None: to the terminal, as it comes.
+OUTPUT: contextvars.ContextVar[IO[str] | None] = contextvars.ContextVar("output", default=None)
 
 
 @dataclass
@@ -45,11 +52,13 @@ class Tally:
 def run(*command: str | Path, **environment: str) -> bool:
     """Whether the command ended well; its output is the user's to read."""
     words = [str(word) for word in command]
-    print("$", *(f"{key}={value}" for key, value in environment.items()), *words, flush=True)
+    out = OUTPUT.get()
+    print("$", *(f"{key}={value}" for key, value in environment.items()), *words, file=out, flush=True)
+    where = {"stdout": out, "stderr": subprocess.STDOUT} if out else {}
     try:
-        return subprocess.run(words, cwd=ROOT, env=os.environ | environment).returncode == 0
+        return subprocess.run(words, cwd=ROOT, env=os.environ | environment, **where).returncode == 0
     except FileNotFoundError as error:
-        print(f"tests: {error.filename} is missing; run `scripts/setup.sh test`", flush=True)
+        print(f"tests: {error.filename} is missing; run `scripts/setup.sh test`", file=out, flush=True)
         return False
 
 
@@ -167,20 +176,55 @@ STEPS: dict[str, Callable[[], Iterator[Tally]]] = {
 }
 
 
+# What runs beside the last step when all are run: they are about as long, and use one core each.
+BESIDE = ("conformance", "conformance-asan", "hard")
+
+
+def perform(steps: list[str], total: Tally) -> None:
+    """Runs the steps one after the other into `total`."""
+    out = OUTPUT.get()
+    for step in steps:
+        print(f"== {step}", file=out, flush=True)
+        begin = time.monotonic()
+        for tally in STEPS[step]():
+            total.add(tally)
+        print(f"== {step}: {time.monotonic() - begin:.0f} s", file=out, flush=True)
+
+
+def perform_all(total: Tally) -> None:
+    """Every step; BESIDE's output comes in one piece at the end."""
+    perform([step for step in STEPS if step not in (*BESIDE, "py")], total)
+    log, aside, ended = RESULTS / "beside.log", Tally(), threading.Event()
+
+    def beside() -> None:
+        with log.open("w") as out:
+            OUTPUT.set(out)  # of this thread alone
+            perform(list(BESIDE), aside)
+            ended.set()
+
+    print(f"beside what follows, with its output at the end: {', '.join(BESIDE)}", flush=True)
+    thread = threading.Thread(target=beside)
+    thread.start()
+    perform(["py"], total)
+    thread.join()
+    print(log.read_text(errors="replace"), end="", flush=True)
+    if not ended.is_set():  # an exception, which the thread has printed
+        aside.failed.append(f"{', '.join(BESIDE)}: did not come to their end")
+    total.add(aside)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
-    steps = parser.parse_args().steps or list(STEPS)
+    steps = parser.parse_args().steps
     if unknown := [step for step in steps if step not in STEPS]:
         parser.error(f"no step {unknown[0]!r}; there are {', '.join(STEPS)}")
     RESULTS.mkdir(parents=True, exist_ok=True)
     total = Tally()
-    for step in steps:
-        print(f"== {step}", flush=True)
-        begin = time.monotonic()
-        for tally in STEPS[step]():
-            total.add(tally)
-        print(f"== {step}: {time.monotonic() - begin:.0f} s", flush=True)
+    if steps:
+        perform(steps, total)
+    else:
+        perform_all(total)
     for title in total.skipped:
         print(f"skipped: {title}")
     for title in total.failed:
