@@ -23,7 +23,7 @@ from study.registry import ladder as rungs  # beside the module of that name
 
 SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (
-    240  # of the ten minutes or so that a study may take on two cores; the rest is verifying and counting
+    240  # of the quarter of an hour or so that a study takes on two cores; the rest is verifying and counting
 )
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (
