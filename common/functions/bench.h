@@ -47,8 +47,8 @@ extern const struct entries scalar_float, scalar_double, sse_float, sse_double, 
 struct runnable {
     const struct entries *of;
     const struct entry *entry;
-    any_function library; // of `symbol`
-    const char *missing;  // NULL: it runs
+    any_function external; // of `symbol`
+    const char *missing;   // NULL: it runs
 };
 
 // What is asked of a function: common/functions/targets.c.

@@ -115,7 +115,7 @@ static void do_job(const struct work *work, const struct job *job, struct buffer
             if (one->missing || one->of->is_double ||
                 strcmp(one->entry->function, job->target->name) != 0)
                 continue;
-            one->entry->stream(one->library, (count + 15) / 16 * 16, at->a, NULL, at->got);
+            one->entry->stream(one->external, (count + 15) / 16 * 16, at->a, NULL, at->got);
             struct error here = compare(at, count);
             if (here.most > 0 && !(here.most < errors[k].most))
                 find_worst(at, count, &here);

@@ -48,7 +48,7 @@ static struct runnable look_up(const struct entries *of, const struct entry *ent
         bool sleef = entry->symbol[0] == 'S';
         void *library = sleef ? libraries->sleef : libraries->libmvec;
         void *found = library ? dlsym(library, entry->symbol) : NULL;
-        memcpy(&one.library, &found, sizeof found); // ISO C has no cast of it
+        memcpy(&one.external, &found, sizeof found); // ISO C has no cast of it
         if (!library)
             one.missing = sleef ? "libsleef.so.3 is not installed" : "libmvec.so.1 is not here";
         else if (!found)
@@ -166,7 +166,7 @@ static int evaluate(const struct runnable *one) {
         status = BAD_INPUT;
     } else {
         size_t n = length / size / arguments;
-        one->entry->stream(one->library, n, in, in + n * size, out);
+        one->entry->stream(one->external, n, in, in + n * size, out);
         status = fwrite(out, size, n, stdout) == n && fflush(stdout) == 0 ? OK : 1;
     }
     free(out);

@@ -133,9 +133,9 @@ static void do_block(const struct work *work, const struct target *target, bool 
             strcmp(one->entry->function, target->name) != 0)
             continue;
         if (is_double)
-            one->entry->stream(one->library, BLOCK, at->a, at->b, at->got);
+            one->entry->stream(one->external, BLOCK, at->a, at->b, at->got);
         else
-            one->entry->stream(one->library, BLOCK, at->fa, at->fb, at->fgot);
+            one->entry->stream(one->external, BLOCK, at->fa, at->fb, at->fgot);
         struct error here = compare(at, is_double);
         error_add(&errors[k], &here);
     }

@@ -47,9 +47,10 @@ static double run(const struct runnable *one, struct arrays *at, uint64_t repeat
     uint64_t begin = timer_tsc_begin();
     for (uint64_t i = 0; i < repeat; i++)
         if (chain)
-            one->entry->chain(one->library, ELEMENTS / lanes(one), at->a, at->b, at->zero, at->out);
+            one->entry->chain(one->external, ELEMENTS / lanes(one), at->a, at->b, at->zero,
+                              at->out);
         else
-            one->entry->stream(one->library, ELEMENTS, at->a, at->b, at->out);
+            one->entry->stream(one->external, ELEMENTS, at->a, at->b, at->out);
     return (double)(timer_tsc_end() - begin) * ns_per_tick;
 }
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
-import random
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -147,23 +145,16 @@ def measure(
 
     The environment's size is random too: it shifts the stack, which can look like 10 %. Raises DriverError.
     """
-    times: dict[Case, list[float]] = {case: [] for case in cases}
-    dice = random.Random(seed)
-    order = [case for _ in range(launches) for case in dice.sample(list(cases), len(cases))]
-    here = os.sched_getaffinity(0)
-    if others := set(run.USABLE) - {cpu}:
-        os.sched_setaffinity(0, others)  # this process only waits: not on the measured CPU
-    try:
-        for spec, name in tqdm(order, "time", leave=False, disable=None):
-            scene = registry.find_scene(name)
-            width, _ = scene.size(height)
-            padding = dice.randint(0, 4096)
-            frames = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding)
-            with contextlib.closing(frames):
-                times[spec, name] += [float(frame["ns"]) for frame in frames]
-    finally:
-        os.sched_setaffinity(0, here)
-    return times
+
+    def once(case: Case, padding: int) -> float:
+        spec, scene = case[0], registry.find_scene(case[1])
+        width, _ = scene.size(height)
+        frames = run.frames(spec, scene.path, height, width, cpu=cpu, env_bytes=padding)
+        with contextlib.closing(frames):
+            (frame,) = frames
+        return float(frame["ns"])
+
+    return run.interleaved(cases, launches, seed, cpu, once, "time")
 
 
 def error_of(gallery: Gallery, spec: Spec, scene: Scene, size: Size) -> dict[str, Any]:

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
-import random
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,24 +96,15 @@ def measure(
     points: Sequence[Point], scene: Scene, height: int, launches: int, seed: int, cpu: int
 ) -> dict[Point, list[float]]:
     """Nanoseconds of one frame per process launch, every point once a round in random order."""
-    times: dict[Point, list[float]] = {point: [] for point in points}
-    dice = random.Random(seed)
-    order = [point for _ in range(launches) for point in dice.sample(list(points), len(points))]
-    here = os.sched_getaffinity(0)
-    if others := set(run.USABLE) - {cpu}:
-        os.sched_setaffinity(0, others)  # this process only waits: not on the measured CPU
     width, _ = scene.size(height)
-    try:
-        for point in tqdm(order, f"time {scene.name}", leave=False, disable=None):
-            padding = dice.randint(0, 4096)
-            made = run.frames(
-                point.spec, scene.path, height, width, cpu=cpu, env_bytes=padding, **point.march
-            )
-            with contextlib.closing(made):
-                times[point] += [float(frame["ns"]) for frame in made]
-    finally:
-        os.sched_setaffinity(0, here)
-    return times
+
+    def once(point: Point, padding: int) -> float:
+        made = run.frames(point.spec, scene.path, height, width, cpu=cpu, env_bytes=padding, **point.march)
+        with contextlib.closing(made):
+            (frame,) = made
+        return float(frame["ns"])
+
+    return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
 
 
 def study_scene(

@@ -183,7 +183,7 @@ class _Place:
         )
         self.libraries = [(a - shift, b - shift, path) for a, b, _, path in recording.maps if path != own]
 
-    def library(self, address: int) -> str:
+    def owner(self, address: int) -> str:
         for first, last, path in self.libraries:
             if first <= address < last:
                 return path
@@ -216,7 +216,7 @@ def attribute(program: Program, recording: Recording, output: str = "") -> Profi
                 raise StudyError(f"{program.path}: unknown instruction at {one.address - place.bias:#x}")
             at = one.address - place.bias
             if not place.inside(one.address):
-                counts = libraries[place.library(one.address)]
+                counts = libraries[place.owner(one.address)]
             elif function := program.function_at(at):
                 counts = functions[function.source_name]
                 if at == function.start and not function.is_part:

@@ -6,17 +6,21 @@ import ctypes
 import functools
 import json
 import os
+import random
 import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from tqdm import tqdm
 
 from study.build import build
 from study.cli import BAD_INPUT, CANNOT_RUN, StudyError
 from study.registry import Spec
 
+T = TypeVar("T", bound=Hashable)
 _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
 _PR_SET_PDEATHSIG = 1
 USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
@@ -177,6 +181,33 @@ def execute(
     """As `render`, of a driver that was built elsewhere: another compiler's, or other flags'."""
     arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
     return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes)), arguments[0])
+
+
+def interleaved(
+    what: Sequence[T],
+    launches: int,
+    seed: int,
+    cpu: int,
+    once: Callable[[T, int], float],
+    about: str = "time",
+) -> dict[T, list[float]]:
+    """`once(item, env_bytes)` of every item once a round in random order: what it returns per launch.
+
+    The environment's size is random too: it shifts the stack, which can look like 10 %. Meanwhile this
+    process, which only waits, keeps off the measured CPU.
+    """
+    values: dict[T, list[float]] = {item: [] for item in what}
+    dice = random.Random(seed)
+    order = [item for _ in range(launches) for item in dice.sample(list(what), len(what))]
+    here = os.sched_getaffinity(0)
+    if others := set(USABLE) - {cpu}:
+        os.sched_setaffinity(0, others)
+    try:
+        for item in tqdm(order, about, leave=False, disable=None):
+            values[item].append(once(item, dice.randint(0, 4096)))
+    finally:
+        os.sched_setaffinity(0, here)
+    return values
 
 
 def _parse(text: str, program: str) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import random
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
@@ -121,21 +120,13 @@ def measure(
     programs: list[Program], scene: Scene, height: int, launches: int, seed: int, cpu: int
 ) -> dict[Program, list[float]]:
     """Nanoseconds of one frame per process launch, every program once a round in random order."""
-    times: dict[Program, list[float]] = {program: [] for program in programs}
-    dice = random.Random(seed)
-    order = [one for _ in range(launches) for one in dice.sample(programs, len(programs))]
-    here = os.sched_getaffinity(0)
-    if others := set(run.USABLE) - {cpu}:
-        os.sched_setaffinity(0, others)  # this process only waits: not on the measured CPU
-    try:
-        for program in tqdm(order, f"time {scene.name}", leave=False, disable=None):
-            width, _ = scene.size(height)
-            padding = dice.randint(0, 4096)
-            made = run.execute(program.path, scene.path, height, width, cpu=cpu, env_bytes=padding)
-            times[program].append(float(made["frames"][0]["ns"]))
-    finally:
-        os.sched_setaffinity(0, here)
-    return times
+    width, _ = scene.size(height)
+
+    def once(program: Program, padding: int) -> float:
+        made = run.execute(program.path, scene.path, height, width, cpu=cpu, env_bytes=padding)
+        return float(made["frames"][0]["ns"])
+
+    return run.interleaved(programs, launches, seed, cpu, once, f"time {scene.name}")
 
 
 def changed(one: Picture, other: Picture) -> float:
