@@ -170,6 +170,12 @@ def metrics(
     return found
 
 
+def estimator(truth: Picture, fractal: bool = False) -> dict[str, Any]:
+    """Errors of the paper's estimator in exact arithmetic: none but those to the ideal shadow."""
+    plain = truth | {name: truth["none." + name] for name in "RGB"}
+    return metrics(truth, truth, plain, fractal)
+
+
 def without_shadows(scene: Scene, folder: Path) -> Scene:
     """The same scene with light.shadows "none": itself if it is, else a file NAME-unshadowed.json there."""
     if scene.data["light"]["shadows"] == "none":

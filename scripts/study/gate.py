@@ -132,12 +132,16 @@ def visible(baseline: Mapping) -> dict[str, float]:
     }
 
 
-def inferior(metrics: Mapping, baseline: Mapping, allowed: Mapping[str, float]) -> dict[str, str]:
+def inferior(
+    metrics: Mapping, baseline: Mapping, allowed: Mapping[str, float], exact: Mapping | None = None
+) -> dict[str, str]:
     """Metric on which the picture is further from truth than baseline's, by more than is allowed → why.
 
-    A scene whose truth is converged only has the hits of its proved pixels, if there are any.
+    A scene whose truth is converged only has the hits of its proved pixels, if there are any. `exact`: errors
+    of the paper's estimator in exact arithmetic. Where baseline's rounding has brought it nearer to the ideal
+    shadow than what it computes is (scene0: 45.254 to 45.252 dB), a phase need not repeat that luck.
     """
-    mine, base = flatten(metrics), flatten(baseline)
+    mine, base, ideal = flatten(metrics), flatten(baseline), flatten(exact or {})
     found = {}
     if not (mine["non_finite"] <= 0):
         found["non_finite"] = f"{mine['non_finite']} samples, should be none"
@@ -145,12 +149,17 @@ def inferior(metrics: Mapping, baseline: Mapping, allowed: Mapping[str, float]) 
         if mine["converged_only"] and name in HITS and mine["proved_fraction"] == 0:
             continue
         value, other, margin = mine.get(name, math.nan), base.get(name, math.nan), allowed.get(name, 0)
-        grant = f" and {margin:g} are granted" if margin else ""
+        at_least = name.endswith("_db") or name in AT_LEAST
         if name.endswith("_db"):
             value, other = (NEAREST if x >= NEAREST else x for x in (value, other))
-        if name.endswith("_db") or name in AT_LEAST:
+        whose = "baseline"
+        estimator = ideal.get(name, other)
+        if estimator < other if at_least else estimator > other:
+            other, whose = estimator, "the exact estimator"
+        grant = f" and {margin:g} are granted" if margin else ""
+        if at_least:
             if not (value >= other - margin):
-                found[name] = f"{value:.6g}, baseline has {other:.6g}{grant}: should be at least that"
+                found[name] = f"{value:.6g}, {whose} has {other:.6g}{grant}: should be at least that"
         elif not (value <= other + margin):
-            found[name] = f"{value:.6g}, baseline has {other:.6g}{grant}: should be at most that"
+            found[name] = f"{value:.6g}, {whose} has {other:.6g}{grant}: should be at most that"
     return found

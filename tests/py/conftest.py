@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from discs import HEIGHT, RADIUS, WIDTH
 
 Picture = dict[str, np.ndarray]
 
@@ -43,6 +44,19 @@ def miss() -> Callable[..., None]:
             picture[name][where] = value
 
     return apply
+
+
+@pytest.fixture
+def disc(blank, miss):
+    """Picture factory: a disc of radius 11.5 around (20, 25 + shift), shape 0, on an empty background."""
+
+    def make(shift: int = 0) -> dict:
+        picture = blank(HEIGHT, WIDTH)
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
+        miss(picture, (rows - 20) ** 2 + (columns - 25 - shift) ** 2 > RADIUS**2)
+        return picture
+
+    return make
 
 
 @pytest.fixture

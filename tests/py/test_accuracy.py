@@ -1,4 +1,4 @@
-"""Errors to truth (study.accuracy, study.where, study.converge), their gate, and scripts/accuracy.py.
+"""Errors to truth (study.accuracy, study.where, study.converge).
 
 The synthetic pictures have errors that are known by counting, by trigonometry or by the definition of PSNR.
 """
@@ -8,50 +8,13 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import sys
-import types
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from discs import HEIGHT, WIDTH, lengths, made_truth
 
-import accuracy as command_module
-from study import accuracy, accuracy_page, converge, gallery, gate, images, registry, store, where
+from study import accuracy, converge, gate, registry, store, where
 from study.cli import StudyError, plain
-from study.registry import ROOT, Phase, Spec
-
-HEIGHT, WIDTH, RADIUS = 40, 60, 11.5
-
-
-def made_truth(picture: dict) -> dict:
-    """A picture as truth's: without any shadow, every ray proved."""
-    truth = {name: plane.copy() for name, plane in picture.items()}
-    for prefix in ("ideal.", "none."):
-        truth |= {prefix + name: picture[name].copy() for name in "RGB"}
-    for name, value in {"shadow": 1, "status": 2, "status.all": 2}.items():
-        truth[name] = np.full(picture["R"].shape, value, np.float32)
-    return truth
-
-
-@pytest.fixture
-def disc(blank, miss):
-    """Picture factory: a disc of radius 11.5 around (20, 25 + shift), shape 0, on an empty background."""
-
-    def make(shift: int = 0) -> dict:
-        picture = blank(HEIGHT, WIDTH)
-        rows, columns = np.mgrid[:HEIGHT, :WIDTH]
-        miss(picture, (rows - 20) ** 2 + (columns - 25 - shift) ** 2 > RADIUS**2)
-        return picture
-
-    return make
-
-
-def lengths() -> list[int]:
-    """Pixels of each row of the disc, by Pythagoras."""
-    rows = range(-11, 12)
-    return [2 * math.floor(math.sqrt(RADIUS**2 - y * y)) + 1 for y in rows]
-
 
 # --- below the picture
 
@@ -142,6 +105,17 @@ def test_each_truth_has_its_own_psnr(blank):
     for key, level in (("psnr_display_db", levels[1]), ("psnr_ideal_display_db", levels[2])):
         assert found[key] == pytest.approx(20 * math.log10(255 / abs(level - levels[0])), abs=1e-3)
     assert "psnr_none_db" not in accuracy.metrics(truth, image)
+
+
+def test_the_exact_estimator_errs_from_the_ideal_shadow_alone(blank):
+    truth = made_truth(blank(8, 8, grey=0.5))
+    for name in "RGB":
+        truth["ideal." + name] += np.float32(0.01)
+        truth["none." + name] += np.float32(0.1)
+    found = accuracy.estimator(truth)
+    assert found["psnr_db"] == found["psnr_none_db"] == math.inf
+    assert found["psnr_ideal_db"] == pytest.approx(40, abs=1e-4)
+    assert [found[name] for name in gate.HITS] == [0, 0, 0, 0]
 
 
 def test_shadow_error_is_of_what_the_shadow_takes(blank):
@@ -333,92 +307,6 @@ def test_a_scene_without_its_shadows(tmp_path):
     assert accuracy.without_shadows(cubes, tmp_path) is cubes
 
 
-# --- the gate
-
-
-def values(**changed: float) -> dict:
-    """Metrics of some picture, in memory."""
-    made = {name: 60.0 if name.endswith("_db") else 5.0 for name in gate.TRUTH_METRICS}
-    return {"non_finite": 0, "converged_only": False, "proved_fraction": 1.0, **made, **changed}
-
-
-@pytest.mark.parametrize("name", gate.TRUTH_METRICS)
-def test_worse_than_baseline_on_any_metric_fails(name):
-    sign = -1 if name.endswith("_db") else 1
-    base = values()
-    assert gate.inferior(base, base, {}) == {}
-    assert gate.inferior(values(**{name: base[name] - sign}), base, {}) == {}
-    assert list(gate.inferior(values(**{name: base[name] + sign * 1e-9}), base, {})) == [name]
-    assert list(gate.inferior(values(**{name: math.nan}), base, {})) == [name]
-    assert list(gate.inferior(base, values(**{name: math.nan}), {})) == [name]
-    beyond = values(**{name: base[name] + sign * 2})
-    assert gate.inferior(beyond, base, {name: 2}) == {}
-    assert list(gate.inferior(beyond, base, {name: 1.9})) == [name]
-
-
-def test_what_the_issue_wants_declared_is():
-    colours = {f"psnr{which}{space}_db" for which in ("", "_none", "_ideal") for space in ("", "_display")}
-    assert colours | {"false_hits_ppm", "false_misses_ppm", "dt_p99"} <= set(gate.TRUTH_METRICS)
-
-
-def test_infinite_is_as_near_as_floats_can_tell():
-    far = gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
-    assert far["psnr_db"] == "149, baseline has 150: should be at least that"
-    assert gate.inferior(values(psnr_db=151.0), values(psnr_db=math.inf), {}) == {}
-    assert gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
-
-
-def test_no_margin_lets_a_picture_pass_that_is_not_finite():
-    allowed = dict.fromkeys(gate.TRUTH_METRICS, 1e9)
-    assert list(gate.inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
-
-
-def test_what_is_converged_only_is_gated_averaged_and_by_depth():
-    names = {f"psnr{w}{s}_db": 50.0 for w in ("", "_none", "_ideal") for s in ("", "_display")}
-    base = values(converged_only=True, proved_fraction=0.0, depth_agree_fraction=0.99, antialiased=names)
-    nothing = dict.fromkeys(gate.HITS, math.nan)
-    assert gate.inferior({**base, **nothing}, {**base, **nothing}, {}) == {}
-    worse = {**base, "psnr_db": 1.0, "depth_agree_fraction": 0.98, "antialiased": {**names, "psnr_db": 49.0}}
-    assert set(gate.inferior(worse, base, {})) == {"depth_agree_fraction", "antialiased.psnr_db"}
-    proved = {**base, "proved_fraction": 0.5, "false_hits_ppm": 6.0}
-    assert set(gate.inferior(proved, base, {})) == {"false_hits_ppm"}
-
-
-@given(st.floats(0, 1e6), st.floats(0, 1e6), st.floats(0, 1e3))
-def test_non_inferiority_is_the_inequality(mine, base, margin):
-    failed = "dt_p99" in gate.inferior(values(dt_p99=mine), values(dt_p99=base), {"dt_p99": margin})
-    assert failed == (mine > base + margin)
-
-
-def rung(order: int, family: str = "ladder", **tolerance: object) -> Phase:
-    known = registry.find_phase("opt1")
-    return dataclasses.replace(known, name="opt9", order=order, family=family, tolerance=tolerance)
-
-
-def test_rungs_behind_opt4_are_held_against_truth():
-    assert [gate.by_truth(rung(order)) for order in (0, 4, 5, 9)] == [False, False, True, True]
-    assert not gate.by_truth(rung(9, "truth"))
-    for name in ("baseline", "opt1", "opt2", "opt3", "opt4"):
-        assert not gate.by_truth(registry.find_phase(name))
-
-
-def test_margins_are_declared_with_a_reason():
-    granted = {"dt_p99": 1e-6, "antialiased": {"psnr_db": 1}, "reason": "24 bits"}
-    phase = rung(5, truth=granted)
-    gate.check(phase)
-    assert gate.margins(phase) == {"dt_p99": 1e-6, "antialiased.psnr_db": 1}
-    assert gate.margins(rung(5)) == {}
-    for wrong, message in (
-        ({"dt_p99": 1}, "lacks its reason"),
-        ({"reason": "so"}, "bounds no metric"),
-        ({"dt_p99": -1, "reason": "so"}, "should be 0 or more"),
-        ({"mask_mismatch_ppm": 1, "reason": "so"}, "no such metric"),
-        ({"dt_p99": math.inf, "reason": "so"}, "finite number"),
-    ):
-        with pytest.raises(StudyError, match=message):
-            gate.check(rung(5, truth=wrong))
-
-
 # --- convergence
 
 
@@ -438,201 +326,3 @@ def test_convergence_says_what_agrees_with_what(blank):
     assert "quad" not in found["quad", 1e-6] and "finest" not in found["quad", 1e-6]
     assert "double" not in found["float", 1e-3]
     assert converge.table({}) == []
-
-
-# --- the command
-
-
-@pytest.fixture
-def house(tmp_path, monkeypatch, write_exr, disc):
-    """The command with pictures made here: truth is the disc, a phase's picture what `pictures` says."""
-    monkeypatch.delenv("STEPWISE_ISA_LIMIT", raising=False)
-    pictures = {name: disc for name in ("baseline", "opt4", "opt5")}
-    (tmp_path / "bin").mkdir()
-
-    def build(spec: Spec):
-        path = tmp_path / "bin" / str(spec)
-        path.write_text(str(spec))
-        return path
-
-    def render(spec, scene, height, width, *, aov, out):
-        made = pictures[str(spec)]
-        if isinstance(made, Exception):
-            raise made
-        write_exr(out, made())
-
-    monkeypatch.setattr(gallery, "build", build)
-    monkeypatch.setattr(gallery, "render", render)
-    monkeypatch.setattr(command_module.truth, "picture", lambda scene, size: made_truth(disc()))
-    opt1 = registry.find_phase("opt1")
-    known = {
-        name: dataclasses.replace(opt1, name=name, order=order, family=family, tolerance={})
-        for name, order, family in (
-            ("baseline", 0, "ladder"),
-            ("opt4", 4, "ladder"),
-            ("opt5", 5, "ladder"),
-            ("exact", 0, "truth"),
-        )
-    }
-    monkeypatch.setattr(registry, "phases", lambda root=ROOT: known)
-    return types.SimpleNamespace(pictures=pictures, known=known, run=tmp_path / "run")
-
-
-@pytest.fixture
-def command(house, monkeypatch, capsys):
-    def call(*words: str) -> tuple[int, str, str]:
-        size = ("-n", str(HEIGHT), "-w", str(WIDTH), "--jobs", "1", "--run", str(house.run))
-        monkeypatch.setattr(sys, "argv", ["accuracy.py", *size, *words])
-        return command_module.run(), *capsys.readouterr()
-
-    return call
-
-
-KEYS = (
-    *("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", "normal_p99_degrees"),
-    *("shadow_rmse", "rmse", "psnr_db", "psnr_ideal_db", "psnr_none_db", "flip_mean", "flip_max"),
-    *("fraction_over_1_255", "proved_fraction", "non_finite"),
-)
-
-
-def test_one_row_is_one_flat_object(command, house):
-    status, out, _ = command("--phase", "opt4", "--scene", "scene0", "--json")
-    found = json.loads(out)
-    assert status == 0 and set(KEYS) <= found.keys()
-    assert (found["psnr_db"], found["rmse"], found["gated"], found["worse"]) == (None, 0, False, [])
-    assert not any(isinstance(found[key], dict | list) for key in KEYS)
-    kept = json.loads((house.run / "accuracy.json").read_text())["rows"]
-    assert len(kept) == 1 and kept[0].items() <= found.items()
-    assert (house.run / found["picture"]).is_file()
-    assert (house.run / "figures" / "accuracy-where.png").is_file()
-
-
-def test_a_gated_phase_that_is_further_than_baseline_fails_with_metric_and_both_values(command, house, disc):
-    house.pictures["opt5"] = lambda: disc(1)
-    status, out, err = command("--phase", "opt4", "opt5", "--scene", "trio", "--json")
-    rows = {row["phase"]: row for row in json.loads(out)["rows"]}
-    assert status == 1
-    assert rows["opt5"]["failed"] and {"false_hits_ppm", "false_misses_ppm", "psnr_db"} <= set(
-        rows["opt5"]["worse"]
-    )
-    ppm = f"{1e6 * 23 / (HEIGHT * WIDTH):.6g}"
-    assert f"FAIL opt5 on trio: false_hits_ppm: {ppm}, baseline has 0: should be at most that" in err
-
-
-def test_nobody_need_copy_baselines_errors(command, house, disc):
-    house.pictures["baseline"] = lambda: disc(2)
-    status, out, _ = command("--phase", "opt5", "--scene", "trio", "--json")
-    assert status == 0 and json.loads(out)["false_hits_ppm"] == 0
-
-
-def test_a_declared_margin_is_granted(command, house, disc):
-    house.pictures["opt5"] = lambda: disc(1)
-    reason = {"reason": "a test", **dict.fromkeys(gate.TRUTH_METRICS, 1e5)}
-    house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance={"truth": reason})
-    assert command("--phase", "opt5", "--scene", "trio")[0] == 0
-    del reason["false_misses_ppm"]
-    status, _, err = command("--phase", "opt5", "--scene", "trio")
-    assert status == 1 and "false_misses_ppm" in err and "false_hits_ppm" not in err
-
-
-def test_an_ungated_phase_is_shown_with_a_mark(command, house, disc):
-    house.pictures["opt4"] = lambda: disc(1)
-    status, out, _ = command("--phase", "opt4", "--scene", "trio")
-    line = next(line for line in out.splitlines() if line.startswith("trio"))
-    assert status == 0 and f"9,583 {accuracy_page.MARK}" in line and "further than baseline" in line
-
-
-def test_a_picture_that_is_not_finite_fails_gated_or_not(command, house, disc):
-    def broken():
-        picture = disc()
-        picture["G"][20, 20] = np.nan
-        return picture
-
-    house.pictures["opt4"] = broken
-    status, _, err = command("--phase", "opt4", "--scene", "trio")
-    assert status == 1 and "non_finite: 2 samples" in err
-
-
-def test_what_cannot_be_is_said(command, house):
-    from study.run import DriverError
-
-    house.pictures["opt4"] = DriverError(4, "no planes here")
-    status, _, err = command("--phase", "opt4", "opt5", "--scene", "trio")
-    assert status == 0 and "skipped opt4 on trio: no planes here" in err
-    house.pictures["opt4"] = DriverError(-11, "killed by SIGSEGV")
-    status, _, err = command("--phase", "opt4", "--scene", "trio")
-    assert status == 1 and "FAIL opt4 on trio: killed by SIGSEGV" in err
-    with pytest.raises(StudyError, match="exact: is truth itself"):
-        command("--phase", "exact", "--scene", "trio")
-
-
-# --- the page
-
-
-def test_tables_and_figures_from_the_file_alone(command, house, disc):
-    house.pictures["opt4"] = lambda: disc(1)
-    command("--phase", "baseline", "opt4", "--scene", "trio", "mandelbulb", "--json")
-    result = accuracy.read(house.run)
-    names = [name for name, *_ in accuracy_page.tables(result)]
-    assert names == ["accuracy", "accuracy-averaged", "accuracy-where"]
-    text = accuracy_page.text(result)
-    assert text.count("identical") and accuracy_page.MARK in text
-    (figure,) = accuracy_page.figures(result).values()
-    bars = figure.axes[0].containers[where.CLASSES.index("silhouette")]
-    bad = next(row for row in result["rows"] if row["phase"] == "opt4")["bad_pixels"]
-    assert [bar.get_width() for bar in bars] == [0, pytest.approx(1e6 * bad / (HEIGHT * WIDTH))]
-
-
-def test_another_things_json_is_one_clear_line(tmp_path):
-    assert accuracy.rows(tmp_path) == []
-    for wrong in ({"rows": [{}]}, {"rows": 5}, []):
-        store.write_json(tmp_path / "accuracy.json", wrong)
-        with pytest.raises(StudyError, match=r"not what scripts/accuracy\.py writes"):
-            accuracy.rows(tmp_path)
-
-
-# --- the whole chain, against a program that knows spheres only
-
-
-def rays(scene, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Origin, and unit directions through the middles of pixels (height × width × 3)."""
-    camera = scene.data["camera"]
-    position, target, up = (np.array(camera[k], float) for k in ("position", "look_at", "up"))
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(up, forward) / np.linalg.norm(np.cross(up, forward))
-    above = np.cross(forward, right)
-    tangent = math.tan(math.radians(camera["vertical_fov_degrees"]) / 2)
-    x = (2 * (np.arange(width) + 0.5) / width - 1) * width / height * tangent
-    y = (1 - 2 * (np.arange(height) + 0.5) / height) * tangent
-    directions = forward + x[None, :, None] * right + y[:, None, None] * above
-    return position, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-
-
-def test_twenty_steps_lose_the_spheres_rims(tmp_path, monkeypatch, capsys):
-    """two_spheres has a cap of 20 steps: baseline's misses and |Δt| by the discriminant of a quadratic."""
-    n = 48
-    words = ("--phase", "baseline", "--scene", "two_spheres", "-n", str(n), "--json", "--jobs", "1")
-    monkeypatch.setattr(sys, "argv", ["accuracy.py", *words, "--run", str(tmp_path)])
-    assert command_module.run() == 0
-    found = json.loads(capsys.readouterr().out)
-
-    scene = registry.find_scene("two_spheres")
-    origin, directions = rays(scene, n, n)
-    depth = np.full((2, n, n), np.inf)
-    for i, shape in enumerate(scene.data["shapes"]):
-        offset = origin - np.array(shape.get("position", (0, 0, 0)), float)
-        half = directions @ offset
-        inside = half**2 - (offset @ offset - shape["radius"] ** 2)
-        first = -half - np.sqrt(np.maximum(inside, 0))
-        depth[i][(inside >= 0) & (first > 0)] = first[(inside >= 0) & (first > 0)]
-    exact = depth.min(axis=0)
-    (path,) = tmp_path.glob("images/two_spheres-baseline-*.exr")
-    made = images.read(path)
-    hit = made["id"] >= 0
-    assert found["false_misses_ppm"] == pytest.approx(1e6 * (np.isfinite(exact) & ~hit).sum() / n**2) != 0
-    assert found["false_hits_ppm"] == pytest.approx(1e6 * (np.isinf(exact) & hit).sum() / n**2)
-    same = hit & (made["id"] == depth.argmin(axis=0)) & np.isfinite(exact)
-    off = np.abs(made["Z"].astype(float)[same] - exact[same])
-    assert found["dt_max"] == pytest.approx(off.max(), abs=1e-5)
-    assert found["dt_p99"] == pytest.approx(np.percentile(off, 99), abs=1e-5)
-    assert found["proved_fraction"] == 1

@@ -1,0 +1,111 @@
+"""No rung behind opt4 may be further from truth than baseline: the inequality, margins, what has no value."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from study import gate, registry
+from study.cli import StudyError
+from study.registry import Phase
+
+
+def values(**changed: float) -> dict:
+    """Metrics of some picture, in memory."""
+    made = {name: 60.0 if name.endswith("_db") else 5.0 for name in gate.TRUTH_METRICS}
+    return {"non_finite": 0, "converged_only": False, "proved_fraction": 1.0, **made, **changed}
+
+
+@pytest.mark.parametrize("name", gate.TRUTH_METRICS)
+def test_worse_than_baseline_on_any_metric_fails(name):
+    sign = -1 if name.endswith("_db") else 1
+    base = values()
+    assert gate.inferior(base, base, {}) == {}
+    assert gate.inferior(values(**{name: base[name] - sign}), base, {}) == {}
+    assert list(gate.inferior(values(**{name: base[name] + sign * 1e-9}), base, {})) == [name]
+    assert list(gate.inferior(values(**{name: math.nan}), base, {})) == [name]
+    assert list(gate.inferior(base, values(**{name: math.nan}), {})) == [name]
+    beyond = values(**{name: base[name] + sign * 2})
+    assert gate.inferior(beyond, base, {name: 2}) == {}
+    assert list(gate.inferior(beyond, base, {name: 1.9})) == [name]
+
+
+def test_what_the_issue_wants_declared_is():
+    colours = {f"psnr{which}{space}_db" for which in ("", "_none", "_ideal") for space in ("", "_display")}
+    assert colours | {"false_hits_ppm", "false_misses_ppm", "dt_p99"} <= set(gate.TRUTH_METRICS)
+
+
+def test_infinite_is_as_near_as_floats_can_tell():
+    far = gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
+    assert far["psnr_db"] == "149, baseline has 150: should be at least that"
+    assert gate.inferior(values(psnr_db=151.0), values(psnr_db=math.inf), {}) == {}
+    assert gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
+
+
+def test_no_margin_lets_a_picture_pass_that_is_not_finite():
+    allowed = dict.fromkeys(gate.TRUTH_METRICS, 1e9)
+    assert list(gate.inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
+
+
+def test_what_is_converged_only_is_gated_averaged_and_by_depth():
+    names = {f"psnr{w}{s}_db": 50.0 for w in ("", "_none", "_ideal") for s in ("", "_display")}
+    base = values(converged_only=True, proved_fraction=0.0, depth_agree_fraction=0.99, antialiased=names)
+    nothing = dict.fromkeys(gate.HITS, math.nan)
+    assert gate.inferior({**base, **nothing}, {**base, **nothing}, {}) == {}
+    worse = {**base, "psnr_db": 1.0, "depth_agree_fraction": 0.98, "antialiased": {**names, "psnr_db": 49.0}}
+    assert set(gate.inferior(worse, base, {})) == {"depth_agree_fraction", "antialiased.psnr_db"}
+    proved = {**base, "proved_fraction": 0.5, "false_hits_ppm": 6.0}
+    assert set(gate.inferior(proved, base, {})) == {"false_hits_ppm"}
+
+
+@pytest.mark.parametrize("name", ["psnr_ideal_db", "false_hits_ppm"])
+def test_nobody_need_be_nearer_than_the_exact_estimator(name):
+    sign = 1 if name.endswith("_db") else -1
+    base, exact = values(), values(**{name: values()[name] - sign})
+    assert gate.inferior(exact, base, {}, exact) == {}
+    worse = values(**{name: exact[name] - sign * 0.5})
+    found = gate.inferior(worse, base, {}, exact)
+    assert list(found) == [name] and f"the exact estimator has {exact[name]:g}: " in found[name]
+    better = values(**{name: values()[name] + sign})
+    assert gate.inferior(base, base, {}, better) == {}  # baseline is the worse one: the bound
+    assert list(gate.inferior(base, base, {}, values(**{name: math.nan}))) == []
+    assert list(gate.inferior(values(**{name: math.nan}), base, {}, exact)) == [name]
+
+
+@given(st.floats(0, 1e6), st.floats(0, 1e6), st.floats(0, 1e3))
+def test_non_inferiority_is_the_inequality(mine, base, margin):
+    failed = "dt_p99" in gate.inferior(values(dt_p99=mine), values(dt_p99=base), {"dt_p99": margin})
+    assert failed == (mine > base + margin)
+
+
+def rung(order: int, family: str = "ladder", **tolerance: object) -> Phase:
+    known = registry.find_phase("opt1")
+    return dataclasses.replace(known, name="opt9", order=order, family=family, tolerance=tolerance)
+
+
+def test_rungs_behind_opt4_are_held_against_truth():
+    assert [gate.by_truth(rung(order)) for order in (0, 4, 5, 9)] == [False, False, True, True]
+    assert not gate.by_truth(rung(9, "truth"))
+    for name in ("baseline", "opt1", "opt2", "opt3", "opt4"):
+        assert not gate.by_truth(registry.find_phase(name))
+
+
+def test_margins_are_declared_with_a_reason():
+    granted = {"dt_p99": 1e-6, "antialiased": {"psnr_db": 1}, "reason": "24 bits"}
+    phase = rung(5, truth=granted)
+    gate.check(phase)
+    assert gate.margins(phase) == {"dt_p99": 1e-6, "antialiased.psnr_db": 1}
+    assert gate.margins(rung(5)) == {}
+    for wrong, message in (
+        ({"dt_p99": 1}, "lacks its reason"),
+        ({"reason": "so"}, "bounds no metric"),
+        ({"dt_p99": -1, "reason": "so"}, "should be 0 or more"),
+        ({"mask_mismatch_ppm": 1, "reason": "so"}, "no such metric"),
+        ({"dt_p99": math.inf, "reason": "so"}, "finite number"),
+    ):
+        with pytest.raises(StudyError, match=message):
+            gate.check(rung(5, truth=wrong))
