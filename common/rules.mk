@@ -11,6 +11,7 @@
 #   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
 #   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
+#   make BUILD=build/tsan SANITIZE=thread ...             ThreadSanitizer, for the phases with threads
 CC ?= gcc
 ifeq ($(origin CC),default)
 CC := gcc
@@ -20,7 +21,7 @@ PYTHON3 ?= python3
 
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
 , := ,
-SANITIZERS := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+SANITIZERS := $(if $(filter thread,$(SANITIZE)),-fsanitize=thread -fno-omit-frame-pointer -g,$(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g))
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm

@@ -247,12 +247,19 @@ def test_same_call_same_bits(phase: str) -> None:
 
 
 def test_threads(phase: str) -> None:
-    """More than one only where phase.json says so, and then without a bit of difference."""
+    """More than one only where phase.json says so, and then without a bit of difference: odd numbers, more of
+    them than rows, than pixels, than tiles of any sensible size."""
     path = keep("everything", FEATURES["everything"])
-    if registry.phases()[phase].threads:
-        same_bits(render(phase, path, 17, 9, "--threads", 2), render(phase, path, 17, 9))
-    else:
+    if not registry.phases()[phase].threads:
         check_refusal(call(phase, path, "-n", 9, "--threads", 2), 4)
+        return
+    cases = [((17, 9), (3,)), ((1, 1), (2, 64)), ((3, 1), (5,))]
+    if precision(phase) != "exact":  # a proved pixel takes milliseconds
+        cases += [((97, 41), (2, 3, 7, 64))]
+    for (width, height), numbers in cases:
+        alone = render(phase, path, width, height)
+        for threads in numbers:
+            same_bits(render(phase, path, width, height, "--threads", threads), alone)
 
 
 def test_deepest_mirrors(phase: str) -> None:

@@ -236,7 +236,8 @@ def test_a_ray_has_one_direction(measured):
     lanes = find_phase(one.phase).lanes
     packets = 30 * -(-54 // lanes)
     assert one.functions["get_direction"].calls == packets
-    assert one.edges["phase_render"]["get_direction"] == packets
+    callers = [callees["get_direction"] for callees in one.edges.values() if "get_direction" in callees]
+    assert callers == [packets]
     assert one.functions["phase_render"].calls == 1
 
 

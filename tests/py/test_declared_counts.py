@@ -411,7 +411,7 @@ def test_a_missing_file_is_one_clear_line(tree):
     assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/flops.h"]
 
 
-# --- a phase with threads of its own: the ladder's have none
+# --- a phase with threads of its own, in a few lines; opt5_threads is tests/py/test_threads.py's
 
 
 TOY = """

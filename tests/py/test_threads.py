@@ -1,0 +1,276 @@
+"""opt5_threads: opt4's picture to the bit whoever draws it, pinned and sleeping workers, no data race.
+
+Where each worker runs and whether it sleeps is asked of the kernel (/proc/PID/task), not of the phase. What
+the system can refuse (a thread, a CPU, memory) is refused by a few lines of C before libc's own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import FEATURES
+from study import images, registry
+from study.build import build
+from study.registry import ROOT
+
+PHASE, PARENT = "opt5_threads", "opt4"
+CPUS = sorted(os.sched_getaffinity(0))
+
+pytestmark = pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
+)
+
+
+def scene(name: str, folder: Path) -> Path:
+    """A scene of the study by its name, one of conformance's features, or one made here."""
+    if name in registry.scenes():
+        return registry.scenes()[name].path
+    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": deepest()}
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps(features[name]))
+    return path
+
+
+def coincident() -> dict:
+    """4,096 spheres in one place."""
+    whole = FEATURES["shapes_same_place"]
+    return whole | {"shapes": [whole["shapes"][0]] * 4096}
+
+
+def deepest() -> dict:
+    """As many bounces as a scene may ask for: a worker's stack must hold them too."""
+    whole = FEATURES["mirrors_facing_6"]
+    return whole | {"march": whole["march"] | {"max_bounces": 256}}
+
+
+def call(program: Path, *arguments: object, preload: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | ({"LD_PRELOAD": str(preload)} if preload else {})
+    return subprocess.run(
+        [program, *map(str, arguments)], capture_output=True, text=True, env=environment, timeout=300
+    )
+
+
+def picture(program: Path, path: Path, folder: Path, *arguments: object, said: str = "", **how: Path):
+    """Every plane, as bits; `said`: what standard error must hold, in one line."""
+    out = folder / "picture.exr"
+    done = call(program, path, "--aov", "-o", out, *arguments, **how)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("\n") == bool(said) and said in done.stderr, done.stderr
+    return {name: plane.view(np.uint32) for name, plane in images.read(out).items()}
+
+
+def check_same(mine: dict, other: dict, where: object) -> None:
+    assert mine.keys() == other.keys()
+    for name in other:
+        assert np.array_equal(mine[name], other[name]), f"{where}: channel {name}"
+
+
+def test_the_idea_is_in_two_files_and_the_rest_is_opt4s() -> None:
+    for name in ("march.c", "shade.c", "sdf.h", "vec.h", "trace.h", "residues.def"):
+        mine, parents = (ROOT / "phases" / phase / name for phase in (PHASE, PARENT))
+        assert mine.read_bytes() == parents.read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "threads"),
+    [
+        ("scene0", (160, 90), (1, 2, 3, 7, 64)),
+        ("mandelbulb", (80, 45), (2, 5)),
+        ("trio", (257, 65), (1, 2, 3)),  # tiles of one column and of one row at the edges
+        ("everything", (1, 1), (1, 2, 64)),
+        ("everything", (7, 1), (3,)),
+        ("everything", (1, 300), (2, 9)),
+        ("everything", (32, 8), (2, 64)),  # one tile
+        ("shapes_64_turned", (65, 33), (2, 4)),
+        ("camera_within_a_shape", (65, 33), (3,)),
+        ("nothing_to_see", (65, 33), (3,)),
+        ("shapes_4096", (40, 10), (2,)),
+        ("mirrors_deepest", (96, 40), (4,)),
+    ],
+)
+def test_any_number_of_threads_draws_opt4s_bits(name, size, threads, tmp_path) -> None:
+    path = scene(name, tmp_path)
+    shape = ("-w", size[0], "-n", size[1])
+    parents = picture(build(PARENT), path, tmp_path, *shape)
+    for count in threads:
+        mine = picture(build(PHASE), path, tmp_path, *shape, "--threads", count, "--reps", 2)
+        check_same(mine, parents, f"{name} {size}, {count} threads")
+
+
+def test_any_number_of_threads_counts_as_one() -> None:
+    """Declared costs and calls of every function, and those of opt4 but for the function that is new."""
+    shape = (registry.scenes()["scene0"].path, "-n", 45, "--json")
+    keys = ("flops", "by_class", "executed", "useful", "useful_paper", "by_function")
+    made = {}
+    for phase, threads in ((PARENT, 1), (PHASE, 1), (PHASE, 2), (PHASE, 5)):
+        done = call(build(phase, "render-count"), *shape, "--threads", threads)
+        assert done.returncode == 0, done.stderr
+        record = json.loads(done.stdout)
+        made[phase, threads] = {key: record[key] for key in keys}
+    assert made[PHASE, 1] == made[PHASE, 2] == made[PHASE, 5]
+    tiles = made[PHASE, 1]["by_function"].pop("render_tile")
+    parents = made[PARENT, 1]["by_function"]
+    assert tiles["parts"] == {"call": 3 * 6, "packet": parents["phase_render"]["parts"].pop("packet")}
+    assert made[PHASE, 1]["by_function"]["phase_render"]["parts"] == {"call": 1}
+    assert made[PHASE, 1] == made[PARENT, 1]
+
+
+# --- where workers are, and what they do between frames
+
+
+def tasks(pid: int) -> list[dict[str, str]]:
+    """/proc/PID/task/*/status of all threads, the first started first, with their CPU time in ns as `ran`."""
+    found = []
+    for folder in sorted(Path(f"/proc/{pid}/task").iterdir(), key=lambda path: int(path.name)):
+        lines = (folder / "status").read_text().splitlines()
+        found.append(dict(line.split(":\t", 1) for line in lines))
+        found[-1]["ran"] = (folder / "schedstat").read_text().split()[0]
+    return found
+
+
+class Running:
+    """The driver at work on frames without end, on `cpus`; killed at the end of the with."""
+
+    def __init__(self, threads: int, cpus: list[int]) -> None:
+        command = [build(PHASE), registry.scenes()["scene0"].path, "-n", "8", "--reps", "1000000", "--jsonl"]
+        self.child = subprocess.Popen(
+            [*map(str, command), "--threads", str(threads)],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: os.sched_setaffinity(0, cpus),
+        )
+
+    def __enter__(self) -> Running:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.child.kill()
+        self.child.wait()
+        self.child.stdout.close()
+
+    def frames(self, count: int) -> list[dict]:
+        return [json.loads(self.child.stdout.readline()) for _ in range(count)]
+
+
+@pytest.mark.parametrize("cpus", [CPUS[:1], CPUS[-1:], CPUS], ids=["first", "last", "all"])
+def test_each_worker_is_pinned_to_a_cpu_of_the_mask(cpus) -> None:
+    """As many workers besides the caller as CPUs: each has one; the caller has its mask between frames."""
+    with Running(len(cpus) + 1, cpus) as running:
+        records = running.frames(3)
+        pins = [task["Cpus_allowed_list"] for task in tasks(running.child.pid)[1:]]
+    assert sorted(map(int, pins)) == cpus
+    assert {record["cpu"] for record in records} == {cpus[0] if len(cpus) == 1 else -1}  # not pinned by us
+
+
+def test_one_thread_starts_and_pins_nothing() -> None:
+    with Running(1, CPUS) as running:
+        running.frames(2)
+        assert len(tasks(running.child.pid)) == 1
+
+
+def test_workers_sleep_between_frames() -> None:
+    """The driver stops between two frames as soon as nobody reads its lines: then nothing runs any more."""
+    with Running(3, CPUS) as running:
+        running.frames(40)
+        seen = tasks(running.child.pid)
+        assert len(seen) == 3 and all(int(task["voluntary_ctxt_switches"]) > 1 for task in seen[1:])
+        caller, deadline = None, time.monotonic() + 60
+        while caller != (caller := tasks(running.child.pid)[0]["ran"]):  # until the pipe is full
+            assert time.monotonic() < deadline, "the caller never stopped"
+            time.sleep(0.5)
+        before = tasks(running.child.pid)
+        time.sleep(0.5)
+        after = tasks(running.child.pid)
+    assert [task["State"][0] for task in after] == ["S"] * 3
+    assert [task["ran"] for task in before] == [task["ran"] for task in after]
+
+
+# --- what the system may refuse
+
+REFUSALS = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <pthread.h>
+#include <sched.h>
+#include <unistd.h>
+
+#ifdef NO_PINS
+int pthread_setaffinity_np(pthread_t thread, size_t size, const cpu_set_t *cpus) {
+    return EPERM;
+}
+#endif
+#ifdef TWO_THREADS
+int pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*what)(void *), void *with) {
+    static int calls;
+    int (*real)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);
+    *(void **)&real = dlsym(RTLD_NEXT, "pthread_create");
+    return calls++ < 2 ? real(thread, how, what, with) : EAGAIN;
+}
+#endif
+#ifdef NO_MEMORY
+void *aligned_alloc(size_t alignment, size_t size) {
+    void *(*real)(size_t, size_t);
+    *(void **)&real = dlsym(RTLD_NEXT, "aligned_alloc");
+    return gettid() == getpid() ? real(alignment, size) : NULL;
+}
+#endif
+"""
+
+
+def refusing(what: str, folder: Path) -> Path:
+    library = folder / f"{what}.so"
+    (folder / "refusals.c").write_text(REFUSALS)
+    command = ["gcc", "-shared", "-fPIC", f"-D{what}", folder / "refusals.c", "-o", library, "-ldl"]
+    subprocess.run(command, check=True)
+    return library
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("NO_PINS", "opt5_threads: 4 of 5 threads cannot be pinned"),
+        ("TWO_THREADS", "opt5_threads: 3 of 5 threads could be had (Resource temporarily unavailable)"),
+    ],
+)
+def test_what_is_refused_is_stated_once_and_drawn_without(what, said, tmp_path) -> None:
+    path, shape = registry.scenes()["trio"].path, ("-w", 97, "-n", 41)
+    parents = picture(build(PARENT), path, tmp_path, *shape)
+    arguments = (*shape, "--threads", 5, "--reps", 4)
+    mine = picture(build(PHASE), path, tmp_path, *arguments, said=said, preload=refusing(what, tmp_path))
+    check_same(mine, parents, what)
+
+
+def test_a_worker_without_memory_ends_it(tmp_path) -> None:
+    arguments = (registry.scenes()["trio"].path, "-n", 9, "--threads", 3)
+    done = call(build(PHASE), *arguments, preload=refusing("NO_MEMORY", tmp_path))
+    assert (done.returncode, done.stdout) == (5, "")
+    assert done.stderr == "render: out of memory while preparing the scene\n"
+
+
+# --- data races
+
+
+def test_no_data_race(tmp_path) -> None:
+    """ThreadSanitizer, over several frames: more tiles than threads, more threads than tiles."""
+    probe = tmp_path / "probe"
+    (tmp_path / "probe.c").write_text("int main(void) { return 0; }\n")
+    made = shutil.which("gcc") and call("gcc", "-fsanitize=thread", tmp_path / "probe.c", "-o", probe)
+    if not made or made.returncode or call(probe).returncode:
+        pytest.skip("ThreadSanitizer does not run here (libtsan): it would look for data races")
+    target = f"build/tsan/{PHASE}/render"
+    command = ["make", "-s", "-C", str(ROOT), "BUILD=build/tsan", "SANITIZE=thread", target]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    path = scene("everything", tmp_path)
+    for size, threads in [((97, 41), 3), ((7, 3), 8)]:
+        shape = ("-w", size[0], "-n", size[1])
+        mine = picture(ROOT / target, path, tmp_path, *shape, "--threads", threads, "--reps", 5)
+        check_same(mine, picture(build(PARENT), path, tmp_path, *shape), f"{size}, {threads} threads")
