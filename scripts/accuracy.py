@@ -23,9 +23,11 @@ from study.run import NO_ISA, UNSUPPORTED
 DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
 metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
-exact arithmetic), but for what its phase.json grants (tolerance.truth, with a reason). baseline to opt4, and
+exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
+grants (tolerance.truth, with a reason). baseline to opt4, and
 what is not on the ladder, are shown; scripts/verify.py has their gate."""
 BASE = Spec("baseline", "baseline")
+FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it may be as far as it is
 FAMILY = "truth"  # of the phases that are what the others are held against
 
 
@@ -54,13 +56,17 @@ def arguments() -> argparse.Namespace:
 class Subject:
     """A scene at a size, with truth's picture of it and baseline's errors: read and worked out once."""
 
-    def __init__(self, gallery: Gallery, scene: Scene, plain: Scene, size: Size) -> None:
+    def __init__(self, gallery: Gallery, scene: Scene, plain: Scene, size: Size, beside: list[Spec]) -> None:
         self.gallery, self.scene, self.plain, self.size = gallery, scene, plain, size
         self.truth = truth.picture(scene, size)
         self.mirrors = accuracy.mirrors(scene)
         self.where = where.classes(self.truth, self.mirrors)
         self.base = self.measure(BASE)[0]
-        self.exact = accuracy.estimator(self.truth, scene.fractal)
+        self.references = {
+            "baseline": self.base,
+            "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
+        }
+        self.references |= {str(spec): self.measure(spec)[0] for spec in beside}
 
     def measure(self, spec: Spec) -> tuple[dict, images.Picture]:
         """The metrics of a spec's picture, and the picture."""
@@ -73,7 +79,7 @@ class Subject:
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
-        worse = gate.inferior(found, self.base, granted, self.exact)
+        worse = gate.inferior(found, self.references, granted)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
@@ -130,7 +136,8 @@ def judge(
         for spec in specs:
             missed(spec, f"baseline: {error.message}", error.status not in (NO_ISA, UNSUPPORTED))
         return rows, missing
-    subject = Subject(gallery, scene, plain, size)
+    known = scene.fractal and FLOAT in gallery.hashes and not trouble(FLOAT)
+    subject = Subject(gallery, scene, plain, size, [FLOAT] if known else [])
     for spec in tqdm(specs, f"compare {scene.name}", leave=False, disable=None):
         if error := trouble(spec):
             missed(spec, error.message, error.status not in (NO_ISA, UNSUPPORTED))
@@ -151,13 +158,16 @@ def run() -> int:
         if lacking[s]
     ]
     folder = args.run or registry.ROOT / "build" / "accuracy"
-    using = list(dict.fromkeys([BASE, *able])) if able else []
+    gated = any(gate.by_truth(registry.find_phase(spec.phase)) for spec in able)
+    beside = [FLOAT] if gated and any(scene.fractal for scene in scenes) else []
+    using = list(dict.fromkeys([BASE, *beside, *able])) if able else []
     gallery = Gallery(folder / "images", using)
     plain = {scene.name: accuracy.without_shadows(scene, folder / "scenes") for scene in scenes}
     sizes = {scene.name: scene.size(args.n, args.w) for scene in scenes}
     tasks = [
         (who, one, sizes[scene.name])
         for scene, who in product(scenes, using)
+        if who in (BASE, *able) or scene.fractal
         for one in (scene, plain[scene.name])
     ]
     refused = gallery.render_all(tasks, args.jobs)

@@ -133,33 +133,37 @@ def visible(baseline: Mapping) -> dict[str, float]:
 
 
 def inferior(
-    metrics: Mapping, baseline: Mapping, allowed: Mapping[str, float], exact: Mapping | None = None
+    metrics: Mapping, references: Mapping[str, Mapping], allowed: Mapping[str, float]
 ) -> dict[str, str]:
-    """Metric on which the picture is further from truth than baseline's, by more than is allowed → why.
+    """Metric on which the picture is further from truth than every reference, by more than is allowed → why.
 
-    A scene whose truth is converged only has the hits of its proved pixels, if there are any. `exact`: errors
-    of the paper's estimator in exact arithmetic. Where baseline's rounding has brought it nearer to the ideal
-    shadow than what it computes is (scene0: 45.254 to 45.252 dB), a phase need not repeat that luck.
+    `references`: name → metrics, baseline's first; per metric the worst of them is the bound. Where rounding
+    has brought baseline nearer to the ideal shadow than what it computes is (scene0: 45.254 to 45.252 dB), a
+    phase need not repeat that luck. A reference that lacks a metric does not judge it. A scene whose truth
+    is converged only has the hits of its proved pixels, if there are any.
     """
-    mine, base, ideal = flatten(metrics), flatten(baseline), flatten(exact or {})
+    mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
     found = {}
     if not (mine["non_finite"] <= 0):
         found["non_finite"] = f"{mine['non_finite']} samples, should be none"
     for name in CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS:
         if mine["converged_only"] and name in HITS and mine["proved_fraction"] == 0:
             continue
-        value, other, margin = mine.get(name, math.nan), base.get(name, math.nan), allowed.get(name, 0)
-        at_least = name.endswith("_db") or name in AT_LEAST
-        if name.endswith("_db"):
-            value, other = (NEAREST if x >= NEAREST else x for x in (value, other))
-        whose = "baseline"
-        estimator = ideal.get(name, other)
-        if estimator < other if at_least else estimator > other:
-            other, whose = estimator, "the exact estimator"
+        db = name.endswith("_db")
+        at_least = db or name in AT_LEAST
+        value, *bounds = (
+            NEAREST if db and x >= NEAREST else x
+            for x in (mine.get(name, math.nan), *(other.get(name, math.nan) for other in others.values()))
+        )
+        margin = allowed.get(name, 0)
+        bound, who = bounds[0], next(iter(others))
+        for other, whose in zip(bounds, others, strict=True):
+            if other < bound if at_least else other > bound:
+                bound, who = other, whose
         grant = f" and {margin:g} are granted" if margin else ""
         if at_least:
-            if not (value >= other - margin):
-                found[name] = f"{value:.6g}, {whose} has {other:.6g}{grant}: should be at least that"
-        elif not (value <= other + margin):
-            found[name] = f"{value:.6g}, {whose} has {other:.6g}{grant}: should be at most that"
+            if not (value >= bound - margin):
+                found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at least that"
+        elif not (value <= bound + margin):
+            found[name] = f"{value:.6g}, {who} has {bound:.6g}{grant}: should be at most that"
     return found

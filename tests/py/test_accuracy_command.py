@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import shutil
 import sys
 import types
 
@@ -16,6 +17,7 @@ import accuracy as command_module
 from study import accuracy, accuracy_page, gallery, gate, images, registry, store, where
 from study.cli import StudyError
 from study.registry import ROOT, Spec
+from study.run import DriverError
 
 
 @pytest.fixture
@@ -98,6 +100,20 @@ def test_nobody_need_copy_baselines_errors(command, house, disc):
     house.pictures["baseline"] = lambda: disc(2)
     status, out, _ = command("--phase", "opt5", "--scene", "trio", "--json")
     assert status == 0 and json.loads(out)["false_hits_ppm"] == 0
+
+
+def test_a_fractal_may_be_as_far_as_opt4_and_no_other_scene(command, house, disc):
+    house.pictures["opt4"] = house.pictures["opt5"] = lambda: disc(1)
+    assert command("--phase", "opt5", "--scene", "mandelbulb")[0] == 0
+    assert command("--phase", "opt5", "--scene", "trio")[0] == 1
+    shutil.rmtree(house.run)  # pictures are kept
+    house.pictures["opt5"] = lambda: disc(2)
+    status, _, err = command("--phase", "opt5", "--scene", "mandelbulb")
+    assert status == 1 and "opt4 has" in err
+    shutil.rmtree(house.run)
+    house.pictures["opt4"] = DriverError(4, "none today")
+    status, _, err = command("--phase", "opt5", "--scene", "mandelbulb")
+    assert status == 1 and "baseline has" in err
 
 
 def test_a_declared_margin_is_granted(command, house, disc):

@@ -20,18 +20,23 @@ def values(**changed: float) -> dict:
     return {"non_finite": 0, "converged_only": False, "proved_fraction": 1.0, **made, **changed}
 
 
+def inferior(mine: dict, base: dict, margins: dict, exact: dict | None = None) -> dict:
+    others = {} if exact is None else {"the exact estimator": exact}
+    return gate.inferior(mine, {"baseline": base, **others}, margins)
+
+
 @pytest.mark.parametrize("name", gate.TRUTH_METRICS)
 def test_worse_than_baseline_on_any_metric_fails(name):
     sign = -1 if name.endswith("_db") else 1
     base = values()
-    assert gate.inferior(base, base, {}) == {}
-    assert gate.inferior(values(**{name: base[name] - sign}), base, {}) == {}
-    assert list(gate.inferior(values(**{name: base[name] + sign * 1e-9}), base, {})) == [name]
-    assert list(gate.inferior(values(**{name: math.nan}), base, {})) == [name]
-    assert list(gate.inferior(base, values(**{name: math.nan}), {})) == [name]
+    assert inferior(base, base, {}) == {}
+    assert inferior(values(**{name: base[name] - sign}), base, {}) == {}
+    assert list(inferior(values(**{name: base[name] + sign * 1e-9}), base, {})) == [name]
+    assert list(inferior(values(**{name: math.nan}), base, {})) == [name]
+    assert list(inferior(base, values(**{name: math.nan}), {})) == [name]
     beyond = values(**{name: base[name] + sign * 2})
-    assert gate.inferior(beyond, base, {name: 2}) == {}
-    assert list(gate.inferior(beyond, base, {name: 1.9})) == [name]
+    assert inferior(beyond, base, {name: 2}) == {}
+    assert list(inferior(beyond, base, {name: 1.9})) == [name]
 
 
 def test_what_the_issue_wants_declared_is():
@@ -40,45 +45,45 @@ def test_what_the_issue_wants_declared_is():
 
 
 def test_infinite_is_as_near_as_floats_can_tell():
-    far = gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
+    far = inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {})
     assert far["psnr_db"] == "149, baseline has 150: should be at least that"
-    assert gate.inferior(values(psnr_db=151.0), values(psnr_db=math.inf), {}) == {}
-    assert gate.inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
+    assert inferior(values(psnr_db=151.0), values(psnr_db=math.inf), {}) == {}
+    assert inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
 
 
 def test_no_margin_lets_a_picture_pass_that_is_not_finite():
     allowed = dict.fromkeys(gate.TRUTH_METRICS, 1e9)
-    assert list(gate.inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
+    assert list(inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
 
 
 def test_what_is_converged_only_is_gated_averaged_and_by_depth():
     names = {f"psnr{w}{s}_db": 50.0 for w in ("", "_none", "_ideal") for s in ("", "_display")}
     base = values(converged_only=True, proved_fraction=0.0, depth_agree_fraction=0.99, antialiased=names)
     nothing = dict.fromkeys(gate.HITS, math.nan)
-    assert gate.inferior({**base, **nothing}, {**base, **nothing}, {}) == {}
+    assert inferior({**base, **nothing}, {**base, **nothing}, {}) == {}
     worse = {**base, "psnr_db": 1.0, "depth_agree_fraction": 0.98, "antialiased": {**names, "psnr_db": 49.0}}
-    assert set(gate.inferior(worse, base, {})) == {"depth_agree_fraction", "antialiased.psnr_db"}
+    assert set(inferior(worse, base, {})) == {"depth_agree_fraction", "antialiased.psnr_db"}
     proved = {**base, "proved_fraction": 0.5, "false_hits_ppm": 6.0}
-    assert set(gate.inferior(proved, base, {})) == {"false_hits_ppm"}
+    assert set(inferior(proved, base, {})) == {"false_hits_ppm"}
 
 
 @pytest.mark.parametrize("name", ["psnr_ideal_db", "false_hits_ppm"])
 def test_nobody_need_be_nearer_than_the_exact_estimator(name):
     sign = 1 if name.endswith("_db") else -1
     base, exact = values(), values(**{name: values()[name] - sign})
-    assert gate.inferior(exact, base, {}, exact) == {}
+    assert inferior(exact, base, {}, exact) == {}
     worse = values(**{name: exact[name] - sign * 0.5})
-    found = gate.inferior(worse, base, {}, exact)
+    found = inferior(worse, base, {}, exact)
     assert list(found) == [name] and f"the exact estimator has {exact[name]:g}: " in found[name]
     better = values(**{name: values()[name] + sign})
-    assert gate.inferior(base, base, {}, better) == {}  # baseline is the worse one: the bound
-    assert list(gate.inferior(base, base, {}, values(**{name: math.nan}))) == []
-    assert list(gate.inferior(values(**{name: math.nan}), base, {}, exact)) == [name]
+    assert inferior(base, base, {}, better) == {}  # baseline is the worse one: the bound
+    assert list(inferior(base, base, {}, values(**{name: math.nan}))) == []
+    assert list(inferior(values(**{name: math.nan}), base, {}, exact)) == [name]
 
 
 @given(st.floats(0, 1e6), st.floats(0, 1e6), st.floats(0, 1e3))
 def test_non_inferiority_is_the_inequality(mine, base, margin):
-    failed = "dt_p99" in gate.inferior(values(dt_p99=mine), values(dt_p99=base), {"dt_p99": margin})
+    failed = "dt_p99" in inferior(values(dt_p99=mine), values(dt_p99=base), {"dt_p99": margin})
     assert failed == (mine > base + margin)
 
 
