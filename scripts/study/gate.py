@@ -44,8 +44,10 @@ TRUTH_METRICS = (*HITS, *_COLOURS)
 CONVERGED_METRICS = (*HITS, "depth_agree_fraction", *(f"antialiased.{name}" for name in _COLOURS))
 TRUTH = "truth"  # key of a phase's tolerance: by how much it may be worse than baseline
 LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is baseline (scripts/verify.py)
-# dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more.
+# dB: what is nearer counts as this near, an identical picture too. A float near 1 holds no more; a phase may
+# declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
 NEAREST = 150.0
+ENOUGH = "enough_db"
 SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
 
 
@@ -65,7 +67,8 @@ def check(phase: Phase) -> None:
             raise StudyError(
                 f"{where}: no such scene or class; there are smooth, fractal, {TRUTH}, {', '.join(scenes())}"
             )
-        known = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS)) if name == TRUTH else METRICS
+        margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH))
+        known = margin_of if name == TRUTH else METRICS
         if not isinstance(declared, Mapping):
             raise StudyError(f"{where}: should be an object of metric: bound")
         if not isinstance(declared.get("reason"), str) or not declared["reason"].strip():
@@ -116,7 +119,10 @@ def by_truth(phase: Phase) -> bool:
 
 
 def margins(phase: Phase) -> dict[str, float]:
-    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing."""
+    """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing.
+
+    ENOUGH → the PSNR from which on a picture is near enough, in dB.
+    """
     declared = flatten(phase.tolerance.get(TRUTH) or {})
     return {name: bound for name, bound in declared.items() if name != "reason"}
 
@@ -143,7 +149,7 @@ def inferior(
     is converged only has the hits of its proved pixels, if there are any.
     """
     mine, others = flatten(metrics), {who: flatten(values) for who, values in references.items()}
-    found = {}
+    found, enough = {}, allowed.get(ENOUGH, NEAREST)
     if not (mine["non_finite"] <= 0):
         found["non_finite"] = f"{mine['non_finite']} samples, should be none"
     for name in CONVERGED_METRICS if mine["converged_only"] else TRUTH_METRICS:
@@ -152,7 +158,7 @@ def inferior(
         db = name.endswith("_db")
         at_least = db or name in AT_LEAST
         value, *bounds = (
-            NEAREST if db and x >= NEAREST else x
+            enough if db and x >= enough else x
             for x in (mine.get(name, math.nan), *(other.get(name, math.nan) for other in others.values()))
         )
         margin = allowed.get(name, 0)

@@ -51,6 +51,15 @@ def test_infinite_is_as_near_as_floats_can_tell():
     assert inferior(values(psnr_db=149.0), values(psnr_db=math.inf), {"psnr_db": 1}) == {}
 
 
+def test_what_a_phase_calls_near_enough_is():
+    beyond, base = values(psnr_db=81.0), values(psnr_db=95.0)
+    assert list(inferior(beyond, base, {})) == ["psnr_db"]
+    assert inferior(beyond, base, {"enough_db": 80}) == {}
+    assert inferior(values(psnr_db=79.0), base, {"enough_db": 80}).keys() == {"psnr_db"}
+    assert inferior(values(psnr_db=59.9), values(), {"enough_db": 80}).keys() == {"psnr_db"}
+    assert inferior(values(psnr_db=math.nan), base, {"enough_db": 80}).keys() == {"psnr_db"}
+
+
 def test_no_margin_lets_a_picture_pass_that_is_not_finite():
     allowed = dict.fromkeys(gate.TRUTH_METRICS, 1e9)
     assert list(inferior(values(non_finite=1), values(), allowed)) == ["non_finite"]
