@@ -16,7 +16,7 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
-from hard.first_hits import first_hit_holds
+from hard.first_hits import first_hit_holds, on_ray
 from study import registry
 from study.cli import StudyError
 from study.hard import Phase, builds, exact
@@ -152,6 +152,40 @@ def test_mirrors_by_recursion() -> None:
             0.01 * color + 5 * color * facing / distance + 0.2 * 5 * facing**15 / distance
         )
     assert np.abs(known - total).max() < 1e-12
+
+
+def test_how_deep_inside() -> None:
+    """The depth at the camera by geometry; where the nearest surface is behind, the line meets it there."""
+    for whole, depth in c18.enclosed(3):
+        origin, directions = rays(whole, (1, 1))
+        assert geometry.scene_distance(origin[None], whole) == -depth
+        if whole["shapes"][0]["type"] == "sphere":
+            there = geometry.scene_distance(on_ray(origin, directions, np.array([[-depth]])), whole)
+            assert abs(there[0]) < 1e-15 and depth == 0.5
+
+
+class Moved(Phase):
+    """baseline with Z of one pixel of the picture of that number moved."""
+
+    def render(self, *arguments, **keys):
+        picture = super().render(*arguments, **keys)
+        if self.renders == self.number + 1:
+            picture["Z"][-1, 0] += self.by
+        return picture
+
+
+@pytest.mark.parametrize(
+    "number, by", [(1, 0), (2, 3e-6), (3, -3e-6), (4, 3e-6), (3, math.nan), (4, math.inf)]
+)
+def test_depths_from_inside_are_judged(number: int, by: float) -> None:
+    """Three hit distances off in one pixel, inside the box, the ball or on the mirror, are a failure."""
+    phase = Moved("baseline")
+    phase.number, phase.by = number, by
+    outcome = c18.run(phase, 0)
+    assert phase.renders == 5
+    assert c18.CASE.failed(outcome.error) == bool(by)
+    if math.isfinite(by) and by:
+        assert outcome.error == pytest.approx(3, rel=0.1)
 
 
 REFUSED = [
