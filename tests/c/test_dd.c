@@ -71,6 +71,19 @@ static void test_cancellation(void **unused) {
     }
 }
 
+// Sums whose leading 20 to 51 bits cancel, and whose low parts do not fit one double: what is left is
+// known to its own last bits, and fits a __float128.
+static void test_cancelled_sum(void **unused) {
+    (void)unused;
+    for (int i = 0; i < ROUNDS; i++) {
+        double hi = 1 + (double)(bits() >> 12) * 0x1p-52,
+               part = ldexp(1, -(int)(20 + (bits() & 31)));
+        struct dd a = quick_sum(hi, (double)((int64_t)bits() >> 12) * 0x1p-105);
+        struct dd b = quick_sum(-hi * (1 + part), (double)((int64_t)bits() >> 12) * 0x1p-110);
+        assert_true(near(dd_add(a, b), quad(a) + quad(b), 102));
+    }
+}
+
 static void test_order(void **unused) {
     (void)unused;
     struct dd one = dd_from(1), above = {1, 0x1p-80}, below = {1, -0x1p-80};
@@ -108,9 +121,8 @@ static void test_logarithm(void **unused) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_arithmetic),
-        cmocka_unit_test(test_cancellation),
-        cmocka_unit_test(test_order),
+        cmocka_unit_test(test_arithmetic),    cmocka_unit_test(test_cancellation),
+        cmocka_unit_test(test_cancelled_sum), cmocka_unit_test(test_order),
         cmocka_unit_test(test_logarithm),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -49,7 +49,7 @@ SOLIDS: dict[str, tuple[Callable, dict, tuple]] = {
     "torus": (
         torus,
         {"type": "torus", "major_radius": 1.5, "minor_radius": 0.3, "position": [0, 0.5, 8]},
-        (2, 7, 9),
+        (0.5, 2.2, 16),
     ),
     "spheres": (
         spheres,
