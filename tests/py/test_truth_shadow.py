@@ -49,7 +49,7 @@ SOLIDS: dict[str, tuple[Callable, dict, tuple]] = {
     "torus": (
         torus,
         {"type": "torus", "major_radius": 1.5, "minor_radius": 0.3, "position": [0, 0.5, 8]},
-        (0.5, 2.2, 16),
+        (0.5, 1.5, 9),
     ),
     "spheres": (
         spheres,
@@ -136,8 +136,8 @@ def test_soft_shadows(name: str, tmp_path: Path) -> None:
     solid, _, light = SOLIDS[name]
     picture, seen = planes(name, tmp_path), set()
     points = on_floor(picture)
-    assert len(points) > 60
-    for row, column, p in points[::2]:
+    assert len(points) > 60  # of which only the torus needs all for its second minimum to be seen
+    for row, column, p in points[:: 1 if name == "torus" else 3]:
         found = picture["shadow"][row, column], picture["shadow.ideal"][row, column]
         wanted = estimator(solid, p, light), ideal(solid, p, light)
         where = f"pixel {column}, {row}: {found}, not {wanted}"
