@@ -21,7 +21,7 @@ THUMBNAIL = 320  # pixels across, at most
 
 def caption(pair: dict) -> tuple[str, str]:
     """What stands under a picture, and its colour."""
-    colour = panels.GOOD if pair["within_tolerance"] else panels.BAD
+    colour = panels.BAD if pair["within_tolerance"] is False else panels.GOOD
     if "psnr_db" not in pair:
         return "could not be rendered", colour
     if pair["non_finite"]:
@@ -29,7 +29,7 @@ def caption(pair: dict) -> tuple[str, str]:
     text = "identical" if pair["identical"] else f"PSNR {decibels(pair['psnr_db'])}"
     if "antialiased" in pair and not pair["identical"]:
         text += f"\n4×4 averaged {decibels(pair['antialiased']['psnr_db'])}"
-    return text + ("" if pair["within_tolerance"] else "\noutside its tolerance"), colour
+    return text + ("\noutside its tolerance" if pair["within_tolerance"] is False else ""), colour
 
 
 def decibels(psnr: float | None) -> str:

@@ -141,7 +141,7 @@ def heatmaps(data: Data) -> dict[Path, str]:
     return {
         data.path / pair["heatmap"]: f"{pair['scene']}: {pair['phase']} is outside its tolerance"
         for pair in data.pairs
-        if not pair.get("within_tolerance") and pair.get("heatmap")
+        if pair.get("within_tolerance") is False and pair.get("heatmap")
     }
 
 
@@ -180,7 +180,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         images={section.id: copied(section.images, out.parent / "figures") for section in found},
         inline=counted_figures(data, out.parent / "figures"),
         verification=show.table(data.pairs, columns.VERIFICATION),
-        failing=[pair for pair in data.pairs if not pair.get("within_tolerance")],
+        failing=[pair for pair in data.pairs if pair.get("within_tolerance") is False],
         pictures=copied(pictures(data), out.parent / "figures"),
         heatmaps=copied(heatmaps(data), out.parent / "figures"),
         claims=claims.check(data, rows),

@@ -16,6 +16,7 @@ from study.gallery import Gallery, Size
 from study.registry import Scene, Spec
 from study.run import NO_ISA, UNSUPPORTED
 
+TRUTH = "scripts/accuracy.py"  # what judges a rung that has no tolerance to the reference
 FACTOR = 4  # of the anti-aliased comparison, each way
 
 
@@ -38,9 +39,11 @@ def judge(
     a, b = (images.read(gallery.path(who, scene, size)) for who in (reference, spec))
     big = tuple(images.read(gallery.path(who, scene, large)) for who in (reference, spec)) if large else None
     metrics = images.compare(a, b, big)
-    declared = {"identical": True}  # of the reference with itself
+    declared, left = {"identical": True}, False  # of the reference with itself
     if spec != reference:
-        declared = gate.tolerance(registry.find_phase(spec.phase), scene)
+        phase = registry.find_phase(spec.phase)
+        left = gate.left_to_truth(phase)
+        declared = {} if left else gate.tolerance(phase, scene)
     failed = gate.failures(metrics, declared)
     found = {
         **subject(reference, spec, scene, size),
@@ -48,8 +51,10 @@ def judge(
         "tolerance": declared,
         "failed": list(failed),
         "why": [f"{name}: {text}" for name, text in failed.items()],
-        "within_tolerance": not failed,
+        "within_tolerance": None if left and not failed else not failed,
     }
+    if left:
+        found["left_to"] = TRUTH
     for prefix, who, index in (("reference_", reference, 0), ("", spec, 1)):
         found[f"{prefix}binary_sha256"] = gallery.hashes[who]
         found[f"{prefix}image"] = f"{gallery.folder.name}/{gallery.path(who, scene, size).name}"
@@ -90,9 +95,9 @@ def table(pairs: list[dict]) -> str:
     rows = [["scene", "phase", "size", "verdict", *(head for head, *_ in COLUMNS)]]
     for pair in pairs:
         values = gate.flatten(pair)
-        verdict = "identical" if pair.get("identical") else "ok"
+        verdict = "identical" if pair.get("identical") else "by truth" if pair.get("left_to") else "ok"
         row = [pair["scene"], pair["phase"], f"{pair['width']}x{pair['height']}"]
-        row.append(verdict if pair["within_tolerance"] else "FAIL")
+        row.append("FAIL" if pair["within_tolerance"] is False else verdict)
         rows.append(row + [f.format(values[key] * by) if key in values else "" for _, key, f, by in COLUMNS])
     columns = [column for column in zip(*rows, strict=True) if any(column[1:])]
     sides = ["<"] * 4 + [">"] * (len(columns) - 4)
@@ -166,7 +171,7 @@ def run() -> int:
     report(args, result, folder, alone=len(specs) == len(scenes) == len(pairs) == 1)
     if not pairs:
         return cli.CANNOT_RUN
-    return cli.OK if all(pair["within_tolerance"] for pair in pairs) else cli.FAILED
+    return cli.FAILED if any(pair["within_tolerance"] is False for pair in pairs) else cli.OK
 
 
 def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) -> None:
@@ -181,7 +186,10 @@ def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) ->
     for item in result["skipped"]:
         cli.say(f"skipped {item['phase']}{' on ' + item['scene'] if item['scene'] else ''}: {item['reason']}")
     for pair in result["pairs"]:
-        if not pair["within_tolerance"]:
+        if pair.get("left_to"):
+            about = f"{pair['phase']} on {pair['scene']} is left to {TRUTH}"
+            cli.say(f"{about}: it declares tolerance.truth alone; here only that all samples are finite")
+        if pair["within_tolerance"] is False:
             where = f" (heat map: {folder / pair['heatmap']})" if "heatmap" in pair else ""
             cli.say(f"FAIL {pair['phase']} on {pair['scene']}: {'; '.join(pair['why'])}{where}")
 

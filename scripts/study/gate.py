@@ -118,6 +118,11 @@ def by_truth(phase: Phase) -> bool:
     return phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE
 
 
+def left_to_truth(phase: Phase) -> bool:
+    """Whether a rung behind opt4 declares what truth grants and nothing else: no tolerance to baseline."""
+    return by_truth(phase) and set(phase.tolerance) == {TRUTH}
+
+
 def margins(phase: Phase) -> dict[str, float]:
     """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing.
 

@@ -36,14 +36,28 @@ INTRO = (
 number = curves.number
 
 
+def _whole(data: dict[str, Any]) -> bool:
+    """Whether every phase has a row for every case, and every row a value for every strength of its case."""
+    strengths = {case["number"]: case["strengths"] for case in data["cases"]}
+    rows = sorted((row["number"], row["phase"]) for row in data["results"])
+    return (
+        bool(rows)
+        and rows == sorted((number, phase["name"]) for number in strengths for phase in data["phases"])
+        and all(row["strengths"] == strengths[row["number"]] for row in data["results"])
+        and all(
+            len(row[key]) == len(row["strengths"])
+            for row in data["results"]
+            for key in ("errors", "states", "notes")
+        )
+    )
+
+
 def read(path: Path) -> dict[str, Any]:
     """stability.json; StudyError with the file if it is not what scripts/stability.py writes."""
     data = store.read_json(path)
     try:
         sound = data["schema"] == 1 and all(c.keys() >= CASE_KEYS for c in data["cases"])
-        sound = sound and all(r.keys() >= ROW_KEYS for r in data["results"]) and bool(data["phases"])
-        names = {p["name"] for p in data["phases"]}
-        sound = sound and all(r["phase"] in names for r in data["results"])
+        sound = sound and all(r.keys() >= ROW_KEYS for r in data["results"]) and _whole(data)
     except (KeyError, TypeError, AttributeError):
         sound = False
     if not sound:

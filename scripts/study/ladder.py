@@ -36,17 +36,19 @@ def error_of(data: Data, cell: Cell) -> dict[str, Any]:
     """The pair of verify.json that judges the cell's phase against baseline: same size, else the largest.
 
     Columns: ERRORS, failed, error_width and error_height (pixels), within_tolerance (True, False or None),
-    is_reference. None where nothing was verified.
+    left_to (the script that judges it instead), is_reference. None where nothing was verified.
     """
     subject = (cell.spec, BASE, cell.scene)
     pairs = [p for p in data.pairs if (p.get("phase"), p.get("reference"), p.get("scene")) == subject]
     size = (cell.width, cell.height)
     pair = max(pairs, key=lambda p: ((p["width"], p["height"]) == size, p["height"]), default={})
+    left = bool(pair.get("left_to")) and pair.get("within_tolerance") is None
     return {
         **{name: pair.get(name) for name in (*ERRORS, "failed")},
         "error_width": pair.get("width"),
         "error_height": pair.get("height"),
-        "within_tolerance": bool(pair.get("within_tolerance")) if pair else None,
+        "within_tolerance": None if not pair or left else bool(pair.get("within_tolerance")),
+        "left_to": pair.get("left_to") if left else None,
         "is_reference": cell.spec == BASE,
     }
 

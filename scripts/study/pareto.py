@@ -240,8 +240,9 @@ def read(path: Path) -> dict[str, Any]:
     if not path.exists():
         return {"rows": [], "skipped": []}
     result = store.read_json(path)
-    rows = result.get("rows")
-    if not isinstance(rows, list) or not all(isinstance(r, dict) and "ns_per_pixel" in r for r in rows):
+    rows = result.get("rows") if isinstance(result, dict) else None
+    sound = isinstance(rows, list) and all(isinstance(r, dict) and "ns_per_pixel" in r for r in rows)
+    if not sound or (not rows and result.get("winners")):
         raise StudyError(f"{path}: not what scripts/pareto.py writes; make it again with scripts/pareto.py")
     return result
 

@@ -63,6 +63,10 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
     """Whatever the content of `file` makes fail becomes a StudyError: the file, why, and who writes it."""
     try:
         yield
+    except StudyError as error:
+        if "scripts/" in str(error):
+            raise
+        raise StudyError(f"{error}; remove it and make it again with {script}", error.exit_status) from None
     except BROKEN as error:
         name = script.partition(" ")[0]
         raise StudyError(

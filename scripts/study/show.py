@@ -102,7 +102,7 @@ def gate(row: Row) -> str:
         return "reference"
     within = row.get("within_tolerance")
     if within is None or pd.isna(within):
-        return "not verified"
+        return "by truth alone" if isinstance(row.get("left_to"), str) else "not verified"
     height = row.get("error_height")
     other = "" if pd.isna(height) or height == row.get("height") else f" (at n = {height:.0f})"
     if within:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from study import cli, images, run, stats
+from study import accuracy, cli, images, run, stats, store
 from study.cli import StudyError
 from study.images import Picture
 from study.registry import ROOT, Scene, Spec
@@ -32,7 +32,10 @@ SETS = {
     "and fast-math": "-march=native -ffp-contract=fast -ffast-math",
 }
 BASE = "gcc", "as shipped"
-FACTOR = 4  # of the averaged pictures of fractals, each way
+ROW_KEYS = {"compiler", "flags", "phase", "scene", "ms", "speedup", "changed_fraction", "non_finite",
+            "psnr_to_shipped_db", "rmse_to_shipped"}  # fmt: skip
+WRONG = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm")
+HITS = (*WRONG, "dt_p99")  # of the proved pixels
 
 
 @dataclass(frozen=True)
@@ -146,10 +149,14 @@ def row(
     pictures: dict[Program, Picture],
     truth: Picture | None,
 ) -> dict[str, Any]:
-    """One line. `speedup`: over gcc as shipped, of the same phase. Errors: to truth, where there is one."""
+    """One line. `speedup`: over gcc as shipped, of the same phase. Errors: to truth, where there is one.
+
+    Those leave out what truth does not know (study.accuracy.metrics); `non_finite` is of this picture alone.
+    """
     base = Program(*BASE, program.phase)
     about = {"compiler": program.compiler, "flags": program.flags, "more": SETS[program.flags]}
     mine, theirs = pictures[program], pictures[base]
+    shipped = images.compare(theirs, mine)
     found = {
         **about,
         "phase": program.phase,
@@ -159,27 +166,43 @@ def row(
         "speedup": stats.ratio_interval(times[base], times[program]),
         "changed_fraction": changed(theirs, mine),
         "non_finite": images.non_finite(mine),
-        "psnr_to_shipped_db": images.compare(theirs, mine)["psnr_db"],
+        "psnr_to_shipped_db": shipped["psnr_db"],
+        "rmse_to_shipped": shipped["rmse"],  # JSON's null PSNR is infinite where this is 0, else no number
     }
-    if truth is not None and scene.fractal:
-        found["truth_psnr_db"] = images.antialiased(truth, mine, FACTOR)["psnr_db"]
-    elif truth is not None:
-        error = images.compare(truth, mine)
-        for name in ("psnr_db", "mask_mismatch_ppm", "id_mismatch_ppm", "dt_p99"):
-            found[f"truth_{name}"] = error[name]
+    if truth is not None:
+        error = accuracy.metrics(truth, mine, fractal=scene.fractal)
+        colours = error["antialiased"] if scene.fractal else error
+        found |= {f"truth_{name}": colours[name] for name in ("psnr_db", "rmse")}
+        found |= {f"truth_{name}": error[name] for name in HITS}
     return found
 
 
-def truth_of(scene: Scene, height: int) -> Picture | None:
-    """Truth's picture (study.truth), reduced to a phase's planes; None, with a word, where it has none.
+def read(path: Path) -> dict[str, Any]:
+    """toolchains.json. StudyError for another thing's JSON, or one of which the rows are gone."""
+    result = store.read_json(path)
+    rows = result.get("rows") if isinstance(result, dict) else None
+    sound = isinstance(rows, list) and all(isinstance(r, dict) and r.keys() >= ROW_KEYS for r in rows)
+    sound = sound and (rows or result.get("failures")) and all(_numbers(r) for r in rows)
+    if not sound or result.get("schema") != 1:
+        raise StudyError(
+            f"{path}: not what scripts/toolchains.py writes; make it again with scripts/toolchains.py"
+        )
+    return result
 
-    A fractal's is converged only: there the pictures are compared 4 × 4 averaged.
-    """
+
+def _numbers(one: dict[str, Any]) -> bool:
+    """Whether what is a metric is a number, or null where it has no value."""
+    metrics = [v for k, v in one.items() if k.startswith(("truth_", "psnr_", "rmse_", "changed_"))]
+    counted = isinstance(one["non_finite"], int)
+    return counted and all(isinstance(v, int | float | None) for v in metrics)
+
+
+def truth_of(scene: Scene, height: int) -> Picture | None:
+    """Truth's picture (study.truth); None, with a word, where it has none."""
     from study import truth
 
     with contextlib.suppress(StudyError):
-        made = truth.picture(scene, scene.size(height))
-        return {name: made[name] for name in images.AOVS}
+        return truth.picture(scene, scene.size(height))
     cli.say(f"no truth of {scene.name}: errors to it are left out")
     return None
 
@@ -205,9 +228,8 @@ def shown(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         return None if value is None else "∞" if value == np.inf else f"{value:.1f}"
 
     def wrong(one: dict[str, Any]) -> str | None:
-        if "truth_mask_mismatch_ppm" not in one:
-            return None
-        return f"{one['truth_mask_mismatch_ppm'] + one['truth_id_mismatch_ppm']:.0f}"
+        values = [one.get(f"truth_{name}") for name in WRONG]
+        return None if None in values or not np.isfinite(values).all() else f"{sum(values):.0f}"
 
     return [
         {

@@ -16,7 +16,7 @@ from study import (
     pareto,
     pareto_page,
     show,
-    store,
+    toolchains,
 )
 from study.pareto import Row
 from study.sections import Section, part, reading
@@ -119,7 +119,7 @@ def _interval(name: str, unit: str = ""):
 def _psnr(row: Row) -> str:
     if row["psnr_to_shipped_db"] is not None:
         return show.number(row["psnr_to_shipped_db"])
-    return "not finite" if row["non_finite"] else "identical"  # JSON's null is either
+    return "identical" if row["rmse_to_shipped"] == 0 else "not finite"  # JSON's null is either
 
 
 CHAINS = [
@@ -132,7 +132,8 @@ CHAINS = [
     Column("what changes", "pixels with any bit changed", lambda r: show.percent(r["changed_fraction"])),
     Column("what changes", "PSNR to shipped, dB", _psnr),
     Column("error to truth", "PSNR, dB", _number("truth_psnr_db")),
-    Column("error to truth", "hit or miss wrong, ppm", _number("truth_mask_mismatch_ppm")),
+    Column("error to truth", "false hits, ppm", _number("truth_false_hits_ppm")),
+    Column("error to truth", "false misses, ppm", _number("truth_false_misses_ppm")),
 ]
 CHAINS_ABOUT = (
     "n = {n}, {launches} interleaved launches. Flags come behind the phase's own (-O3, its -m flags, "
@@ -147,7 +148,7 @@ def compilers(path: Path) -> Section:
     parts, remarks = [], []
     with reading(file, f"scripts/toolchains.py --run {path}"):
         if file.exists():
-            result = store.read_json(file)
+            result = toolchains.read(file)
             parts = part("toolchains", "Each phase by each compiler and set of flags", result["rows"], CHAINS)
             native = "; ".join(f"{name}: {flags or 'not told'}" for name, flags in result["native"].items())
             remarks = [CHAINS_ABOUT.format(**result | {"native": native})]

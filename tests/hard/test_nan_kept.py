@@ -66,7 +66,7 @@ def test_mirrors_keep_a_colour_that_is_nan(number: int) -> None:
     assert math.isnan(c18_mirrors_and_inside.run(Fake("R", number), 1.0).error)
 
 
-@pytest.mark.parametrize("number", [2, 3])
+@pytest.mark.parametrize("number", [2, 3, 4])
 def test_inside_a_colour_that_is_nan_is_not_bounded(number: int) -> None:
     assert c18_mirrors_and_inside.run(Fake("R", number), 1.0).error == math.inf
 

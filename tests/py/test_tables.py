@@ -168,6 +168,24 @@ def test_a_pair_that_could_not_be_rendered_is_shown_failing(run: Path) -> None:
     assert show.gate(row(run, "scene0", "opt1", 180)) == "✗ OUTSIDE: render"
 
 
+def test_a_pair_left_to_truth_is_neither_within_nor_failing(run: Path) -> None:
+    def left(pair: dict) -> None:
+        if pair["phase"] == "opt4":
+            pair |= {
+                "within_tolerance": None,
+                "left_to": "scripts/accuracy.py",
+                "failed": [],
+                "tolerance": {},
+            }
+
+    edit_pairs(run, left)
+    opt4 = row(run, "mandelbulb", "opt4", 90)
+    assert show.gate(opt4) == "by truth alone" and show.gate_mark(opt4) == ""
+    made = tables.make(analysis.load(run), rows_of(run))
+    assert "OUTSIDE" not in made["verification"][1] + made["ladder"][1]
+    assert made["verification"][1].count("by truth alone") == 2
+
+
 # Broken and missing input
 
 

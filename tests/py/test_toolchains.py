@@ -109,7 +109,52 @@ def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_null_psnr_of_a_broken_picture_is_not_identical() -> None:
-    row = {"psnr_to_shipped_db": None, "non_finite": 0}
+    row = {"psnr_to_shipped_db": None, "rmse_to_shipped": 0.0}
     assert truth_sections._psnr(row) == "identical"
-    assert truth_sections._psnr(row | {"non_finite": 2}) == "not finite"
+    assert truth_sections._psnr(row | {"rmse_to_shipped": None}) == "not finite"
     assert truth_sections._psnr(row | {"psnr_to_shipped_db": 42.0}) == "42.0"
+
+
+def measured(truth: images.Picture, mine: images.Picture, theirs: images.Picture, scene: str) -> dict:
+    """The row of gcc with fast-math against these pictures."""
+    one, base = Program("gcc", "and fast-math", "opt1"), Program(*BASE, "opt1")
+    times = {one: [1e6] * 6, base: [2e6] * 6}
+    return toolchains.row(one, registry.find_scene(scene), 8, times, {one: mine, base: theirs}, truth)
+
+
+def exact(height: int = 8, width: int = 12) -> images.Picture:
+    """Truth's picture of a floor, every pixel proved."""
+    made = picture(height, width) | {name: np.zeros((height, width), np.float32) for name in ("N.x", "N.z")}
+    made |= {"none." + c: made[c] for c in "RGB"} | {"ideal." + c: made[c] for c in "RGB"}
+    made |= {name: np.full((height, width), 2, np.float32) for name in ("status", "status.all")}
+    return made | {"shadow": np.ones((height, width), np.float32)}
+
+
+@pytest.mark.parametrize("scene", ["two_spheres", "mandelbulb"])
+def test_what_truth_does_not_know_is_left_out(scene: str) -> None:
+    """One pixel undecided, with NaN for a colour: the others are off by 1/16 in red, 24.08 + 4.77 dB."""
+    truth = exact()
+    mine = {name: truth[name].copy() for name in images.AOVS}
+    mine["R"] -= np.float32(1 / 16)
+    for prefix in ("", "none.", "ideal."):
+        truth[prefix + "R"][0, 0] = np.nan
+    truth["status"][0, 0] = truth["status.all"][0, 0] = 0
+    truth["Z"][0, 0] = np.nan
+    mine["id"][0, 1], mine["Z"][0, 1] = -1, np.inf
+    row = measured(truth, mine, mine, scene)
+    assert row["non_finite"] == 0 and row["changed_fraction"] == 0
+    share = 95 / 96 if scene == "two_spheres" else (5 + (15 / 16) ** 2) / 6  # of 16 averaged, one is right
+    assert row["truth_psnr_db"] == pytest.approx(-10 * np.log10(share / 3 / 256), abs=1e-4)
+    assert row["truth_false_misses_ppm"] == pytest.approx(1e6 / 95)
+    assert row["truth_false_hits_ppm"] == row["truth_wrong_shape_ppm"] == row["truth_dt_p99"] == 0
+
+
+def test_non_finite_is_of_the_picture_itself() -> None:
+    """A shipped picture with a NaN does not make the other one broken, nor the same."""
+    broken = {name: plane.copy() for name, plane in exact().items() if name in images.AOVS}
+    broken["R"][3, 3] = np.nan
+    sound = {name: exact()[name] for name in images.AOVS}
+    row = measured(exact(), sound, broken, "two_spheres")
+    assert row["non_finite"] == 0 and row["truth_psnr_db"] == np.inf
+    assert truth_sections._psnr(cli.plain(row)) == "not finite"
+    assert measured(exact(), broken, sound, "two_spheres")["non_finite"] == 1

@@ -1,4 +1,4 @@
-"""The gate (study.gate), the pictures it looks at (study.gallery) and scripts/verify.py."""
+"""The pictures that the gate looks at (study.gallery) and scripts/verify.py."""
 
 from __future__ import annotations
 
@@ -12,134 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tolerances import SMOOTH, bound, phase
 
 import verify
-from study import build, gallery, gate, images, registry
+from study import build, gallery, images, registry
 from study.cli import StudyError
 from study.gallery import Gallery
-from study.registry import ROOT, Phase, Scene, Spec
+from study.registry import ROOT, Spec
 from study.run import DriverError
-
-SMOOTH = Scene("trio", ROOT / "common/scenes/trio.json", {}, False)
-FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)
-
-
-def phase(tolerance: dict, name: str = "opt9", isa: tuple[str, ...] = ()) -> Phase:
-    return dataclasses.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
-
-
-def bound(reason: str = "measured", **bounds: object) -> dict:
-    return {**bounds, "reason": reason}
-
-
-# --- tolerances
-
-
-def test_a_scene_by_name_wins_over_its_class():
-    declared = {"smooth": bound(psnr_db=50), "trio": bound(psnr_db=60), "fractal": bound(psnr_db=30)}
-    assert gate.tolerance(phase(declared), SMOOTH)["psnr_db"] == 60
-    assert gate.tolerance(phase(declared), FRACTAL)["psnr_db"] == 30
-    del declared["trio"]
-    assert gate.tolerance(phase(declared), SMOOTH)["psnr_db"] == 50
-
-
-def test_a_class_without_tolerance_fails(blank):
-    none = gate.tolerance(phase({"smooth": bound(psnr_db=50)}), FRACTAL)
-    assert none is None
-    assert list(gate.failures(images.compare(blank(), blank()), none)) == ["tolerance"]
-
-
-@pytest.mark.parametrize(
-    "declared, message",
-    [
-        (bound(psnr=50), "smooth.psnr: no such metric"),
-        (bound(antialiased={"flip_mean": 1}), "antialiased.flip_mean: no such metric"),
-        ({"psnr_db": 50}, "lacks its reason"),
-        (bound(reason=" ", psnr_db=50), "lacks its reason"),
-        (bound(), "bounds no metric"),
-        (bound(psnr_db=math.nan), "should be a finite number"),
-        (bound(psnr_db="50"), "should be a finite number"),
-        (bound(psnr_db=True), "should be a finite number"),
-        (bound(identical=False), "should be true"),
-        (bound(identical=1), "should be true"),
-        (50, "should be an object"),
-    ],
-)
-def test_a_tolerance_that_says_nothing_clear_is_refused(declared, message):
-    with pytest.raises(StudyError, match=message):
-        gate.check(phase({"smooth": declared}))
-
-
-def test_a_tolerance_for_what_is_no_scene_is_refused():
-    with pytest.raises(StudyError, match=r"tolerance\.smoth: no such scene or class"):
-        gate.check(phase({"smoth": bound(psnr_db=50)}))
-
-
-@pytest.mark.parametrize("name", registry.ladder())
-def test_what_the_phases_declare_is_understood(name):
-    gate.check(registry.find_phase(name))
-
-
-# --- judging
-
-
-def outside(bounds: dict, **metrics: object) -> list[str]:
-    return list(gate.failures({"non_finite": 0, **metrics}, bounds))
-
-
-@pytest.mark.parametrize("name", ["psnr_db", "psnr_display_db", "depth_agree_fraction"])
-def test_lower_bounds(name):
-    values = [50, 50.1, math.inf, 49.9, math.nan]
-    assert [outside({name: 50}, **{name: value}) for value in values] == [[], [], [], [name], [name]]
-
-
-@pytest.mark.parametrize(
-    "name", ["dt_p99", "max_abs", "flip_mean", "mask_mismatch_ppm", "normal_p99_degrees"]
-)
-def test_upper_bounds(name):
-    values = [0.5, 0.1, 0.6, math.nan, math.inf]
-    assert [outside({name: 0.5}, **{name: value}) for value in values] == [[], [], [name], [name], [name]]
-
-
-def test_what_was_not_measured_is_outside():
-    assert outside({"dt_p99": 1}) == ["dt_p99"]
-    assert list(gate.failures({"psnr_db": 99}, {"psnr_db": 50})) == ["non_finite"]
-
-
-def test_bounds_of_the_antialiased_picture():
-    bounds = {"antialiased": {"psnr_db": 30, "fraction_over_1_255": 0.1}}
-    assert outside(bounds, antialiased={"psnr_db": 31, "fraction_over_1_255": 0.1}) == []
-    both = ["antialiased.psnr_db", "antialiased.fraction_over_1_255"]
-    assert outside(bounds, antialiased={"psnr_db": 29, "fraction_over_1_255": 0.2}) == both
-    assert outside(bounds, psnr_db=99) == both
-
-
-def test_no_tolerance_lets_a_sample_pass_that_is_not_finite(blank):
-    picture = blank()
-    picture["R"][0, 0] = math.nan
-    found = gate.failures(images.compare(picture, picture), bound(identical=True, mask_mismatch_ppm=1e6))
-    assert list(found) == ["non_finite"]
-    found = gate.failures(
-        images.compare(picture, picture), bound(psnr_db=0, fraction_over_1_255=1, max_abs=1e9)
-    )
-    assert list(found) == ["non_finite", "psnr_db", "fraction_over_1_255", "max_abs"]
-    large = images.compare(blank(), blank(), (picture, picture))
-    assert list(gate.failures(large, bound(psnr_db=50))) == ["antialiased.non_finite"]
-
-
-def test_failures_come_in_the_order_of_the_gate_with_value_and_bound():
-    metrics = {"psnr_db": 47.3, "mask_mismatch_ppm": 30.0, "identical": False, "non_finite": 0}
-    found = gate.failures(metrics, {"psnr_db": 55, "mask_mismatch_ppm": 20, "identical": True})
-    assert list(found) == ["identical", "mask_mismatch_ppm", "psnr_db"]
-    assert found["psnr_db"] == "47.3, should be at least 55"
-    assert found["mask_mismatch_ppm"] == "30, should be at most 20"
-
-
-def test_identical_pictures_pass_every_bound(blank):
-    metrics = images.compare(blank(), blank(), (blank(40, 40), blank(40, 40)))
-    bounds = {name: 1000 if name in gate.AT_LEAST else 0 for name in gate.METRICS}
-    assert not gate.failures(metrics, {**bounds, "depth_agree_fraction": 1, "identical": True})
-
 
 # --- pictures on disk, with a driver that copies a prepared EXR
 
@@ -332,6 +212,64 @@ def test_a_wrong_tolerance_ends_it_before_anything_is_rendered(driver, command, 
     with pytest.raises(StudyError, match="no such metric"):
         command("--scene", "trio")
     assert not driver.calls
+
+
+TRUTH_ALONE = {"truth": bound(psnr_db=0.1)}
+
+
+@pytest.fixture
+def rung(driver, monkeypatch):
+    """Puts a rung with these tolerances behind opt4, whose picture is opt4's: off by 0.01 in red."""
+
+    def put(tolerance: dict, order: int = 6) -> None:
+        made = dataclasses.replace(phase(tolerance, "opt9"), order=order)
+        monkeypatch.setitem(registry.phases(), "opt9", made)
+        driver.pictures["opt9"] = driver.pictures["opt4"]
+
+    return put
+
+
+def test_a_rung_held_against_truth_alone_is_left_to_accuracy(rung, driver, command, tmp_path):
+    rung(TRUTH_ALONE)
+    status, out, err = command("--phase", "opt9", "--scene", "trio", "mandelbulb", "--json")
+    pairs = json.loads(out)["pairs"]
+    assert status == 0 and [pair["within_tolerance"] for pair in pairs] == [None, None]
+    assert pairs[0]["left_to"] == "scripts/accuracy.py" and pairs[0]["failed"] == []
+    assert pairs[0]["psnr_db"] == pytest.approx(40 + 10 * math.log10(3), abs=1e-3)  # for the report
+    assert err.count("opt9 on trio is left to scripts/accuracy.py: it declares tolerance.truth alone") == 1
+    assert "FAIL" not in err and "heatmap" not in pairs[0]
+    assert " by truth " in command("--phase", "opt9", "--scene", "trio")[1]
+
+
+def test_a_rung_left_to_accuracy_may_not_write_what_is_not_finite_nor_crash(rung, driver, command, blank):
+    rung(TRUTH_ALONE)
+
+    def broken(height, width):
+        picture = blank(height, width)
+        picture["R"][0, 0] = math.nan
+        return picture
+
+    driver.pictures["opt9"] = broken
+    status, out, err = command("--phase", "opt9", "--scene", "trio")
+    assert status == 1 and "FAIL" in out and "FAIL opt9 on trio: non_finite" in err
+    driver.pictures["opt9"] = DriverError(-11, "killed by SIGSEGV")
+    assert command("--phase", "opt9", "--scene", "mandelbulb")[0] == 1
+
+
+@pytest.mark.parametrize(
+    "tolerance, order",
+    [
+        (TRUTH_ALONE, 4),  # up to opt4 baseline is the reference
+        ({}, 6),  # declares nothing at all
+        (TRUTH_ALONE | {"fractal": bound(psnr_db=1)}, 6),  # and forgot the other class
+        (TRUTH_ALONE | {"smooth": bound(psnr_db=55)}, 6),
+    ],
+)
+def test_who_declares_more_or_nothing_is_judged_here(rung, command, tolerance, order):
+    rung(tolerance, order)
+    status, out, err = command("--phase", "opt9", "--scene", "trio", "--json")
+    assert status == 1 and json.loads(out)["within_tolerance"] is False and "left to" not in err
+    assert "FAIL opt9 on trio: " in err
 
 
 def test_the_reference_is_identical_to_itself(driver, command):

@@ -67,9 +67,13 @@ CASE = Case(
     why="Powers of two change the exponents of floating-point numbers and nothing else, so not a bit of "
     "the picture may change, unless a phase has a constant in it that is a length: an epsilon of its "
     "own, a clamp, a sentinel like 1e20, or an exponent that leaves the range of float.",
-    source="As a test by a relation of two outputs: T. Y. Chen, S. C. Cheung and S. M. Yiu, *Metamorphic "
-    "testing*, HKUST-CS98-01 (1998); on graphics: A. F. Donaldson and A. Lascu, *Metamorphic testing for "
-    "(graphics) compilers*, MET 2016. For this scaling of a renderer we know of no first description.",
+    source="That a power of two changes the exponent and not the significand: D. Goldberg, *What every "
+    "computer scientist should know about floating-point arithmetic*, ACM Computing Surveys 23 (1991), in "
+    "the proof of theorem 7. A constant that is a length, found by scaling: BeamletOptics.jl issue 51 "
+    "(2026), on sphere tracing from a surface. As a test by a relation of two outputs: T. Y. Chen, "
+    "S. C. Cheung and S. M. Yiu, *Metamorphic testing*, HKUST-CS98-01 (1998); on graphics: A. F. Donaldson "
+    "and A. Lascu, *Metamorphic testing for (graphics) compilers*, MET 2016. For this scaling of a renderer "
+    "we know of no first description.",
     known="The same phase's picture at k = 0; every number is scaled exactly. Depth is compared after "
     "scaling.",
     strength="|k| of the factor 2ᵏ",

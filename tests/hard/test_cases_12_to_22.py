@@ -16,9 +16,10 @@ import pytest
 from mpmath import mpf
 
 from conformance import geometry
+from hard.first_hits import first_hit_holds, on_ray
 from study import registry
 from study.cli import StudyError
-from study.hard import Phase, builds, cases, exact
+from study.hard import Phase, builds, exact
 from study.hard import c12_medial_axis as c12
 from study.hard import c13_no_lipschitz_bound as c13
 from study.hard import c14_mandelbulb_poles as c14
@@ -29,56 +30,9 @@ from study.hard import c19_tiny_numbers as c19
 from study.hard import c20_reciprocal_roots as c20
 from study.hard import c21_contraction as c21
 from study.hard import c22_sizes as c22
-from study.hard import c23_camera_near_surface as c23
-from study.hard import c24_wide_field as c24
-from study.hard import c25_coplanar as c25
-from study.hard import c26_light_inside as c26
-from study.hard import c28_up_along_view as c28
-from study.hard import c30_deep_fog as c30
-from study.hard import c31_bounds_cut as c31
-from study.hard import c33_lopsided_cells as c33
-from study.hard.scenes import angle_degrees, camera_frame, rays
+from study.hard.scenes import angle_degrees, rays
 
 mpmath.mp.dps = 60
-
-
-def own() -> list:
-    return [case for case in cases() if case.number >= 12]
-
-
-def test_all_cases_are_there() -> None:
-    """12 to 22, and at least eight of our own."""
-    numbers = [case.number for case in cases()]
-    assert set(range(12, 23)) <= set(numbers) and sum(case.own for case in cases()) >= 8
-
-
-@pytest.mark.parametrize("case", own(), ids=lambda case: case.name)
-def test_pages_name_a_year(case) -> None:
-    """A source that can be looked up has a year or a number."""
-    assert any(
-        word.strip("().,:;").isdigit() and len(word.strip("().,:;")) == 4 for word in case.source.split()
-    )
-    assert len(case.strengths) >= 5
-
-
-def on_ray(origin: np.ndarray, directions: np.ndarray, t: np.ndarray) -> np.ndarray:
-    return (origin + t[..., None] * directions).reshape(-1, 3).astype(float)
-
-
-def first_hit_holds(whole: dict, size: tuple[int, int], t: np.ndarray, scale: float = 1.0) -> None:
-    """Where t is finite the point lies on the surface and nothing before it; where not, nowhere does."""
-    origin, directions = rays(whole, size)
-    t = t.reshape(-1).astype(float)
-    directions = directions.reshape(-1, 3)
-    hit = np.isfinite(t)
-    if hit.any():
-        there = geometry.scene_distance(on_ray(origin, directions[hit], t[hit]), whole)
-        assert np.abs(there).max() < 1e-12 * scale
-    for share in np.linspace(0, 0.999, 200):
-        before = geometry.scene_distance(
-            on_ray(origin, directions, share * np.where(hit, t, 50 * scale)), whole
-        )
-        assert (before > -1e-12 * scale).all(), f"something lies before the first hit, at {share} of the way"
 
 
 def test_first_hits_of_the_cases() -> None:
@@ -86,8 +40,6 @@ def test_first_hits_of_the_cases() -> None:
     first_hit_holds(c13.truth()[0], c13.SIZE, c13.truth()[3])
     for k in (0, 1):
         first_hit_holds(c22.side_by_side(k), c22.SIZE, c22.truth(k)[0], 10.0**-k)
-    wide = c24.wall(170)
-    first_hit_holds(wide, c24.SIZE, exact.plane(*rays(wide, c24.SIZE), [0.36, 0.48, 0.8], 1))
 
 
 def test_sphere_against_rationals() -> None:
@@ -105,27 +57,6 @@ def test_sphere_against_rationals() -> None:
             found.append((-b - mpmath.sqrt(inside)) / a if inside >= 0 else mpmath.inf)
         assert shapes[row, column] == found.index(min(found))
         assert abs(mpf(float(t[row, column])) / min(found) - 1) < 1e-9
-
-
-@pytest.mark.parametrize("ratio", [1, 2, 30])
-def test_cones_of_the_column(ratio: float) -> None:
-    """Ray against cone: on the surface of the nearest copy, and outside all copies before."""
-    whole = c33.stack(ratio)
-    origin, directions = rays(whole, (12, 12))
-    top = c33.BOTTOM / ratio
-    t, _ = exact.nearest(
-        *(exact.cone(origin, directions, [0, c33.CELL * i, 0], c33.BOTTOM, top, c33.HALF) for i in c33.COPIES)
-    )
-    copies = {k: v for k, v in whole["shapes"][0].items() if k != "repeat"}
-    union = whole | {"shapes": [copies | {"position": [0, c33.CELL * i, 0]} for i in c33.COPIES]}
-    near = np.where(t < 12, t, np.inf)
-    hit = np.isfinite(near)
-    assert 0.2 < hit.mean() < 1
-    on = geometry.scene_distance(on_ray(origin, directions[hit], near[hit]), union)
-    assert np.abs(on).max() < 1e-12
-    for share in np.linspace(0, 0.999, 100):
-        before = geometry.scene_distance(on_ray(origin, directions, share * np.where(hit, near, 12)), union)
-        assert before.min() > -1e-12
 
 
 def test_medial_axis_is_symmetric() -> None:
@@ -223,6 +154,40 @@ def test_mirrors_by_recursion() -> None:
     assert np.abs(known - total).max() < 1e-12
 
 
+def test_how_deep_inside() -> None:
+    """The depth at the camera by geometry; where the nearest surface is behind, the line meets it there."""
+    for whole, depth in c18.enclosed(3):
+        origin, directions = rays(whole, (1, 1))
+        assert geometry.scene_distance(origin[None], whole) == -depth
+        if whole["shapes"][0]["type"] == "sphere":
+            there = geometry.scene_distance(on_ray(origin, directions, np.array([[-depth]])), whole)
+            assert abs(there[0]) < 1e-15 and depth == 0.5
+
+
+class Moved(Phase):
+    """baseline with Z of one pixel of the picture of that number moved."""
+
+    def render(self, *arguments, **keys):
+        picture = super().render(*arguments, **keys)
+        if self.renders == self.number + 1:
+            picture["Z"][-1, 0] += self.by
+        return picture
+
+
+@pytest.mark.parametrize(
+    "number, by", [(1, 0), (2, 3e-6), (3, -3e-6), (4, 3e-6), (3, math.nan), (4, math.inf)]
+)
+def test_depths_from_inside_are_judged(number: int, by: float) -> None:
+    """Three hit distances off in one pixel, inside the box, the ball or on the mirror, are a failure."""
+    phase = Moved("baseline")
+    phase.number, phase.by = number, by
+    outcome = c18.run(phase, 0)
+    assert phase.renders == 5
+    assert c18.CASE.failed(outcome.error) == bool(by)
+    if math.isfinite(by) and by:
+        assert outcome.error == pytest.approx(3, rel=0.1)
+
+
 REFUSED = [
     ({"camera": {"look_at": [0, 0, 0]}}, "look_at"),
     ({"camera": {"up": [0, 0, 0]}}, "up"),
@@ -303,37 +268,6 @@ def test_twins_are_inside() -> None:
     for inner, outer in ((0, 1), (2, 3)):
         a, b = (geometry.shape_distance(p, same[i]) for i in (inner, outer))
         assert np.abs(a - b).max() < 1e-14
-
-
-def test_nearer_surface_is_nearer() -> None:
-    """Both faces are square to (0, 0.6, 0.8), the box's by the gap before the wall's."""
-    for gap in (1e-1, 1e-5):
-        whole = c25.layers(gap)
-        origin, directions = rays(whole, (8, 5))
-        wall = exact.plane(origin, directions, [0, 0.6, 0.8], 4)
-        p = on_ray(origin, directions, wall)
-        assert np.abs(geometry.shape_distance(p, whole["shapes"][c25.FAR])).max() < 1e-12
-        assert np.abs(geometry.shape_distance(p, whole["shapes"][c25.NEAR]) + gap).max() < 1e-12
-        assert (geometry.shape_distance(p * 0.9, whole["shapes"][c25.NEAR]) > 0).all()
-
-
-def test_small_scenes() -> None:
-    """Of the cases whose answer is by construction: that they are constructed so."""
-    assert camera_frame(c23.over_floor(1e-7))[3][1] == 0
-    for depth in c26.CASE.strengths:  # the light is inside the ball, in doubles too
-        light, ball = c26.lamp(depth)["light"]["position"], c26.lamp(depth)["shapes"][1]
-        assert math.dist(light, ball["position"]) < ball["radius"]
-    straight = camera_frame(c28.leaning(None))
-    for angle in c28.CASE.strengths:
-        for a, b in zip(straight, camera_frame(c28.leaning(angle)), strict=True):
-            assert np.abs(a - b).max() < 1e-9
-    thick = c30.foggy(8, 0.7e-24)
-    assert thick["fog"] * 1e24 == pytest.approx(0.7) and mpmath.exp(mpf(-0.7)) > 0.49
-    for k in c31.CASE.strengths:
-        whole = c31.cut(k)
-        t = exact.plane(*rays(whole, c31.SIZE), [0, 0, 1], c31.FAR)
-        share = (t <= whole["march"]["bounds_radius"]).mean()
-        assert 0.005 < share < 0.9, "the disc's rim is in the picture"
 
 
 def test_builds_differ() -> None:

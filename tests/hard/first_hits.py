@@ -1,0 +1,28 @@
+"""First hits of rays held against distances from geometry, for the tests of the cases."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from conformance import geometry
+from study.hard.scenes import rays
+
+
+def on_ray(origin: np.ndarray, directions: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return (origin + t[..., None] * directions).reshape(-1, 3).astype(float)
+
+
+def first_hit_holds(whole: dict, size: tuple[int, int], t: np.ndarray, scale: float = 1.0) -> None:
+    """Asserts that t ends on the surface with nothing before it, and that a ray without t meets none."""
+    origin, directions = rays(whole, size)
+    t = t.reshape(-1).astype(float)
+    directions = directions.reshape(-1, 3)
+    hit = np.isfinite(t)
+    if hit.any():
+        there = geometry.scene_distance(on_ray(origin, directions[hit], t[hit]), whole)
+        assert np.abs(there).max() < 1e-12 * scale
+    for share in np.linspace(0, 0.999, 200):
+        before = geometry.scene_distance(
+            on_ray(origin, directions, share * np.where(hit, t, 50 * scale)), whole
+        )
+        assert (before > -1e-12 * scale).all(), f"something lies before the first hit, at {share} of the way"

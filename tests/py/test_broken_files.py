@@ -1,0 +1,147 @@
+"""Files of a run that are cut off, empty or of another script: one line says so, status 2."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from study import truth_sections
+from study.cli import StudyError
+from study.registry import ROOT
+from study.sections import Section
+
+PUBLISHED = max(ROOT.glob("results/reference/*/stability.json")).parent
+INTERVAL = {"value": 1.0, "low": 0.9, "high": 1.1, "launches": 6, "sufficient": True}
+TOOLCHAINS = {
+    "schema": 1,
+    "n": 16,
+    "launches": 6,
+    "native": {"gcc": "-march=emeraldrapids"},
+    "rows": [
+        {
+            **{
+                "compiler": "gcc",
+                "flags": "as shipped",
+                "more": "",
+                "phase": "opt1",
+                "scene": "trio",
+                "n": 16,
+            },
+            **{"ms": INTERVAL, "speedup": INTERVAL, "changed_fraction": 0.0, "non_finite": 0},
+            **{"psnr_to_shipped_db": None, "rmse_to_shipped": 0.0, "truth_psnr_db": 54.5},
+        }
+    ],
+    "skipped": [],
+    "failures": [],
+}
+SECTIONS: dict[str, Callable[[Path], Section]] = {
+    "accuracy": truth_sections.errors,
+    "functions": truth_sections.approximations,
+    "pareto": truth_sections.headline,
+    "stability": truth_sections.hard,
+    "toolchains": truth_sections.compilers,
+}
+
+
+def whole(name: str) -> str:
+    """A sound file: the published run's, which has no toolchains.json; of the hard cases the first."""
+    if name == "toolchains":
+        return json.dumps(TOOLCHAINS)
+    text = (PUBLISHED / f"{name}.json").read_text()
+    if name == "stability":
+        data = json.loads(text)
+        first, number = data["cases"][:1], data["cases"][0]["number"]
+        rows = [row for row in data["results"] if row["number"] == number]
+        text = json.dumps(data | {"cases": first, "results": rows})
+    return text
+
+
+def changed(name: str, where: tuple, value: Any) -> str:
+    """The sound file with something else at `where`; `del`: without it."""
+    made = target = json.loads(whole(name))
+    for key in where[:-1]:
+        target = target[key]
+    if value == "del":
+        del target[where[-1]]
+    else:
+        target[where[-1]] = value
+    return json.dumps(made)
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_sound(tmp_path: Path, name: str) -> None:
+    (tmp_path / f"{name}.json").write_text(whole(name))
+    section = SECTIONS[name](tmp_path)
+    assert section.parts or section.html
+
+
+def refused(folder: Path, name: str, text: str) -> None:
+    file = folder / f"{name}.json"
+    file.write_text(text)
+    with pytest.raises(StudyError) as caught:
+        SECTIONS[name](folder)
+    said = str(caught.value)
+    assert said.startswith(str(file)) and f"scripts/{name}.py" in said and "again" in said
+    assert len(said.splitlines()) == 1 and caught.value.exit_status == 2
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_cut_off(tmp_path: Path, name: str) -> None:
+    text = whole(name).rstrip()
+    for end in (0, 1, len(text) // 2, len(text) - 1):
+        refused(tmp_path, name, text[:end])
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_of_another(tmp_path: Path, name: str) -> None:
+    other = {"toolchains": "stability"}.get(name, "toolchains")
+    texts = ["{}", "[]", "[1]", "null", "5", '{"schema": 1}', '{"schema": 1, "rows": 3}']
+    for text in [*texts, *[whole(other)] * (name not in ("pareto", "accuracy"))]:
+        refused(tmp_path, name, text)
+
+
+LOST = [  # part of what was measured is gone, or is no measurement
+    ("stability", ("cases",), []),
+    ("stability", ("cases", 0), "del"),
+    ("stability", ("results",), []),
+    ("stability", ("results", 3), "del"),
+    ("stability", ("results", 0, "number"), 99),
+    ("stability", ("results", 0, "phase"), "opt11"),
+    ("stability", ("results", 0, "errors", 0), "del"),
+    ("stability", ("results", 0, "strengths", 0), "x"),
+    ("stability", ("results", 0, "notes"), "del"),
+    ("pareto", ("rows",), []),
+    ("pareto", ("rows", 0, "ns_per_pixel"), "del"),
+    ("toolchains", ("schema",), 2),
+    ("toolchains", ("rows",), []),
+    ("toolchains", ("rows", 0, "non_finite"), None),
+    ("toolchains", ("rows", 0, "truth_psnr_db"), "x"),
+    ("toolchains", ("rows", 0, "ms"), "del"),
+    ("functions", ("entries",), []),
+    ("functions", ("entries", 0, "function"), "del"),
+    ("accuracy", ("rows", 0, "false_hits_ppm"), "del"),
+]
+
+
+@pytest.mark.parametrize("name, where, value", LOST)
+def test_incomplete(tmp_path: Path, name: str, where: tuple, value: Any) -> None:
+    refused(tmp_path, name, changed(name, where, value))
+
+
+@pytest.mark.parametrize("name", ["pareto", "stability"])
+@pytest.mark.parametrize("script", ["tables.py", "report.py"])
+def test_the_scripts_end_in_status_2(tmp_path: Path, script: str, name: str) -> None:
+    run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run")
+    (run / f"{name}.json").write_text(whole(name)[:3000])
+    command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert f"{name}.json:1:" in done.stderr and f"scripts/{name}.py" in done.stderr
+    assert not (tmp_path / "out").exists()

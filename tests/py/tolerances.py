@@ -1,0 +1,19 @@
+"""Scenes of both classes, and phases of any tolerance, for the tests of the gate."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from study import registry
+from study.registry import ROOT, Phase, Scene
+
+SMOOTH = Scene("trio", ROOT / "common/scenes/trio.json", {}, False)
+FRACTAL = Scene("mandelbulb", ROOT / "common/scenes/mandelbulb.json", {}, True)
+
+
+def phase(tolerance: dict, name: str = "opt9", isa: tuple[str, ...] = ()) -> Phase:
+    return dataclasses.replace(registry.find_phase("opt1"), name=name, tolerance=tolerance, isa=list(isa))
+
+
+def bound(reason: str = "measured", **bounds: object) -> dict:
+    return {**bounds, "reason": reason}
