@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 import secrets
 import tempfile
+import time
 from pathlib import Path
 
 from study import cli  # first: it may start the script again with the venv's Python
@@ -14,13 +16,18 @@ from study import cli  # first: it may start the script again with the venv's Py
 import matplotlib
 
 from study import machine, pareto, pareto_page, registry, run, store
+from study import pareto_measure as measuring
 from study.cli import StudyError
 from study.draw import STYLE, save
-from study.registry import Spec
+from study.registry import Scene, Spec
 
 DESCRIPTION = """\
-Every program is rendered for each hit distance and step cap, its picture held against truth's, and timed in
-random order, one frame per process launch. The front: no other point is both faster and nearer to truth."""
+Every program is rendered for each hit distance and step cap, its picture held against truth's. Then each of
+these points is launched once, and those are timed in full that may be on a front: a point is left at its one
+launch if by every measure (PSNR to either truth, false hits and misses, |Δt|) another point of at most its
+error took less than half its time; with the scene's own parameters every program is timed in full. Launches
+are in random order, one frame each, on one thread, whatever the phase could use: equal resources. The front:
+no other point is both faster and nearer to truth."""
 
 
 def positive(kind: type) -> object:
@@ -48,30 +55,67 @@ def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
     ladder = [name for name, phase in registry.phases().items() if phase.family == "ladder"]
-    switches = [name for name in pareto.SWITCHES if name.partition("+")[0] in ladder]
-    add(
-        "--phase",
-        nargs="+",
-        default=ladder + switches,
-        metavar="SPEC",
-        help="default: the ladder and switches",
-    )
-    add(
-        "--scene",
-        nargs="+",
-        default=["scene0", "trio", "mandelbulb"],
-        metavar="NAME",
-        help="default: %(default)s",
-    )
+    switches = [name for name in measuring.SWITCHES if name.partition("+")[0] in ladder]
+    about = "default: the ladder, and the ablations that switch an approximation"
+    add("--phase", nargs="+", default=ladder + switches, metavar="SPEC", help=about)
+    add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
-    add("--hit-distance", nargs="+", type=length, default=list(pareto.HIT_DISTANCES), help=about)
-    add("--max-steps", nargs="+", type=positive(int), default=list(pareto.STEPS), help=about)
-    add("-n", type=positive(int), default=90, help="height in pixels; default: 90")
+    add("--hit-distance", nargs="+", type=length, default=list(measuring.HIT_DISTANCES), help=about)
+    add("--max-steps", nargs="+", type=positive(int), default=list(measuring.STEPS), help=about)
+    sizes = ", ".join(map(str, measuring.HEIGHTS))
+    about = f"height in pixels; default: the first of {sizes} that the budget has time for"
+    add("-n", type=positive(int), help=about)
+    about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
+    add("--antialias-n", type=positive(int), help=about)
+    add("--budget", type=positive(float), default=600, metavar="S", help="seconds; default: %(default)s")
     add("--launches", type=positive(int), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--run", type=Path, metavar="DIR", help="for pareto.json and figures/; default: build/pareto")
     return parser.parse_args()
+
+
+def heights(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) -> tuple[int, int]:
+    """Of timed pictures, and of the averaged ones of fractals: as asked for, or what the budget allows."""
+    counts = {s.name: len(measuring.grid(s, specs[:1], args.hit_distance, args.max_steps)) for s in scenes}
+    frames = measuring.trial(specs, scenes)
+    for n in [args.n] if args.n else measuring.HEIGHTS:
+        pair = n, args.antialias_n or max(n // 2, 1)
+        seconds = measuring.estimate(frames, scenes, counts, pair, args.launches)
+        if seconds <= args.budget:
+            break
+    cli.say(f"n = {pair[0]}: about {seconds:.0f} s")
+    return pair
+
+
+def measure(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) -> dict:
+    """What pareto.json has of the measurement itself: rows, what was refused, seconds by scene."""
+    size = heights(args, specs, scenes)
+    rows: list[dict] = []
+    skipped: list[dict] = []
+    seconds = {}
+    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
+        for scene in scenes:
+            begun = time.monotonic()
+            points = measuring.grid(scene, specs, args.hit_distance, args.max_steps)
+            settings = size, args.launches, args.seed, args.cpu
+            found, missing = measuring.study_scene(scene, points, *settings, Path(scratch))
+            rows, skipped = rows + found, skipped + missing
+            seconds[scene.name] = round(time.monotonic() - begun, 1)
+            cli.say(f"{scene.name}: {len(found)} points, {seconds[scene.name]:.0f} s")
+    about = {"n": size[0], "antialias_n": size[1], "seconds": seconds}
+    return about | {"rows": rows, "skipped": skipped}
+
+
+def figures(result: dict, folder: Path) -> list[Path]:
+    """One figure per measure that any row has."""
+    made = []
+    with matplotlib.rc_context(STYLE):
+        for measure, name in pareto_page.FIGURES.items():
+            rows = [row for row in result["rows"] if not math.isnan(pareto.badness(row, measure))]
+            if rows:
+                made += save(pareto_page.figure(rows, measure), folder / name, pareto_page.note(result))
+    return made
 
 
 def main() -> int:
@@ -82,37 +126,28 @@ def main() -> int:
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene)]
     lacking = {spec: registry.missing_isa(spec) for spec in specs}
     run.cpu_set(args.cpu, 1)
-    rows: list[dict] = []
-    skipped = [
-        {"phase": str(spec), "scene": "any scene", "reason": f"this CPU lacks {' '.join(what)}"}
-        for spec, what in lacking.items()
-        if what
-    ]
     able = [spec for spec in specs if not lacking[spec]]
     if not able:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
-    with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
-        for scene in scenes:
-            points = pareto.grid(scene, able, args.hit_distance, args.max_steps)
-            found, missing = pareto.study_scene(
-                scene, points, args.n, args.launches, args.seed, args.cpu, Path(scratch)
-            )
-            rows, skipped = rows + found, skipped + missing
+    result = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": args.cpu}
+    result |= {"context": machine.context(), **measure(args, able, scenes)}
+    rows, skipped = result["rows"], result["skipped"]
+    for spec in specs:
+        if what := " ".join(lacking[spec]):
+            reason = f"this CPU lacks {what}"
+            skipped.append({"phase": str(spec), "scene": "any scene", "reason": reason})
     if not rows:
         pareto.say_missing(skipped)
         raise StudyError("nothing was measured: every point was refused, for the reasons above")
-    settings = {key: getattr(args, key) for key in ("n", "launches", "seed", "cpu")}
-    result = {"schema": 1, **settings, "context": machine.context(), "rows": rows, "skipped": skipped}
     result["winners"] = pareto.winners(rows)
     result["sentences"] = [pareto.sentence(winner) for winner in result["winners"]]
+    result["summary"] = pareto.summary(result["winners"], rows)
     store.write_json(folder / pareto.FILE, result)
-    with matplotlib.rc_context(STYLE):
-        figures = save(pareto_page.figure(rows), folder / "figures" / "pareto", pareto_page.note(result))
+    drawn = figures(result, folder / "figures")
     if args.json:
         cli.emit(result)
     else:
-        print("\n".join(result["sentences"]))
-        print("\n".join(str(path) for path in figures))
+        print("\n".join([*result["sentences"], *result["summary"], *map(str, drawn)]))
     pareto.say_missing(skipped)
     bad = [row for row in rows if row["non_finite"]]
     for row in bad:

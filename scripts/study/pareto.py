@@ -1,140 +1,35 @@
-"""Speed against error: every phase over hit distance × step cap × approximation, held against truth.
+"""Speed against error: fronts, the fastest at each level, and the sentences that they support.
 
-A point is (scene, program, hit distance, step cap). Its time is the median over process launches in one
-interleaved run; its errors are against truth (study.truth), the same for all points of a scene. Proved hits
-know nothing of either parameter; the shadow estimator and the Mandelbulb, which truth marches, have the
-scene's own. The parameters are changed for this study alone, and every point names its own.
+A row is a point of the grid (study.pareto_measure): its errors to truth (study.truth), the same for all
+points of a scene, and its time. Proved hits know nothing of hit distance and step cap; the shadow estimator
+and the Mandelbulb, which truth marches, have the scene's own. The parameters are changed for this study
+alone, and every point names its own. Only points that were timed in full stand on a front or win a level.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from tqdm import tqdm
-
-from study import accuracy, cli, images, run, stats, store, truth
+from study import cli, store
 from study.cli import StudyError
-from study.registry import Scene, Spec
-from study.run import DriverError
 
 FILE = "pareto.json"
-HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-STEPS = (64, 256, 3000)
-# Precision is the phase's own; these ablations switch an approximation of the root.
-SWITCHES = ("opt2+fast_root_1", "opt2+fast_root_2", "opt4+rsqrt", "opt4+rsqrt_newton")
 TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
+# What a front is drawn over. The first two are better when larger.
+MEASURES = {
+    "psnr_db": "PSNR to truth, dB (linear)",
+    "psnr_ideal_db": "PSNR to truth with the ideal shadow, dB (linear)",
+    "false_ppm": "false hits and misses, ppm",
+    "dt_p99": "|Δt|, 99th percentile, scene units",
+}
 LEVELS = (40, 50, 60, 80)  # dB
 BASE = "baseline"
 FACTOR = 4  # of the averaged pictures of fractals, each way
+WITHIN = 2  # times the time of a nearer point: farther from it none is timed again
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Point:
-    """A program and the two march parameters it is given."""
-
-    scene: str
-    spec: Spec
-    hit_distance: float
-    max_steps: int
-
-    @property
-    def march(self) -> dict[str, Any]:
-        return {"hit_distance": self.hit_distance, "max_steps": self.max_steps}
-
-
-def own(scene: Scene) -> tuple[float, int]:
-    """The scene's own hit distance and step cap."""
-    march = scene.data["march"]
-    return float(march["hit_distance"]), int(march["max_steps"])
-
-
-def grid(
-    scene: Scene, specs: Sequence[Spec], distances: Iterable[float], steps: Iterable[int]
-) -> list[Point]:
-    """All points of a scene, the scene's own parameters always among them; switches only with these."""
-    mine = own(scene)
-    pairs = {mine, *((d, s) for d in {mine[0], *distances} for s in {mine[1], *steps})}
-    return [
-        Point(scene.name, spec, *pair)
-        for spec in specs
-        for pair in sorted(pairs, reverse=True)
-        if "+" not in spec.phase or pair == mine
-    ]
-
-
-def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folder: Path) -> Row:
-    """Errors of the point's picture against truth's, and the evaluations of its camera rays.
-
-    Fractals: `exact` is converged only, so PSNR is that of 4 × 4 averaged pictures, and hits are not judged.
-    """
-    factor = FACTOR if scene.fractal else 1
-    out = folder / f"{scene.name}-{point.spec}-{point.hit_distance:g}-{point.max_steps}.exr"
-    width, _ = scene.size(height)
-    run.render(point.spec, scene.path, height * factor, width * factor, aov=True, out=out, **point.march)
-    made = images.read(out)
-    out.unlink()
-    found: Row = {
-        "evals_per_ray": float(np.mean(made["evals"], dtype=np.float64)),
-        "non_finite": images.non_finite(made),
-    }
-    metrics = accuracy.metrics(exact, made, fractal=scene.fractal)
-    if scene.fractal:
-        found |= {name: metrics["antialiased"][name] for name in TRUTHS}
-        return found | {"depth_agree_fraction": metrics["depth_agree_fraction"]}
-    names = ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99", "dt_max", *TRUTHS)
-    return found | {name: metrics[name] for name in names}
-
-
-def measure(
-    points: Sequence[Point], scene: Scene, height: int, launches: int, seed: int, cpu: int
-) -> dict[Point, list[float]]:
-    """Nanoseconds of one frame per process launch, every point once a round in random order."""
-    width, _ = scene.size(height)
-
-    def once(point: Point, padding: int) -> float:
-        made = run.frames(point.spec, scene.path, height, width, cpu=cpu, env_bytes=padding, **point.march)
-        with contextlib.closing(made):
-            (frame,) = made
-        return float(frame["ns"])
-
-    return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
-
-
-def study_scene(
-    scene: Scene, points: Sequence[Point], height: int, launches: int, seed: int, cpu: int, folder: Path
-) -> tuple[list[Row], list[Row]]:
-    """Rows of a scene, and what could not be had with its reason."""
-    factor = FACTOR if scene.fractal else 1
-    width, _ = scene.size(height)
-    exact = truth.picture(scene, (width * factor, height * factor))
-    found, skipped = {}, []
-    for point in tqdm(points, f"errors {scene.name}", leave=False, disable=None):
-        try:
-            found[point] = errors(point, scene, height, exact, folder)
-        except DriverError as error:
-            skipped.append({"phase": str(point.spec), "scene": scene.name, "reason": error.message})
-    times = measure(list(found), scene, height, launches, seed, cpu)
-    base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
-    pixels = width * height
-    return [
-        {
-            **{"scene": scene.name, "phase": str(point.spec), "n": height, **point.march},
-            "own_parameters": (point.hit_distance, point.max_steps) == own(scene),
-            "converged_only": scene.fractal,
-            "ns_per_pixel": (pace := stats.median_interval([ns / pixels for ns in times[point]])),
-            "speedup": stats.ratio_interval(base, times[point]) if base else None,
-            **metrics,
-            "ns_per_eval": pace.value / metrics["evals_per_ray"],
-        }
-        for point, metrics in found.items()
-    ], skipped
 
 
 def pace_of(row: Row) -> float:
@@ -153,20 +48,35 @@ def level_of(row: Row, metric: str) -> float:
     return math.nan if row["non_finite"] else math.inf
 
 
-def front(rows: Sequence[Row], metric: str) -> list[Row]:
+def badness(row: Row, measure: str) -> float:
+    """An error that is better when smaller, whatever the measure; NaN where there is none."""
+    if row["non_finite"]:
+        return math.nan
+    if measure in TRUTHS:
+        return -level_of(row, measure)
+    value = row.get(measure)
+    return math.nan if value is None else value
+
+
+def timed(row: Row) -> bool:
+    """Whether it was in the running after the first launch (files of before that rule: every row)."""
+    return row.get("beaten_by") is None
+
+
+def front(rows: Sequence[Row], measure: str) -> list[Row]:
     """Rows that no other is both faster and nearer than, from fast to near; none without a number."""
-    best, made = -math.inf, []
-    able = [row for row in rows if not row["non_finite"]]
-    for row in sorted(able, key=lambda row: (pace_of(row), -level_of(row, metric))):
-        if level_of(row, metric) > best:
-            best = level_of(row, metric)
+    best, made = math.inf, []
+    able = [row for row in rows if timed(row) and not math.isnan(badness(row, measure))]
+    for row in sorted(able, key=lambda row: (pace_of(row), badness(row, measure))):
+        if badness(row, measure) < best:
+            best = badness(row, measure)
             made.append(row)
     return made
 
 
 def reaching(rows: Sequence[Row], metric: str, level: float) -> list[Row]:
-    """The finite rows of at least `level` dB."""
-    return [row for row in rows if not row["non_finite"] and level_of(row, metric) >= level]
+    """The finite rows of at least `level` dB that were timed in full."""
+    return [row for row in rows if timed(row) and -badness(row, metric) >= level]
 
 
 def fastest(rows: Sequence[Row], metric: str, level: float) -> Row | None:
@@ -232,6 +142,45 @@ def sentence(winner: Row) -> str:
     return (
         f"{where}: {best['phase']} is the fastest, {pace_of(best):.3g}{ends} ns/pixel ({how}; "
         f"{level_of(best, winner['metric']):.1f} dB){doubt}"
+    )
+
+
+def _either(winner: Row, order: Sequence[str]) -> str:
+    """The fastest, and the other programs that were not told apart from it, in the ladder's order."""
+    near = {winner["best"]["phase"], *winner["not_told_apart_from"]} & set(order)
+    return " or ".join(name for name in order if name in near)
+
+
+def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
+    """One sentence per truth and level for all scenes: at 60 dB, the fastest is …"""
+    order = list(dict.fromkeys(row["phase"] for row in rows))
+    made = []
+    for about in TRUTHS.values():
+        for level in LEVELS:
+            mine = [w for w in winners if w["truth"] == about and w["level_db"] == level]
+            groups: dict[str, list[str]] = {}
+            for winner in mine:
+                if winner["best"]:
+                    pace = f"{winner['scene']} ({pace_of(winner['best']):,.0f} ns/pixel)"
+                    groups.setdefault(_either(winner, order), []).append(pace)
+            parts = [f"{names} on {', '.join(scenes)}" for names, scenes in groups.items()]
+            if lacking := [w["scene"] for w in mine if not w["best"]]:
+                parts.append(f"nothing reaches it on {', '.join(lacking)}")
+            if parts:
+                made.append(f"At {level} dB to {about} the fastest is: {'; '.join(parts)}.")
+    return made
+
+
+def left_out(rows: Sequence[Row]) -> str:
+    """How many points were launched once only, and by which rule."""
+    few = sum(not timed(row) for row in rows)
+    if not few:
+        return "Every point was timed in full."
+    return (
+        f"{few} of {len(rows)} points were launched once only (faint): by every measure another point of at "
+        f"most their error took less than 1/{WITHIN} of their time in that launch, so that they can be on "
+        "no front; or their picture is not finite. The launch that chose is not among those of the others. "
+        "Points with the scene's own parameters are always timed in full."
     )
 
 

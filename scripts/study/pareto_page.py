@@ -1,4 +1,4 @@
-"""The figure and the tables of speed against error, made from pareto.json alone."""
+"""The figures and the tables of speed against error, made from pareto.json alone."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from study import paper, pareto, show
@@ -16,6 +17,13 @@ from study.show import Column
 
 TOP = 120  # dB: what is nearer is drawn here; floats of a colour near 1 hold no more than 150
 PAPER = {"marker": "*", "s": 170, "color": "#d62728", "edgecolor": "black", "zorder": 6}
+# Names of the files; the first is the headline.
+FIGURES = {
+    "psnr_db": "pareto",
+    "psnr_ideal_db": "pareto-ideal",
+    "false_ppm": "pareto-hits",
+    "dt_p99": "pareto-distance",
+}
 
 
 def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
@@ -31,68 +39,97 @@ def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
     return pareto.pace_of(base[0]) / row["rerun"], row["rerun_psnr_display_db"]
 
 
-def figure(rows: Sequence[Row], metric: str = "psnr_db") -> Figure:
-    """A panel per scene: ns per pixel against PSNR to truth; large marks have the scene's own parameters."""
+def _height(row: Row, measure: str) -> float:
+    """Where a row is drawn: decibels no higher than TOP, other errors as they are."""
+    bad = pareto.badness(row, measure)
+    return min(-bad, TOP) if measure in pareto.TRUTHS else bad
+
+
+def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> None:
+    axes.scatter([pareto.pace_of(r) for r in rows], [_height(r, measure) for r in rows], **style)
+
+
+def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
+    """One program's: faint where launched once, small where timed in full, large with the scene's own."""
+    hollow = "+" in name
+    mark = {
+        "marker": style["marker"],
+        "facecolor": "white" if hollow else style["color"],
+        "edgecolor": style["color"],
+    }
+    once = [r for r in rows if not pareto.timed(r)]
+    full = [r for r in rows if pareto.timed(r) and not r["own_parameters"]]
+    mine = [r for r in rows if pareto.timed(r) and r["own_parameters"]]
+    _scatter(axes, once, measure, s=9, alpha=0.3, linewidth=0.6, zorder=2, **mark)
+    _scatter(axes, full, measure, s=20, alpha=0.85, linewidth=0.9, zorder=4, **mark)
+    mark["edgecolor"] = style["color"] if hollow else "black"
+    _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=name, **mark)
+
+
+def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
+    """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
+    if measure in pareto.TRUTHS:
+        for level in pareto.LEVELS:
+            axes.axhline(level, color="#999999", linewidth=0.7, linestyle=":", zorder=1)
+        return
+    least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
+    axes.set_yscale("symlog", linthresh=least)
+    axes.set_ylim(bottom=-least / 2)
+    axes.invert_yaxis()
+
+
+def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
+    for name in dict.fromkeys(r["phase"] for r in rows):
+        points = [r for r in rows if r["phase"] == name]
+        _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
+    line = pareto.front(rows, measure)
+    axes.plot(
+        [pareto.pace_of(r) for r in line],
+        [_height(r, measure) for r in line],
+        color="#555555",
+        linewidth=1.2,
+        drawstyle="steps-post",
+        zorder=3,
+        label="front: nothing is faster and nearer",
+    )
+    if measure == "psnr_db" and (there := paper_point(scene, rows)):
+        axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
+    fractal = any(r["converged_only"] for r in rows)
+    axes.set_title(f"{scene} (4×4 averaged)" if fractal else scene)
+    axes.set(xscale="log", xlabel="ns per pixel", ylabel=pareto.MEASURES[measure])
+    plain_log(axes.xaxis)
+    _vertical(axes, measure, rows)
+
+
+def figure(rows: Sequence[Row], measure: str = "psnr_db") -> Figure:
+    """A panel per scene: ns per pixel against an error to truth; large marks: the scene's own parameters."""
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which rung it stands on.
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
-    made, grid = panels(frame, 3.9)
+    made, grid = panels(frame, 3.5)
     made.suptitle(
         "Speed against error: left is faster, up is nearer to the truth", x=0.01, ha="left", fontsize=12
     )
     for scene, axes in grid.items():
-        mine = [r for r in rows if r["scene"] == scene and pareto.level_of(r, metric) > 0]
-        for name in dict.fromkeys(r["phase"] for r in mine):
-            style = looks[name.partition("+")[0], 1]
-            points = [r for r in mine if r["phase"] == name]
-            for big in (False, True):
-                chosen = [r for r in points if r["own_parameters"] == big]
-                hollow = "+" in name
-                axes.scatter(
-                    [pareto.pace_of(r) for r in chosen],
-                    [min(pareto.level_of(r, metric), TOP) for r in chosen],
-                    s=75 if big else 16,
-                    marker=style["marker"],
-                    facecolor="white" if hollow else style["color"],
-                    edgecolor=style["color"] if hollow or not big else "black",
-                    linewidth=1.2,
-                    alpha=1 if big else 0.65,
-                    zorder=4 if big else 3,
-                    label=name if big else None,
-                )
-        for row in mine:  # two switches of a phase have one mark: a word beside each
-            if "+" in row["phase"]:
-                place = pareto.pace_of(row), min(pareto.level_of(row, metric), TOP)
-                word = row["phase"].partition("+")[2]
-                axes.annotate(word, place, (6, -9), textcoords="offset points", fontsize=7, zorder=5)
-        line = pareto.front(mine, metric)
-        axes.plot(
-            [pareto.pace_of(r) for r in line],
-            [min(pareto.level_of(r, metric), TOP) for r in line],
-            color="#555555",
-            linewidth=1.2,
-            drawstyle="steps-post",
-            zorder=2,
-            label="front: nothing is faster and nearer",
-        )
-        if there := paper_point(scene, mine):
-            axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
-        axes.set(title=scene, xscale="log", xlabel="ns per pixel", ylabel="PSNR to truth, dB (linear)")
-        if any(r["converged_only"] for r in mine):
-            axes.set_title(f"{scene} (4×4 averaged)")
-        plain_log(axes.xaxis)
+        mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]
+        if measure in pareto.TRUTHS:
+            mine = [r for r in mine if _height(r, measure) > 0]
+        _panel(axes, scene, mine, measure, looks)
     legend(made, grid)
     return made
 
 
 def note(result: dict[str, Any]) -> str:
     cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    averaged = result.get("antialias_n", result["n"])
     return (
-        f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches, one thread. Small "
-        "marks: other hit distances and step caps; large: the scene's own; hollow: an approximated root. "
+        f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
+        "of phases that could use more: equal resources. Large marks: the scene's own parameters; small: "
+        "other hit distances and step caps; hollow: an approximated root. "
+        f"{pareto.left_out(result.get('rows', ()))} "
         "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
         "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
-        "hit distance and steps. "
+        f"hit distance and steps, and pictures of it are judged as 4 × 4 averages at n = {averaged}. "
         "The star is the paper's program run again: baseline's time here over its speed-up, its error "
         "against its own baseline in display space."
     )
