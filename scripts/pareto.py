@@ -114,7 +114,8 @@ def figures(result: dict, folder: Path) -> list[Path]:
         for measure, name in pareto_page.FIGURES.items():
             rows = [row for row in result["rows"] if not math.isnan(pareto.badness(row, measure))]
             if rows:
-                made += save(pareto_page.figure(rows, measure), folder / name, pareto_page.note(result))
+                note = pareto_page.note(result, measure)
+                made += save(pareto_page.figure(rows, measure), folder / name, note)
     return made
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 from study import paper, pareto, show
 from study.draw import legend, look, panels, plain_log
@@ -24,6 +25,7 @@ FIGURES = {
     "false_ppm": "pareto-hits",
     "dt_p99": "pareto-distance",
 }
+FIRST = next(iter(FIGURES))
 
 
 def paper_point(scene: str, rows: Sequence[Row]) -> tuple[float, float] | None:
@@ -63,14 +65,19 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     _scatter(axes, once, measure, s=9, alpha=0.3, linewidth=0.6, zorder=2, **mark)
     _scatter(axes, full, measure, s=20, alpha=0.85, linewidth=0.9, zorder=4, **mark)
     mark["edgecolor"] = style["color"] if hollow else "black"
-    _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=name, **mark)
+    base, _, word = name.partition("+")
+    # Two switches of a phase have one mark, and one line of the legend: a word beside each.
+    label = f"{base} with an approximated root" if hollow else name
+    _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
+    for row in mine if hollow and measure == FIRST else ():
+        place = pareto.pace_of(row), _height(row, measure)
+        axes.annotate(word, place, (6, -10), textcoords="offset points", fontsize=6.5, zorder=6)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
     if measure in pareto.TRUTHS:
-        for level in pareto.LEVELS:
-            axes.axhline(level, color="#999999", linewidth=0.7, linestyle=":", zorder=1)
+        axes.yaxis.set_major_locator(FixedLocator((0, 20, *pareto.LEVELS, 100, TOP)))
         return
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
     axes.set_yscale("symlog", linthresh=least)
@@ -92,7 +99,7 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         zorder=3,
         label="front: nothing is faster and nearer",
     )
-    if measure == "psnr_db" and (there := paper_point(scene, rows)):
+    if measure == FIRST and (there := paper_point(scene, rows)):
         axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
     fractal = any(r["converged_only"] for r in rows)
     axes.set_title(f"{scene} (4×4 averaged)" if fractal else scene)
@@ -101,7 +108,7 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
     _vertical(axes, measure, rows)
 
 
-def figure(rows: Sequence[Row], measure: str = "psnr_db") -> Figure:
+def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     """A panel per scene: ns per pixel against an error to truth; large marks: the scene's own parameters."""
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which rung it stands on.
@@ -119,7 +126,15 @@ def figure(rows: Sequence[Row], measure: str = "psnr_db") -> Figure:
     return made
 
 
-def note(result: dict[str, Any]) -> str:
+ABOUT = {  # of one figure alone
+    "psnr_db": "The star is the paper's program run again: baseline's time here over its speed-up, its error "
+    "against its own baseline in display space.",
+    "dt_p99": "|Δt| is over the pixels that both pictures hit: a small step cap, which loses the hardest of "
+    "them as false misses, looks near by it.",
+}
+
+
+def note(result: dict[str, Any], measure: str = FIRST) -> str:
     cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
     averaged = result.get("antialias_n", result["n"])
     return (
@@ -130,9 +145,8 @@ def note(result: dict[str, Any]) -> str:
         "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
         "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
         f"hit distance and steps, and pictures of it are judged as 4 × 4 averages at n = {averaged}. "
-        "The star is the paper's program run again: baseline's time here over its speed-up, its error "
-        "against its own baseline in display space."
-    )
+        f"{ABOUT.get(measure, '')}"
+    ).strip()
 
 
 def _decibels(name: str):
@@ -153,19 +167,58 @@ def _ns(row: Row) -> str:
     return show.interval({k: math.nan if v is None else v for k, v in flat.items()}, "p")
 
 
+def _timed(row: Row) -> str:
+    """How often a point was launched, and where once only, what beats it by the first of its measures."""
+    launches = row["ns_per_pixel"].get("launches")
+    if pareto.timed(row):
+        return show.NOTHING if launches is None else f"{launches} launches"
+    by = next(iter(row["beaten_by"].values()), None)
+    return f"once: beaten by {by}" if by else "once: no figure to stand on a front with"
+
+
+def _level(level: int) -> Column:
+    def text(row: Row) -> str:
+        winner = row[level]
+        if not winner["best"]:
+            return "none"
+        near = [name for name in winner["not_told_apart_from"] if "by other parameters" not in name]
+        return f"{winner['best']['phase']} {_ns(winner['best'])}" + (
+            f"; or {', '.join(near)}" if near else ""
+        )
+
+    return Column("fastest of at least this PSNR, ns/pixel", f"{level} dB [95 %]", text)
+
+
+def by_level(winners: Sequence[Row]) -> list[Row]:
+    """Winners as a row per scene and truth, with the winner of each level."""
+    found: dict[tuple[str, str], Row] = {}
+    for winner in winners:
+        place = winner["scene"], winner["truth"]
+        row = found.setdefault(place, {"scene": place[0], "truth": place[1]})
+        row[winner["level_db"]] = winner
+    return list(found.values())
+
+
+LEVELS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "against", lambda r: r["truth"]),
+    *map(_level, pareto.LEVELS),
+]
 POINTS = [
     Column("", "scene", lambda r: r["scene"]),
     Column("", "program", lambda r: r["phase"]),
     Column("", "hit distance", lambda r: f"{r['hit_distance']:g}"),
     Column("", "step cap", lambda r: str(r["max_steps"])),
     Column("", "ns/pixel [95 %]", _ns),
-    Column("work", "evaluations per ray", lambda r: show.number(r["evals_per_ray"])),
+    # Of camera rays; the time has what shadows, mirrors and shading take as well.
+    Column("work", "evaluations per camera ray", lambda r: show.number(r["evals_per_ray"])),
     Column("work", "ns per evaluation", lambda r: show.number(r["ns_per_eval"])),
     Column("error to truth", "false hits, ppm", lambda r: show.number(r.get("false_hits_ppm"))),
     Column("error to truth", "false misses, ppm", lambda r: show.number(r.get("false_misses_ppm"))),
     Column("error to truth", "|Δt| p99", lambda r: show.number(r.get("dt_p99"))),
     Column("error to truth", "PSNR dB, estimator", _decibels("psnr_db")),
     Column("error to truth", "PSNR dB, ideal", _decibels("psnr_ideal_db")),
+    Column("", "timed", _timed),
 ]
 WINNERS = [
     Column("", "scene", lambda r: r["scene"]),

@@ -30,15 +30,27 @@ def headline(path: Path) -> Section:
     with reading(file, f"scripts/pareto.py --run {path}"):
         result = pareto.read(file)
         if result["rows"]:
-            winners = result["winners"]
-            parts += part("pareto", "The fastest at a stated nearness to truth", winners, pareto_page.WINNERS)
-            own = [row for row in result["rows"] if row["own_parameters"]]
-            caption = "With each scene's own parameters: evaluations per ray × ns per evaluation"
+            winners, rows = result["winners"], result["rows"]
+            caption = "The fastest at a stated nearness to truth; “or”: not told apart from it"
+            parts += part("pareto", caption, pareto_page.by_level(winners), pareto_page.LEVELS)
+            own = [row for row in rows if row["own_parameters"]]
+            caption = "With each scene's own parameters: evaluations per camera ray × ns per each of them"
             parts += part("pareto-own", caption, own, pareto_page.POINTS)
+            caption = "The fastest, with its parameters and what it is not told apart from"
+            parts += part("pareto-winners", caption, winners, pareto_page.WINNERS, folded=True)
             caption = "Every point of the grid"
-            parts += part("pareto-points", caption, result["rows"], pareto_page.POINTS, folded=True)
-            remarks = [pareto_page.note(result)]
-            images = {path / "figures" / "pareto.png": "Speed against error to truth; the front is the line"}
+            parts += part("pareto-points", caption, rows, pareto_page.POINTS, folded=True)
+            remarks = [*pareto.summary(winners, rows), pareto_page.note(result), pareto_page.ABOUT["dt_p99"]]
+            captions = {
+                "psnr_db": "Speed against error to truth; the front is the line",
+                "psnr_ideal_db": "Speed against error to truth with the ideal shadow",
+                "false_ppm": "Speed against false hits and misses",
+                "dt_p99": "Speed against |Δt|",
+            }
+            images = {
+                path / "figures" / f"{name}.png": captions[measure]
+                for measure, name in pareto_page.FIGURES.items()
+            }
     return Section("pareto", "Speed against error", "make pareto", parts, remarks, images=images)
 
 
