@@ -265,8 +265,9 @@ STEPS = [
     Column("", "what", lambda r: r["what"]),
 ]
 STEPS_ABOUT = (
-    "n = {n}, {launches} launches of one frame, interleaved with what each is compared with. A step is a "
-    "patch kept with its phase (phases/NAME/ablations). The gain is the step's, whichever side has it."
+    "n = {n}, {launches} launches of one frame on one thread, interleaved with what each is compared with. A "
+    "step is a patch kept with its phase (phases/NAME/ablations). The gain is the step's, whichever side has "
+    "it."
 )
 
 

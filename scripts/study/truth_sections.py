@@ -148,8 +148,8 @@ CHAINS = [
     Column("error to truth", "false misses, ppm", _number("truth_false_misses_ppm")),
 ]
 CHAINS_ABOUT = (
-    "n = {n}, {launches} interleaved launches. Flags come behind the phase's own (-O3, its -m flags, "
-    "-ffp-contract=off): “the CPU's -m flags” is -march=native, here {native}; “and contraction” lets "
+    "n = {n}, {launches} interleaved launches, every phase on one thread. Flags come behind the phase's own "
+    "(-O3, its -m flags, -ffp-contract=off): “the CPU's -m flags” is -march=native, here {native}; “and contraction” lets "
     "a·b + c round once; “and fast-math” is -ffast-math on top."
 )
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib
 import pytest
 
-from study import cli, pareto, pareto_page, registry
+from study import ablations, cli, pareto, pareto_page, registry, run, toolchains, truth_sections
+from study import pareto_measure as measuring
 from study.draw import STYLE, save
 from study.registry import ROOT, Spec
 
@@ -21,6 +23,7 @@ def row(phase: str, pace: float, psnr: float | None, **more: object) -> dict:
     base = {
         "scene": "scene0",
         "phase": phase,
+        "beaten_by": None,
         "hit_distance": 1e-6,
         "max_steps": 3000,
         "own_parameters": True,
@@ -69,12 +72,158 @@ def test_the_sentence_names_pace_interval_and_parameters() -> None:
     )
 
 
-def test_the_grid_always_has_the_scenes_own_parameters_and_switches_only_these() -> None:
+def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -> None:
     scene = registry.find_scene("scene0")
-    points = pareto.grid(scene, [Spec.parse("opt4"), Spec.parse("opt4+rsqrt")], [1e-3], [64])
-    mine = [(p.hit_distance, p.max_steps) for p in points if p.spec.phase == "opt4"]
-    assert sorted(mine) == [(1e-6, 64), (1e-6, 3000), (1e-3, 64), (1e-3, 3000)]
-    assert [(p.hit_distance, p.max_steps) for p in points if p.spec.phase == "opt4+rsqrt"] == [(1e-6, 3000)]
+    points = measuring.grid(scene, [Spec.parse("opt4"), Spec.parse("opt4+rsqrt")], [1e-3], [64])
+    for name in ("opt4", "opt4+rsqrt"):
+        mine = [(p.hit_distance, p.max_steps) for p in points if p.spec.phase == name]
+        assert sorted(mine) == [(1e-6, 64), (1e-6, 3000), (1e-3, 64), (1e-3, 3000)]
+
+
+def test_every_scene_and_the_whole_ladder_are_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    import pareto as command
+
+    monkeypatch.setattr(sys, "argv", ["pareto.py"])
+    args = command.arguments()
+    assert args.scene == sorted(path.stem for path in (ROOT / "common" / "scenes").glob("*.json"))
+    rungs = [p.parent.name for p in ROOT.glob("phases/*/phase.json") if '"ladder"' in p.read_text()]
+    assert set(rungs) <= set(args.phase) and {"opt4+rsqrt", "opt4+rsqrt_newton"} <= set(args.phase)
+
+
+def points(names: str) -> list[measuring.Point]:
+    return [
+        measuring.Point("scene0", Spec("opt4", "opt4"), 1e-3, steps) for steps in range(1, len(names) + 1)
+    ]
+
+
+def test_only_what_a_nearer_point_undercuts_twice_by_every_measure_is_left_out() -> None:
+    near, far, best, hits, edge, ruined = mine = points("abcdef")
+    found = {
+        near: row("near", 0, 60, psnr_ideal_db=40, false_ppm=5.0, dt_p99=1e-3),
+        far: row("far", 0, 50, psnr_ideal_db=40, false_ppm=5.0, dt_p99=1e-3),  # 2.1 × near's time: out
+        best: row("best", 0, 61, psnr_ideal_db=39, false_ppm=9.0, dt_p99=1e-2),  # nearest by one measure
+        hits: row("hits", 0, 20, psnr_ideal_db=20, false_ppm=0.0, dt_p99=1e-2),  # and by another
+        edge: row("edge", 0, 50, psnr_ideal_db=40, false_ppm=5.0, dt_p99=1e-3),  # just within twice
+        ruined: row("ruined", 0, None, psnr_ideal_db=None, false_ppm=0.0, dt_p99=0.0, non_finite=1),
+    }
+    times = dict(zip(mine, [10.0, 21.0, 90.0, 90.0, 19.9, 1.0], strict=True))
+    out = measuring.beaten(found, times)
+    assert out == {far: dict.fromkeys(pareto.MEASURES, near), ruined: {}}
+
+
+def test_a_measure_without_a_figure_keeps_nobody_in_and_beats_nobody() -> None:
+    near, far, other = mine = points("abc")
+    found = {
+        near: row("near", 0, 60, dt_p99=math.nan),  # a fractal: no hits, no distances
+        far: row("far", 0, 50, dt_p99=math.nan),
+        other: row("other", 0, 40, dt_p99=1.0),  # beaten in decibels, and alone with a distance
+    }
+    assert measuring.beaten(found, dict(zip(mine, [1.0, 3.0, 3.0], strict=True))) == {far: {"psnr_db": near}}
+
+
+def test_a_point_launched_once_wins_nothing_and_is_said() -> None:
+    by = {"psnr_db": "b at 1e-06, 3000 steps"}
+    once = row(
+        "once", 1, 90, beaten_by=by, ns_per_pixel={"value": 1, "low": None, "high": None, "launches": 1}
+    )
+    rows = [A, B, once]
+    assert pareto.front(rows, "psnr_db") == [A, B]
+    assert pareto.fastest(rows, "psnr_db", 80) is None
+    assert pareto.rivals(rows, "psnr_db", 60) == []
+    assert pareto.left_out(rows).startswith("1 of 3 points were launched once only")
+    assert pareto.left_out([A, B]) == "Every point was timed in full."
+    assert pareto_page._timed(once) == "once: beaten by b at 1e-06, 3000 steps"
+
+
+def test_fewer_wrong_hits_are_nearer() -> None:
+    rows = [row("a", 10, 0, false_ppm=9.0), row("b", 20, 0, false_ppm=0.0), row("c", 30, 0, false_ppm=1.0)]
+    assert pareto.front(rows, "false_ppm") == rows[:2]
+    assert pareto.front([A, B], "false_ppm") == []  # no figure, no front
+
+
+def test_the_summary_names_every_scene_of_a_level_once() -> None:
+    rows = [row("opt3", 20, 70), row("opt4", 1000, 61, scene="trio"), row("opt5", 1010, 61, scene="trio")]
+    rows += [row("opt4", 5, 55), row("opt4", 7, 30, scene="cubes")]
+    said = pareto.summary(pareto.winners(rows), rows)
+    assert said[2] == (
+        "At 60 dB to the paper's estimator the fastest is: opt3 on scene0 (20 ns/pixel); opt4 or opt5 on "
+        "trio (1,000 ns/pixel); nothing reaches it on cubes."
+    )
+    assert said[1].count("opt4 on scene0 (5 ns/pixel)") == 1 and len(said) == len(pareto.LEVELS)
+
+
+def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_counts(tmp_path: Path) -> None:
+    """A phase that could use every core is compared at equal resources; opt1's bits are baseline's."""
+    threaded = [name for name, phase in registry.ladder().items() if phase.threads]
+    scene = registry.find_scene("two_spheres")
+    specs = [Spec.parse(name) for name in ("baseline", "opt1", *threaded)]
+    grid = measuring.grid(scene, specs, [1e-1], [2])
+    rows, skipped = measuring.study_scene(scene, grid, (24, 24), 6, 1, run.USABLE[-1], tmp_path)
+    assert threaded and not skipped and len(rows) == 4 * len(specs)
+    assert {r["threads"] for r in rows} == {1}
+    own = [r for r in rows if r["own_parameters"]]
+    assert len(own) == len(specs) and all(r["beaten_by"] is None for r in own)
+    for r in rows:
+        assert r["ns_per_pixel"].launches == (6 if pareto.timed(r) else 1)
+        assert r["false_ppm"] == r["false_hits_ppm"] + r["false_misses_ppm"]
+        assert r["ns_per_eval"] * r["evals_per_ray"] == pytest.approx(r["ns_per_pixel"].value)
+    twins = {(r["hit_distance"], r["max_steps"]): r["psnr_db"] for r in rows if r["phase"] == "baseline"}
+    assert len(set(twins.values())) > 1  # the parameters reach the picture
+    for r in rows:
+        if r["phase"] == "opt1":
+            assert r["psnr_db"] == twins[r["hit_distance"], r["max_steps"]]
+
+
+def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver's default is one thread (the test above sees it said); these ask for no more."""
+    asked = []
+
+    def fake(arguments: list[str], cpus: set[int] | None, env_bytes: int) -> Iterator[str]:
+        asked.append((arguments, cpus))
+        return iter(['{"ns": 1, "frames": [{"ns": 1}]}'])
+
+    monkeypatch.setattr(run, "_lines", fake)
+    scene, cpu = registry.find_scene("scene0"), run.USABLE[-1]
+    ablations.measure([(Spec.parse("opt5_threads"), scene.name)], 8, 1, 1, cpu)
+    toolchains.measure([toolchains.Program("gcc", "as shipped", "opt5_threads")], scene, 8, 1, 1, cpu)
+    measuring.measure(points("a"), scene, 8, 1, 1, cpu)
+    assert len(asked) == 3
+    assert all("--threads" not in arguments and cpus == {cpu} for arguments, cpus in asked)
+
+
+def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    import pareto as command
+
+    asked = []
+
+    def fake(frames, scenes, counts, pair, launches):
+        asked.append(pair)
+        return 10.0 * pair[0]
+
+    monkeypatch.setattr(measuring, "trial", lambda *_: {})
+    monkeypatch.setattr(measuring, "estimate", fake)
+    for more, wanted in (
+        (["--budget", "1000"], (90, 45)),
+        (["--budget", "500"], (45, 22)),
+        (["--budget", "1"], (32, 16)),
+        (["-n", "77", "--antialias-n", "9"], (77, 9)),
+    ):
+        monkeypatch.setattr(sys, "argv", ["pareto.py", *more])
+        args = command.arguments()
+        assert command.heights(args, [Spec.parse("opt4")], [registry.find_scene("scene0")]) == wanted
+
+
+def test_an_estimate_grows_with_points_and_with_pixels() -> None:
+    scene, spec = registry.find_scene("two_spheres"), Spec.parse("opt1")
+    frames = {(spec, scene.name): 1e-2}  # of 24 lines
+
+    def seconds(points: int, n: int) -> float:
+        return measuring.estimate(frames, [scene], {scene.name: points}, (n, n // 2), 6)
+
+    # A launch of every point at least, each of 1e-2 s · (n/24)²; nothing that is not needed.
+    assert 10 * 0.04 * 4 < seconds(10, 48) < 100 * 0.04 * 4
+    assert seconds(20, 48) == pytest.approx(2 * seconds(10, 48))
+    assert seconds(10, 96) > 2 * seconds(10, 48)
 
 
 def test_the_papers_point_is_our_baseline_over_its_own_speedup() -> None:
@@ -105,6 +254,39 @@ def test_a_null_of_a_broken_picture_is_nan_and_drawn_nowhere() -> None:
     figure = pareto_page.figure([row("baseline", 9, 50), row("opt4", 1, None, non_finite=3)])
     drawn = [tuple(p) for axes in figure.axes for c in axes.collections for p in c.get_offsets()]
     assert (9, 50) in drawn and all(x != 1 for x, _ in drawn)
+
+
+def test_eleven_rungs_and_eight_scenes_can_be_told_apart() -> None:
+    names = [f"opt{i}" for i in range(11)]
+    scenes = [f"s{i}" for i in range(8)]
+    rows = [row(n, 10 + i, 50 + i, scene=s) for s in scenes for i, n in enumerate([*names, "opt4+rsqrt"])]
+    made = pareto_page.figure(rows)
+    assert [a.get_title() for a in made.axes if a.axison] == scenes
+    shown = dict(zip(*made.axes[0].get_legend_handles_labels()[::-1], strict=True))
+    assert {*names, "opt4 with an approximated root"} <= set(shown)
+    looks = {
+        (tuple(shown[n].get_facecolor()[0][:3]), shown[n].get_paths()[0].vertices.tobytes()) for n in names
+    }
+    assert len(looks) == len(names)
+
+
+def test_a_point_launched_once_is_drawn_faint_and_off_the_front() -> None:
+    once = row("opt3", 5, 70, beaten_by={"psnr_db": "opt4"}, own_parameters=False)
+    figure = pareto_page.figure([row("opt4", 1, 75), once])
+    (faint,) = [c for c in figure.axes[0].collections if (5, 70) in map(tuple, c.get_offsets())]
+    assert faint.get_alpha() < 0.5
+    assert [list(line.get_xdata()) for line in figure.axes[0].lines if len(line.get_xdata())] == [[1]]
+
+
+def test_up_is_nearer_whatever_the_measure() -> None:
+    rows = [row("a", 1, 50, false_ppm=0.0, dt_p99=1e-3), row("b", 2, 60, false_ppm=70.0, dt_p99=0.0)]
+    for measure in pareto_page.FIGURES:
+        if measure == "psnr_ideal_db":
+            continue
+        axes = pareto_page.figure(rows, measure).axes[0]
+        best = min(rows, key=lambda r: pareto.badness(r, measure))
+        spots = {r["phase"]: axes.transData.transform((1, pareto_page._height(r, measure)))[1] for r in rows}
+        assert max(spots, key=spots.get) == best["phase"], measure
 
 
 def test_who_overlaps_the_fastest_is_named() -> None:
@@ -145,11 +327,35 @@ def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyP
     import pareto as command
 
     refused = [{"phase": "opt1", "scene": "scene0", "reason": "refused"}]
-    monkeypatch.setattr(pareto, "study_scene", lambda *_: ([], refused))
-    monkeypatch.setattr(sys, "argv", ["pareto.py", "--phase", "opt1", "--run", str(tmp_path)])
+    monkeypatch.setattr(measuring, "study_scene", lambda *_: ([], refused))
+    argv = ["pareto.py", "--phase", "opt1", "--scene", "scene0", "-n", "16", "--run", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", argv)
     with pytest.raises(cli.StudyError, match="nothing was measured") as caught:
         command.main()
     assert caught.value.exit_status == cli.BAD_INPUT and not list(tmp_path.iterdir())
+
+
+def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
+    import json
+
+    once = row("opt4", 900, 20, own_parameters=False, beaten_by={"psnr_db": "opt4 at 0.5, 9 steps"})
+    rows = [row("opt4", 500, 61), row("opt5", 505, 61), once]
+    for each in rows:
+        each |= {"evals_per_ray": 50.0, "ns_per_eval": 10.0, "false_hits_ppm": 0.0, "false_misses_ppm": 0.0}
+    result = {"n": 90, "antialias_n": 45, "launches": 6, "rows": rows, "skipped": []}
+    result["winners"] = pareto.winners(rows)
+    (tmp_path / "pareto.json").write_text(json.dumps(result))
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "pareto.png").write_bytes(b"")
+    found = truth_sections.headline(tmp_path)
+    text = " ".join(cell for one in found.parts for line in one.table.cells for cell, _ in line)
+    assert "opt4 500.0 [450.0,\u00a0550.0]; or opt5" in text and "none" in text
+    assert "once: beaten by opt4 at 0.5, 9 steps" in text
+    assert any(
+        "At 60 dB to the paper's estimator the fastest is: opt4 or opt5 on" in r for r in found.remarks
+    )
+    assert any("1 of 3 points were launched once only" in r for r in found.remarks)
+    assert any("one thread, also of phases that could use more" in r for r in found.remarks)
 
 
 def test_the_note_names_the_mandelbulbs_arithmetic() -> None:
