@@ -59,7 +59,7 @@ enclosures: setup-test ## truth's enclosures against exact roots, 100,000 random
 stability: setup ## hard cases: where each phase first fails, as its strength grows
 	@$(PY) $(if $(filter command,$(firstword $(origin PHASE))),scripts/stability.py --phase $(PHASE),scripts/run_study.py --part stability) $(ARGS)
 
-pareto: setup ## speed against error to truth: every phase over hit distance, step cap and approximations
+pareto: setup ## speed against error to truth: every scene and phase over hit distance, step cap and approximations (12 minutes)
 	@$(PY) scripts/run_study.py --part pareto $(ARGS)
 
 functions: setup ## roots, exp, log, pow, sin …: ns per element against ulp, every float tried

@@ -189,6 +189,7 @@ def stability(run: Path, options: argparse.Namespace, height: int) -> bool:
 
 
 def pareto(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Every scene and the whole grid, in a budget of its own, where it was asked for; else a few points."""
     quick = ["--scene", *options.scene, "-n", "64", "--hit-distance", "1e-2", "1e-4", "--max-steps", "64"]
     return judged("pareto", *([] if options.part or options.full else quick), "--run", str(run))
 

@@ -149,8 +149,8 @@ CHAINS = [
 ]
 CHAINS_ABOUT = (
     "n = {n}, {launches} interleaved launches, every phase on one thread. Flags come behind the phase's own "
-    "(-O3, its -m flags, -ffp-contract=off): “the CPU's -m flags” is -march=native, here {native}; “and contraction” lets "
-    "a·b + c round once; “and fast-math” is -ffast-math on top."
+    "(-O3, its -m flags, -ffp-contract=off): “the CPU's -m flags” is -march=native, here {native}; “and "
+    "contraction” lets a·b + c round once; “and fast-math” is -ffast-math on top."
 )
 
 
