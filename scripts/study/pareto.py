@@ -164,10 +164,13 @@ def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
                     pace = f"{winner['scene']} ({pace_of(winner['best']):,.0f} ns/pixel)"
                     groups.setdefault(_either(winner, order), []).append(pace)
             parts = [f"{names} on {', '.join(scenes)}" for names, scenes in groups.items()]
-            if lacking := [w["scene"] for w in mine if not w["best"]]:
-                parts.append(f"nothing reaches it on {', '.join(lacking)}")
+            lacking = ", ".join(w["scene"] for w in mine if not w["best"])
+            if lacking and parts:
+                parts.append(f"nothing reaches it on {lacking}")
             if parts:
                 made.append(f"At {level} dB to {about} the fastest is: {'; '.join(parts)}.")
+            elif lacking:
+                made.append(f"Nothing reaches {level} dB to {about} on {lacking}.")
     return made
 
 

@@ -149,6 +149,7 @@ def test_the_summary_names_every_scene_of_a_level_once() -> None:
         "At 60 dB to the paper's estimator the fastest is: opt3 on scene0 (20 ns/pixel); opt4 or opt5 on "
         "trio (1,000 ns/pixel); nothing reaches it on cubes."
     )
+    assert said[3] == "Nothing reaches 80 dB to the paper's estimator on scene0, trio, cubes."
     assert said[1].count("opt4 on scene0 (5 ns/pixel)") == 1 and len(said) == len(pareto.LEVELS)
 
 
