@@ -34,7 +34,7 @@ SWITCHES = (
     "opt4+rsqrt",
     "opt4+rsqrt_newton",
 )
-HEIGHTS = (90, 64, 45, 32)  # of which the first that fits the time is taken
+HEIGHTS = (90, 80, 72, 64, 56, 48, 40, 32)  # of which the first that fits the time is taken
 TRIAL = 24  # height of the frames that say how long all takes
 START = 0.06  # s of a launch besides its frame
 TRUTH = 12  # core seconds of a fractal's truth per second of the slowest phase

@@ -80,8 +80,9 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
         axes.yaxis.set_major_locator(FixedLocator((0, 20, *pareto.LEVELS, 100, TOP)))
         return
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
-    axes.set_yscale("symlog", linthresh=least)
-    axes.set_ylim(bottom=-least / 2)
+    decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
+    axes.set_yscale("symlog", linthresh=decade)
+    axes.set_ylim(bottom=-decade / 2)
     axes.invert_yaxis()
 
 

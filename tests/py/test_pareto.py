@@ -205,7 +205,7 @@ def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, c
     monkeypatch.setattr(measuring, "estimate", fake)
     for more, wanted in (
         (["--budget", "1000"], (90, 45)),
-        (["--budget", "500"], (45, 22)),
+        (["--budget", "500"], (48, 24)),
         (["--budget", "1"], (32, 16)),
         (["-n", "77", "--antialias-n", "9"], (77, 9)),
     ):
