@@ -51,8 +51,13 @@ def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> Non
     axes.scatter([pareto.pace_of(r) for r in rows], [_height(r, measure) for r in rows], **style)
 
 
-def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
-    """One program's: faint where launched once, small where timed in full, large with the scene's own."""
+def _points(
+    axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any], place: int
+) -> None:
+    """One program's: faint where launched once, small where timed in full, large with the scene's own.
+
+    `place`: among the switches of its phase, whose words would lie on each other where their marks do.
+    """
     hollow = "+" in name
     mark = {
         "marker": style["marker"],
@@ -70,8 +75,8 @@ def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dic
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        place = pareto.pace_of(row), _height(row, measure)
-        axes.annotate(word, place, (6, -10), textcoords="offset points", fontsize=6.5, zorder=6)
+        there = pareto.pace_of(row), _height(row, measure)
+        axes.annotate(word, there, (6, -10 - 7 * place), textcoords="offset points", fontsize=6.5, zorder=6)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
@@ -82,14 +87,15 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
     decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
     axes.set_yscale("symlog", linthresh=decade)
-    axes.set_ylim(bottom=-decade / 2)
-    axes.invert_yaxis()
+    axes.set_ylim(2 * max((_height(r, measure) for r in rows), default=1.0), -decade / 2)
 
 
 def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
-    for name in dict.fromkeys(r["phase"] for r in rows):
-        points = [r for r in rows if r["phase"] == name]
-        _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
+    names = list(dict.fromkeys(r["phase"] for r in rows))
+    for name in names:
+        points, base = [r for r in rows if r["phase"] == name], name.partition("+")[0]
+        place = [other for other in names if other.startswith(f"{base}+")].index(name) if "+" in name else 0
+        _points(axes, points, measure, name, looks[base, 1], place)
     line = pareto.front(rows, measure)
     axes.plot(
         [pareto.pace_of(r) for r in line],
