@@ -87,7 +87,7 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
     decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
     axes.set_yscale("symlog", linthresh=decade)
-    axes.set_ylim(2 * max((_height(r, measure) for r in rows), default=1.0), -decade / 2)
+    axes.set_ylim(2 * max([decade, *(_height(r, measure) for r in rows)]), -decade / 2)
 
 
 def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
