@@ -189,9 +189,8 @@ def _level(level: int) -> Column:
         if not winner["best"]:
             return "none"
         near = [name for name in winner["not_told_apart_from"] if "by other parameters" not in name]
-        return f"{winner['best']['phase']} {_ns(winner['best'])}" + (
-            f"; or {', '.join(near)}" if near else ""
-        )
+        others = f"; or {', '.join(near)}" if near else ""
+        return f"{winner['best']['phase']} {_ns(winner['best'])}{others}"
 
     return Column("fastest of at least this PSNR, ns/pixel", f"{level} dB [95 %]", text)
 
