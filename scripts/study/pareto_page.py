@@ -76,7 +76,8 @@ def _points(
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
         there = pareto.pace_of(row), _height(row, measure)
-        axes.annotate(word, there, (6, -10 - 7 * place), textcoords="offset points", fontsize=6.5, zorder=6)
+        away = ((6, -10), (6, -17), (2, 8))[place % 3]
+        axes.annotate(word, there, away, textcoords="offset points", fontsize=6.5, zorder=6)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
