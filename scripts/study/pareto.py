@@ -120,6 +120,7 @@ def winners(rows: Sequence[Row]) -> list[Row]:
             for level in LEVELS:
                 best = fastest(mine, metric, level)
                 about_it = {"scene": scene, "truth": about, "metric": metric, "level_db": level, "best": best}
+                about_it["n"] = mine[0].get("n")
                 made.append(about_it | {"not_told_apart_from": rivals(mine, metric, level)})
     return made
 
@@ -127,6 +128,7 @@ def winners(rows: Sequence[Row]) -> list[Row]:
 def sentence(winner: Row) -> str:
     """What a winner says: at 60 dB, opt4 is the fastest …"""
     best, where = winner["best"], f"{winner['scene']}, {winner['level_db']} dB to {winner['truth']}"
+    where += f" at n = {winner['n']}" if winner.get("n") else ""
     if best is None:
         return f"{where}: no program reaches it"
     found = ends_of(best)
@@ -154,6 +156,8 @@ def _either(winner: Row, order: Sequence[str]) -> str:
 def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
     """One sentence per truth and level for all scenes: at 60 dB, the fastest is …"""
     order = list(dict.fromkeys(row["phase"] for row in rows))
+    sizes = {row.get("n") for row in rows} - {None}
+    size = f" at n = {', '.join(map(str, sorted(sizes)))}" if sizes else ""
     made = []
     for about in TRUTHS.values():
         for level in LEVELS:
@@ -168,9 +172,9 @@ def summary(winners: Sequence[Row], rows: Sequence[Row]) -> list[str]:
             if lacking and parts:
                 parts.append(f"nothing reaches it on {lacking}")
             if parts:
-                made.append(f"At {level} dB to {about} the fastest is: {'; '.join(parts)}.")
+                made.append(f"At {level} dB to {about}{size} the fastest is: {'; '.join(parts)}.")
             elif lacking:
-                made.append(f"Nothing reaches {level} dB to {about} on {lacking}.")
+                made.append(f"Nothing reaches {level} dB to {about}{size} on {lacking}.")
     return made
 
 

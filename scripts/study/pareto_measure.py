@@ -101,6 +101,20 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
     return found | {"false_ppm": found["false_hits_ppm"] + found["false_misses_ppm"]}
 
 
+def evaluations(point: Point, scene: Scene, height: int) -> float | None:
+    """Evaluations of the scene's distance per pixel, of all rays and normals, by the counting build.
+
+    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here.
+    """
+    size = height, scene.size(height)[0]
+    try:
+        said = run.render(point.spec, scene.path, *size, target="render-count", **point.march)
+    except DriverError:
+        return None
+    counted = said["by_function"].get("sdf")
+    return counted["lanes"] / (size[0] * size[1]) if counted else None
+
+
 def judge(
     points: Sequence[Point], scene: Scene, height: int, folder: Path
 ) -> tuple[dict[Point, Row], list[Row]]:
@@ -124,6 +138,14 @@ def judge(
         if isinstance(error, DriverError)
     ]
     return {point: row for point, row in made.items() if not isinstance(row, DriverError)}, skipped
+
+
+def count(points: Sequence[Point], scene: Scene, height: int) -> dict[Point, float | None]:
+    """`evaluations` of every point, on every core."""
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        made = pool.map(lambda point: evaluations(point, scene, height), points)
+        about = tqdm(made, f"count {scene.name}", len(points), leave=False, disable=None)
+        return dict(zip(points, about, strict=True))
 
 
 def measure(
@@ -181,6 +203,7 @@ def study_scene(
     # The scene's own parameters are what every phase is compared at: always timed in full.
     chosen = [p for p in found if p not in out or (p.hit_distance, p.max_steps) == own(scene)]
     times = once | measure(chosen, scene, height, launches, seed + 1, cpu)
+    counted = count(chosen, scene, height)
     base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
     width, _ = scene.size(height)
     pixels = width * height
@@ -193,7 +216,8 @@ def study_scene(
             "ns_per_pixel": (pace := stats.median_interval([ns / pixels for ns in times[point]])),
             "speedup": stats.ratio_interval(base, times[point]) if base else None,
             **metrics,
-            "ns_per_eval": pace.value / metrics["evals_per_ray"],
+            "evals_per_pixel": (evals := counted.get(point)),
+            "ns_per_eval": pace.value / evals if evals else None,
         }
         for point, metrics in found.items()
     ], skipped

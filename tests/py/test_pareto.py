@@ -11,7 +11,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-from study import ablations, cli, pareto, pareto_page, registry, run, toolchains, truth_sections
+from study import ablations, cli, images, pareto, pareto_page, registry, run, toolchains, truth_sections
 from study import pareto_measure as measuring
 from study.draw import STYLE, save
 from study.registry import ROOT, Spec
@@ -70,6 +70,13 @@ def test_the_sentence_names_pace_interval_and_parameters() -> None:
         "scene0, 60 dB to the paper's estimator: opt4 is the fastest, 5 [4.5, 5.5] ns/pixel "
         "(hit distance 0.0001, 64 steps; 61.0 dB)"
     )
+
+
+def test_every_sentence_names_the_size() -> None:
+    rows = [row("opt4", 5, 61, n=90)]
+    winners = pareto.winners(rows)
+    assert all(" at n = 90: " in pareto.sentence(winner) for winner in winners)
+    assert all(" at n = 90 " in said for said in pareto.summary(winners, rows))
 
 
 def test_the_grid_is_full_for_switches_too_and_has_the_scenes_own_parameters() -> None:
@@ -168,12 +175,26 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
     for r in rows:
         assert r["ns_per_pixel"].launches == (6 if pareto.timed(r) else 1)
         assert r["false_ppm"] == r["false_hits_ppm"] + r["false_misses_ppm"]
-        assert r["ns_per_eval"] * r["evals_per_ray"] == pytest.approx(r["ns_per_pixel"].value)
+        if pareto.timed(r):
+            assert r["ns_per_eval"] * r["evals_per_pixel"] == pytest.approx(r["ns_per_pixel"].value)
     twins = {(r["hit_distance"], r["max_steps"]): r["psnr_db"] for r in rows if r["phase"] == "baseline"}
     assert len(set(twins.values())) > 1  # the parameters reach the picture
     for r in rows:
         if r["phase"] == "opt1":
             assert r["psnr_db"] == twins[r["hit_distance"], r["max_steps"]]
+
+
+def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
+    """Without shadows or mirrors: the camera rays' own, and four for each hit's forward differences."""
+    scene, out = registry.find_scene("scene0_plain"), tmp_path / "p.exr"
+    point = measuring.Point(scene.name, Spec.parse("baseline"), *measuring.own(scene))
+    width, _ = scene.size(24)
+    run.render(point.spec, scene.path, 24, width, aov=True, out=out)
+    made = images.read(out)
+    wanted = made["evals"].sum(dtype=float) + 4 * (made["id"] >= 0).sum()
+    assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
+    shadowed = registry.find_scene("scene0")
+    assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
 
 
 def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
