@@ -187,12 +187,13 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
 def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
     """Without shadows or mirrors: the camera rays' own, and four for each hit's forward differences."""
     scene, out = registry.find_scene("scene0_plain"), tmp_path / "p.exr"
-    point = measuring.Point(scene.name, Spec.parse("baseline"), *measuring.own(scene))
     width, _ = scene.size(24)
-    run.render(point.spec, scene.path, 24, width, aov=True, out=out)
-    made = images.read(out)
-    wanted = made["evals"].sum(dtype=float) + 4 * (made["id"] >= 0).sum()
-    assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
+    for name in ("baseline", *(["opt3"] if registry.cpu_supports(registry.find_phase("opt3")) else [])):
+        point = measuring.Point(scene.name, Spec.parse(name), *measuring.own(scene))
+        run.render(point.spec, scene.path, 24, width, aov=True, out=out)
+        made = images.read(out)
+        wanted = made["evals"].sum(dtype=float) + 4 * (made["id"] >= 0).sum()
+        assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
     shadowed = registry.find_scene("scene0")
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
 
