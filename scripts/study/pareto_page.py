@@ -83,7 +83,7 @@ def _points(
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
     if measure in pareto.TRUTHS:
-        axes.yaxis.set_major_locator(FixedLocator((0, 20, *pareto.LEVELS, 100, TOP)))
+        axes.yaxis.set_major_locator(FixedLocator((0, 10, 20, 30, *pareto.LEVELS, 100, TOP)))
         return
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
     decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
