@@ -135,6 +135,25 @@ static inline real scaled(real a, real n) {
     return _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(a), power));
 }
 
+// The lanes of m in a row, from `to` on: at most LANES floats are written.
+static inline void pack(mask m, real a, float to[LANES]) {
+    float lanes[LANES];
+    unload(a, lanes);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1)
+        *to++ = lanes[__builtin_ctz(rest)];
+}
+
+// Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
+static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
+    float lanes[3][LANES];
+    unload(r, lanes[0]);
+    unload(g, lanes[1]);
+    unload(b, lanes[2]);
+    for (int lane = 0; lane < LANES; lane++)
+        for (int i = 0; i < 3; i++)
+            rgb[(size_t)(lane / 4) * stride + (size_t)(3 * (lane % 4) + i)] = lanes[i][lane];
+}
+
 static inline half half_set(double a) {
     return _mm256_set1_pd(a);
 }

@@ -33,6 +33,11 @@ struct placed {
     float size[3];                // box: half size; plane: normal
     float bailout;
     int iterations;
+    float bound, bound_sq; // of a sphere about its position that holds the shape; ∞: there is none
+    bool convex;
+    // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
+    // shine_from, its highlight is less than 1e-9 of the light.
+    float color[3], share, shininess, shine_from;
     // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
     // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
@@ -41,6 +46,16 @@ struct placed {
 struct prepared {
     struct model model;
     struct placed *placed; // one per shape
+    struct eye *eyes;      // one per shape; of the frame being rendered
+    bool solids;           // no shape is repeated or a Mandelbulb: convex.c can have it
+    float lit_slope;       // see lit_slope() in render.c
+};
+
+// The camera as a shape sees it.
+struct eye {
+    float at[3];     // in the shape's frame
+    float height;    // above a plane
+    float centre[3]; // the shape's position to the right, above and ahead of the camera
 };
 
 // One frame's work for all workers.
@@ -48,6 +63,7 @@ struct job {
     const struct prepared *prepared;
     const struct view *view;
     struct frame *frame;
+    bool solids; // every ray by convex.c, none by march.c
 };
 
 #define KERNEL(width)                                                                              \

@@ -122,27 +122,79 @@ static struct placed place_shape(int index, const struct shape *shape,
     return p;
 }
 
+// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+static double bound_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
+    case SHAPE_CONE:
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius), shape->cone.half_height) * (1 + 1e-5);
+    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    default: return INFINITY;
+    }
+}
+
+static void place_solid(struct placed *p, const struct shape *shape, const struct model *model) {
+    double bound = bound_of(shape);
+    p->bound = (float)bound;
+    p->bound_sq = (float)(bound * bound);
+    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    const struct material *m = &model->materials[shape->material];
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+    if (p->way == LINEAR)
+        p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] + p->row[0][1] * p->centre[1] +
+                       p->row[0][2] * p->centre[2]);
+}
+
+// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
+// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+static float lit_slope(double strength) {
+    double low = 0, high = 1;
+    for (int i = 0; i < 60; i++) {
+        double q = (low + high) / 2, r = (1 + q) / 2;
+        double away = q * sqrt(1 - r * r) / (1 - q * r);
+        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
+    }
+    return (float)(high * (1 + 1e-5));
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = place_shape(i, &model->shapes[i], &model->march);
+    prepared->solids = true;
+    prepared->lit_slope = lit_slope(model->shadow_strength);
+    for (int i = 0; i < model->shape_count; i++) {
+        struct placed *p = &prepared->placed[i];
+        *p = place_shape(i, &model->shapes[i], &model->march);
+        place_solid(p, &model->shapes[i], model);
+        if (p->repeated || p->way == POWER || p->type == SHAPE_MANDELBULB)
+            prepared->solids = false;
+    }
     return true;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct kept *kept = calloc(1, sizeof *kept);
     struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    if (kept && placed) {
+    struct eye *eyes = calloc((size_t)model->shape_count, sizeof *eyes);
+    if (kept && placed && eyes) {
         kept->sixteen = variant_here().lanes == 16;
         kept->team =
             team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
     }
-    if (!kept || !placed || !kept->team) {
+    if (!kept || !placed || !eyes || !kept->team) {
         free(kept);
         free(placed);
+        free(eyes);
         return NULL;
     }
     kept->prepared.placed = placed;
+    kept->prepared.eyes = eyes;
     phase_update(&kept->prepared, model);
     return &kept->prepared;
 }
@@ -151,6 +203,7 @@ void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
     team_end(kept->team);
     free(prepared->placed);
+    free(prepared->eyes);
     free(kept);
 }
 
@@ -168,9 +221,42 @@ void render_tile(const void *data, int tile, void *own) {
         lanes8_tile(&job->job, tile, own);
 }
 
+static double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Whether the frame can be had without marching camera rays: the camera is within the bounds and outside of
+// every shape's bounding sphere and plane.
+static bool set_eyes(const struct prepared *prepared, const struct view *view) {
+    double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
+    bool clear = dot(view->position, view->position) < radius * radius;
+    for (int i = 0; i < prepared->model.shape_count; i++) {
+        const struct placed *p = &prepared->placed[i];
+        struct eye *eye = &prepared->eyes[i];
+        double from[3];
+        for (int k = 0; k < 3; k++)
+            from[k] = view->position[k] - p->centre[k];
+        const double *axis[3] = {view->right, view->up, view->forward};
+        if (p->way == LINEAR) {
+            double height = dot(p->row[0], from) - p->offset;
+            eye->height = (float)height;
+            for (int k = 0; k < 3; k++)
+                eye->centre[k] = (float)dot(p->row[0], axis[k]);
+            clear = clear && height > far;
+            continue;
+        }
+        for (int k = 0; k < 3; k++) {
+            eye->at[k] = (float)dot(p->row[k], from);
+            eye->centre[k] = (float)-dot(from, axis[k]);
+        }
+        clear = clear && sqrt(dot(from, from)) > (double)p->bound + far;
+    }
+    return clear;
+}
+
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame}, kept->sixteen};
+    struct frame_job job = {{prepared, view, frame, prepared->solids && set_eyes(prepared, view)}, kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
     return true;
 }

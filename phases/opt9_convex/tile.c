@@ -1,12 +1,10 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "convex.h"
 #include "trace.h"
 
 #include <stdlib.h>
 
-// 32 pixels of a row are whole cache lines of every plane where the width is a multiple of 32. A tile takes
-// some 30 µs of scene0, hundreds of times the contended counter.
-enum { TILE_WIDTH = 32, TILE_HEIGHT = 8, BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
 
 static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
@@ -107,8 +105,16 @@ static void render_tile(const struct job *job, int tile, struct approach *own) {
     }
 }
 
+// A worker's own is either: approaches to march with, or a desk and what it points to.
+static size_t whole_lines(size_t size) {
+    return (size + 63) / 64 * 64;
+}
+
 size_t VARIANT(own_size)(const struct model *model) {
-    return (size_t)model->shape_count * sizeof(struct approach);
+    size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
+    size_t desk = whole_lines(sizeof(struct desk)) + shapes * sizeof(struct near) +
+                  2 * whole_lines(shapes * sizeof(int));
+    return desk > marching ? desk : marching;
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
@@ -116,7 +122,18 @@ int VARIANT(tiles)(const struct frame *frame) {
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    render_tile(job, tile, own);
+    if (!job->solids) {
+        render_tile(job, tile, own);
+        return;
+    }
+    size_t shapes = (size_t)job->prepared->model.shape_count;
+    struct desk *desk = own;
+    char *behind = (char *)own + whole_lines(sizeof *desk);
+    desk->near = (struct near *)behind;
+    behind += shapes * sizeof(struct near);
+    desk->list = (int *)behind;
+    desk->casters = (int *)(behind + whole_lines(shapes * sizeof(int)));
+    convex_tile(job, tile, desk);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

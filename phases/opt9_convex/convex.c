@@ -1,0 +1,338 @@
+// Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
+// a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
+// there are enough of them to fill all lanes.
+#include "convex.h"
+
+struct found {
+    mask found;
+    real t, shape;
+    struct vec local; // in the shape's frame; not for planes
+};
+
+// `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
+static inline void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
+                             const int *list, int count, const struct prepared *scene,
+                             struct found *hit) {
+    real zero = set(0.0f);
+    *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    for (int k = 0; k < count; k++) {
+        int i = list ? list[k] : k;
+        const struct placed *s = &scene->placed[i];
+        real t;
+        mask met;
+        struct vec local;
+        if (s->way == LINEAR) {
+            real slope = vec_dot(vec_set(s->normal), direction);
+            real height = eyes ? set(eyes[i].height) : height_over(s, origin);
+            t = height / (zero - slope);
+            met = both(both(active, less(slope, zero)), greater(height, zero));
+            local = hit->local;
+        } else
+            met = enter(eyes ? vec_set(eyes[i].at) : in_frame(s, origin), turned(s, direction), s,
+                        active, &t, &local);
+        met = both(met, less(t, hit->t));
+        if (!any(met))
+            continue;
+        hit->found = either(hit->found, met);
+        hit->t = choose(met, t, hit->t);
+        hit->shape = choose(met, set(s->index), hit->shape);
+        hit->local = vec_choose(met, local, hit->local);
+    }
+}
+
+struct surface {
+    struct vec normal, color;
+    real share, shininess, shine_from;
+};
+
+// Once for each shape that the packet hit.
+static inline struct surface surface_at(const struct found *hit, struct vec direction,
+                                        const struct prepared *scene) {
+    float id[LANES];
+    unload(hit->shape, id);
+    struct surface all;
+    unsigned rest = bits(hit->found);
+    for (bool first = true; rest; first = false) {
+        int i = (int)id[__builtin_ctz(rest)];
+        const struct placed *s = &scene->placed[i];
+        mask same = both(hit->found, same_shape(hit->shape, i));
+        rest &= ~bits(same);
+        struct surface one = {s->way == LINEAR ? vec_set(s->normal) : turned_back(s, normal_on(hit->local, s)),
+                              vec_set(s->color), set(s->share), set(s->shininess), set(s->shine_from)};
+        if (first) {
+            all = one;
+            continue;
+        }
+        all.normal = vec_choose(same, one.normal, all.normal);
+        all.color = vec_choose(same, one.color, all.color);
+        all.share = choose(same, one.share, all.share);
+        all.shininess = choose(same, one.shininess, all.shininess);
+        all.shine_from = choose(same, one.shine_from, all.shine_from);
+    }
+    mask away = greater(vec_dot(all.normal, direction), set(0.0f));
+    all.normal = (struct vec){negate_where(away, all.normal.x), negate_where(away, all.normal.y),
+                              negate_where(away, all.normal.z)};
+    return all;
+}
+
+struct ray {
+    struct vec origin, direction;
+    real weight, pixel, bounce;
+    mask active;
+};
+
+static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light, real facing, struct vec light,
+                         real pixel, const struct convex *work) {
+    struct desk *desk = work->desk;
+    if (desk->shadows > QUEUE - LANES)
+        cast_shadows(work);
+    int at = desk->shadows;
+    float(*field)[QUEUE_ROOM] = desk->shadow;
+    pack_vec(m, p, field + S_POINT, at);
+    pack_vec(m, hit->local, field + S_LOCAL, at);
+    pack_vec(m, to_light, field + S_TO_LIGHT, at);
+    pack_vec(m, light, field + S_LIGHT, at);
+    pack(m, facing, &field[S_FACING][at]);
+    pack(m, hit->shape, &field[S_SHAPE][at]);
+    pack(m, pixel, &field[S_PIXEL][at]);
+    desk->shadows += count_of(m);
+}
+
+static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight, const struct convex *work) {
+    struct desk *desk = work->desk;
+    int at = desk->mirrors;
+    float(*field)[QUEUE_ROOM] = desk->mirror;
+    float offset = (float)work->scene->model.march.surface_offset;
+    pack_vec(m, vec_along(p, n, set(offset)), field + M_ORIGIN, at);
+    pack_vec(m, vec_reflect(ray->direction, n), field + M_DIRECTION, at);
+    pack(m, weight, &field[M_WEIGHT][at]);
+    pack(m, ray->pixel, &field[M_PIXEL][at]);
+    pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
+    desk->mirrors += count_of(m);
+}
+
+// What reaches the pixels at once. What its shadow or a mirror will bring waits.
+static inline struct vec shade(const struct ray *ray, const struct found *hit, const struct surface *surface,
+                               struct vec p, const struct convex *work) {
+    const struct prepared *scene = work->scene;
+    const struct model *model = &scene->model;
+    real zero = set(0.0f), one = set(1.0f);
+    mask found = hit->found;
+    struct vec n = surface->normal, base = surface->color;
+    real weight = ray->weight;
+    if (model->features.fog) {
+        real far_sq = vec_dot(p, p);
+        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
+    }
+    struct vec color = vec_scale(base, weight * set(0.01f)); // ambient
+    const double *at = work->view->light_position, *e = work->view->light_emission;
+    struct vec to_light = {set((float)at[0]) - p.x, set((float)at[1]) - p.y, set((float)at[2]) - p.z};
+    real distance = vec_norm(to_light), per = one / distance;
+    to_light = vec_scale(to_light, per);
+    real facing = vec_dot(n, to_light);
+    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
+    if (any(lit)) {
+        real shine = vec_dot(vec_reflect(to_light, n), ray->direction), specular = zero;
+        mask shines = both(lit, greater(shine, surface->shine_from));
+        if (any(shines))
+            specular = keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+        real reach = weight * per;
+        struct vec light = {set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
+                            set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
+                            set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+        mask open = lit;
+        if (model->shadows == SHADOWS_SOFT) {
+            open = proved_lit(p, hit->local, to_light, facing, hit->shape, lit, work);
+            mask asked = but_not(open, lit);
+            if (any(asked))
+                queue_shadow(asked, p, hit, to_light, facing, light, ray->pixel, work);
+        } else if (model->shadows == SHADOWS_HARD)
+            open = reaches_light(p, to_light, distance, lit, work);
+        color.x = color.x + keep(open, light.x);
+        color.y = color.y + keep(open, light.y);
+        color.z = color.z + keep(open, light.z);
+    }
+    if (model->features.mirrors && model->march.max_bounces > 0) {
+        mask mirror = both(both(found, greater(surface->share, zero)),
+                           less(ray->bounce, set((float)model->march.max_bounces)));
+        if (any(mirror))
+            queue_mirror(mirror, ray, p, n, weight * surface->share, work);
+    }
+    return color;
+}
+
+static inline struct vec background(real weight, const struct model *model) {
+    const double *b = model->background;
+    return (struct vec){weight * set((float)b[0]), weight * set((float)b[1]), weight * set((float)b[2])};
+}
+
+static inline mask in_bounds(struct vec p, const struct model *model) {
+    float radius = (float)model->march.bounds_radius;
+    return not_less(set(radius * radius), vec_dot(p, p));
+}
+
+// The last of the rays that wait first: what they see may make more of them.
+static void follow_mirrors(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    while (desk->mirrors > 0) {
+        int count = desk->mirrors < LANES ? desk->mirrors : LANES, first = desk->mirrors -= count;
+        float(*field)[QUEUE_ROOM] = desk->mirror;
+        struct ray ray = {load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
+                          load(&field[M_WEIGHT][first]), load(&field[M_PIXEL][first]),
+                          load(&field[M_BOUNCE][first]), first_lanes(count)};
+        struct found hit;
+        first_hit(ray.origin, ray.direction, ray.active, NULL, NULL, model->shape_count, work->scene, &hit);
+        struct vec p = vec_along(ray.origin, ray.direction, hit.t);
+        hit.found = both(hit.found, in_bounds(p, model));
+        struct vec color = background(ray.weight, model);
+        if (any(hit.found)) {
+            struct surface surface = surface_at(&hit, ray.direction, work->scene);
+            color = vec_choose(hit.found, shade(&ray, &hit, &surface, p, work), color);
+        }
+        add_light(ray.active, color, ray.pixel, desk);
+    }
+}
+
+// The part of the picture's plane at distance 1 that the tile's rays go through.
+struct window {
+    float left, right, bottom, top;
+};
+
+// The shapes that lie across it, at least with their bounding spheres.
+static int shapes_in(const struct window *w, const struct job *job, int *list) {
+    float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
+                      sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
+    int count = 0;
+    for (int i = 0; i < job->prepared->model.shape_count; i++) {
+        const struct placed *s = &job->prepared->placed[i];
+        const float *c = job->prepared->eyes[i].centre;
+        if (s->way == LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+            float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
+            if (c[0] * x + c[1] * y + c[2] < 1e-6f)
+                list[count++] = i;
+            continue;
+        }
+        float r = s->bound * (1 + 1e-5f);
+        if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] && c[0] - w->right * c[2] < r * sides[1] &&
+            w->bottom * c[2] - c[1] < r * sides[2] && c[1] - w->top * c[2] < r * sides[3])
+            list[count++] = i;
+    }
+    return count;
+}
+
+struct block {
+    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
+    int across, down; // what of it is in the picture
+};
+
+static void store_plane(float *plane, int stride, const struct frame *frame, struct block block, real values) {
+    float lanes[LANES];
+    unload(values, lanes);
+    for (int row = 0; row < block.down; row++) {
+        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
+        for (int i = 0; i < block.across; i++)
+            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
+    }
+}
+
+static void store_hit(struct frame *frame, struct block block, const struct found *hit, struct vec normal) {
+    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->id, 1, frame, block, choose(hit->found, hit->shape, set(-1.0f)));
+    store_plane(frame->normal, 3, frame, block, keep(hit->found, normal.x));
+    store_plane(frame->normal + 1, 3, frame, block, keep(hit->found, normal.y));
+    store_plane(frame->normal + 2, 3, frame, block, keep(hit->found, normal.z));
+    store_plane(frame->evals, 1, frame, block, set(1.0f));
+}
+
+static void store_colors(struct frame *frame, struct block block, const float *color) {
+    real red = load(color), green = load(color + TILE_PIXELS), blue = load(color + 2 * TILE_PIXELS);
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        store_block(rgb, 3 * (size_t)frame->width, red, green, blue);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, red);
+    store_plane(frame->rgb + 1, 3, frame, block, green);
+    store_plane(frame->rgb + 2, 3, frame, block, blue);
+}
+
+static int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+static inline void render_block(struct block block, int pixel, struct vec direction, const struct job *job,
+                         const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct prepared *scene = job->prepared;
+    real one = set(1.0f);
+    const double *o = job->view->position;
+    struct ray ray = {{set((float)o[0]), set((float)o[1]), set((float)o[2])}, direction, one,
+                      lane_numbers() + set((float)pixel), set(0.0f), all_lanes()};
+    if (block.across < BLOCK_WIDTH || block.down < BLOCK_HEIGHT) {
+        real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+        ray.active = both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
+                          less(below, set((float)block.down)));
+    }
+    struct found hit;
+    first_hit(ray.origin, direction, ray.active, scene->eyes, desk->list, desk->listed, scene, &hit);
+    struct vec p = vec_along(ray.origin, direction, hit.t), color = background(one, &scene->model);
+    hit.found = both(hit.found, in_bounds(p, &scene->model));
+    struct vec normal = direction;
+    if (any(hit.found)) {
+        struct surface surface = surface_at(&hit, direction, scene);
+        normal = surface.normal;
+        color = vec_choose(hit.found, shade(&ray, &hit, &surface, p, work), color);
+    }
+    if (job->frame->depth)
+        store_hit(job->frame, block, &hit, normal);
+    float *to = &desk->color[pixel];
+    unload(color.x, to);
+    unload(color.y, to + TILE_PIXELS);
+    unload(color.z, to + 2 * TILE_PIXELS);
+}
+
+static struct vec vec_from(const double a[3]) {
+    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
+}
+
+void convex_tile(const struct job *job, int tile, struct desk *desk) {
+    struct frame *frame = job->frame;
+    const struct view *view = job->view;
+    const struct model *model = &job->prepared->model;
+    struct convex work = {job->prepared, view, desk};
+    int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    int left = tile % tiles_across * TILE_WIDTH, right = lesser(frame->width, left + TILE_WIDTH);
+    int top = tile / tiles_across * TILE_HEIGHT, bottom = lesser(frame->height, top + TILE_HEIGHT);
+    float per_height = (float)(view->tan_half_fov / frame->height);
+    struct window window = {(float)(2 * left + 1 - frame->width) * per_height,
+                            (float)(2 * right - 1 - frame->width) * per_height,
+                            (float)(frame->height + 1 - 2 * bottom) * per_height,
+                            (float)(frame->height - 1 - 2 * top) * per_height};
+    desk->listed = shapes_in(&window, job, desk->list);
+    struct vec ahead = vec_from(view->forward), across = vec_from(view->right), up = vec_from(view->up);
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    real beside = lane_numbers() - below * set(BLOCK_WIDTH);
+    int pixel = 0;
+    for (int row = top; row < bottom; row += BLOCK_HEIGHT)
+        for (int column = left; column < right; column += BLOCK_WIDTH, pixel += LANES) {
+            struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
+                                  lesser(BLOCK_HEIGHT, bottom - row)};
+            real x = (beside + beside + set((float)(2 * column + 1 - frame->width))) * set(per_height);
+            real y = (set((float)(frame->height - 1 - 2 * row)) - below - below) * set(per_height);
+            struct vec d = vec_along(vec_along(ahead, across, x), up, y);
+            d = vec_scale(d, set(1.0f) / vec_norm(d));
+            render_block(block, pixel, d, job, &work);
+            if (desk->mirrors > QUEUE / 2)
+                follow_mirrors(&work);
+        }
+    follow_mirrors(&work);
+    cast_shadows(&work);
+    pixel = 0;
+    for (int row = top; row < bottom; row += BLOCK_HEIGHT)
+        for (int column = left; column < right; column += BLOCK_WIDTH, pixel += LANES)
+            store_colors(frame, (struct block){column, row, lesser(BLOCK_WIDTH, right - column),
+                                               lesser(BLOCK_HEIGHT, bottom - row)},
+                         &desk->color[pixel]);
+    (void)model;
+}

@@ -1,0 +1,102 @@
+// What tile.c, convex.c and umbra.c share: scenes of solids and planes, without a marched camera or mirror ray.
+#ifndef OPT9_CONVEX_H
+#define OPT9_CONVEX_H
+
+#include "solids.h"
+
+enum {
+    TILE_WIDTH = 32,
+    TILE_HEIGHT = 8,
+    BLOCK_WIDTH = 4,
+    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
+    TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
+    QUEUE = 512, // rays; a full one is worked off
+    QUEUE_ROOM = QUEUE + LANES
+};
+
+// Mirror rays that wait: what they add to their pixel is `weight` times what they see.
+enum mirror_field { M_ORIGIN, M_DIRECTION = 3, M_WEIGHT = 6, M_PIXEL, M_BOUNCE, M_FIELDS };
+// Shadow rays that wait: `light` is what they add to their pixel where nothing is in the way.
+enum shadow_field {
+    S_POINT,
+    S_LOCAL = 3, // the point in the frame of the shape it is on
+    S_TO_LIGHT = 6,
+    S_LIGHT = 9,
+    S_FACING = 12,
+    S_SHAPE,
+    S_PIXEL,
+    S_FIELDS
+};
+
+// A worker's own.
+struct desk {
+    float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
+    float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
+    int mirrors, shadows;
+    int listed; // shapes that the tile's camera rays may meet
+    struct near *near; // of the packet of shadow rays in work, one per shape
+    int *list;
+    int *casters; // shapes that the packet may meet
+};
+
+// What a shape is to a packet of shadow rays.
+struct near {
+    struct vec origin, direction; // in its frame; LINEAR: x is height and slope
+    real from;                    // before that it is further than any other
+};
+
+struct convex {
+    const struct prepared *scene;
+    const struct view *view;
+    struct desk *desk;
+};
+
+// Which of the soft shadow rays need no march: no term of the estimator can come below 1.
+mask proved_lit(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+                mask active, const struct convex *work);
+// Hard shadows: which rays reach the light.
+mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
+                   const struct convex *work);
+// Marches all shadow rays that wait, and adds their light.
+void cast_shadows(const struct convex *work);
+void convex_tile(const struct job *job, int tile, struct desk *desk);
+
+static inline struct vec in_frame(const struct placed *s, struct vec p) {
+    return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
+                                  p.z - set(s->position[2])});
+}
+
+static inline real height_over(const struct placed *s, struct vec p) {
+    return vec_dot(p, vec_set(s->normal)) - set(s->c);
+}
+
+static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
+    return (struct vec){load(&field[0][first]), load(&field[1][first]), load(&field[2][first])};
+}
+
+static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int first) {
+    pack(m, v.x, &field[0][first]);
+    pack(m, v.y, &field[1][first]);
+    pack(m, v.z, &field[2][first]);
+}
+
+// Adds to the pixels of the lanes in m, one after the other: two may be the same.
+static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    float red[LANES], green[LANES], blue[LANES], at[LANES];
+    unload(light.x, red);
+    unload(light.y, green);
+    unload(light.z, blue);
+    unload(pixel, at);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), i = (int)at[lane];
+        desk->color[i] += red[lane];
+        desk->color[TILE_PIXELS + i] += green[lane];
+        desk->color[2 * TILE_PIXELS + i] += blue[lane];
+    }
+}
+
+static inline mask same_shape(real shape, int i) {
+    return less(absolute(shape - set((float)i)), set(0.5f));
+}
+
+#endif

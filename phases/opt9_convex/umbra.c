@@ -1,0 +1,252 @@
+// Shadows of solids and planes.
+//
+// The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the steps of a march by the
+// distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape that only touches
+// the march changes it; but most rays can be told without one. NOTES.md has the proofs.
+#include "convex.h"
+
+// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
+struct cone {
+    real along, need, lean; // v·l, |v|² − R², v·l + q·R
+};
+
+static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
+    real along = vec_dot(v, l);
+    return (struct cone){along, vec_dot(v, v) - set(s->bound_sq), along + set(q * s->bound)};
+}
+
+static inline mask cone_misses(struct cone c, float q) {
+    real lean = most_of(c.lean, set(0.0f));
+    return less(lean * lean, set(1.0f - q * q) * c.need);
+}
+
+static inline struct vec to_centre(const struct placed *s, struct vec p) {
+    return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y, set(s->position[2]) - p.z};
+}
+
+// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`.
+// So does the torus's, where the point is on its hull.
+static inline mask own_clears(const struct placed *s, struct vec local, real facing, float q) {
+    mask clear = not_less(facing, set(q));
+    if (s->convex)
+        return clear;
+    real square = mul_add(local.x, local.x, local.z * local.z);
+    return both(clear, not_less(square, set(s->a * s->a)));
+}
+
+static inline mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
+    real furthest = set(2.0f * (float)scene->model.march.bounds_radius);
+    return either(not_less(slope, set(q)),
+                  both(greater(height, set(0.0f)), greater(mul_add(furthest, slope - set(q), height), set(0.0f))));
+}
+
+mask proved_lit(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+                mask active, const struct convex *work) {
+    COUNT(proved_lit, call);
+    const struct prepared *scene = work->scene;
+    float q = scene->lit_slope;
+    mask clear = active;
+    for (int i = 0; i < scene->model.shape_count && any(clear); i++) {
+        const struct placed *s = &scene->placed[i];
+        mask here;
+        if (s->way == LINEAR)
+            here = plane_clears(drop(same_shape(shape, i), height_over(s, point)), vec_dot(vec_set(s->normal), to_light), q, scene);
+        else {
+            here = cone_misses(cone_to(to_centre(s, point), to_light, s, q), q);
+            if (bits(but_not(here, clear)))
+                here = either(here, both(same_shape(shape, i), own_clears(s, local, facing, q)));
+        }
+        clear = both(clear, here);
+    }
+    return clear;
+}
+
+mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
+                   const struct convex *work) {
+    COUNT(reaches_light, call);
+    const struct prepared *scene = work->scene;
+    mask open = active;
+    for (int i = 0; i < scene->model.shape_count && any(open); i++) {
+        const struct placed *s = &scene->placed[i];
+        real t;
+        mask met;
+        if (s->way == LINEAR) {
+            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, point);
+            t = height / (set(0.0f) - slope);
+            met = both(less(slope, set(0.0f)), greater(height, set(0.0f)));
+        } else {
+            struct vec at;
+            met = enter(in_frame(s, point), turned(s, to_light), s, open, &t, &at);
+        }
+        open = but_not(both(met, both(less(t, distance), greater(t, set((float)scene->model.march.surface_offset)))), open);
+    }
+    return open;
+}
+
+// The packet in work.
+struct rays {
+    mask active;
+    struct vec point, local, to_light;
+    real facing, shape;
+    real end;           // behind it no term comes below 1
+    real alone;         // before it nothing is nearer than the plane that the ray is from
+    mask on_plane;      // and that plane's own terms are all above 1
+    real first, cosine; // the first entry into a solid, of those that can be met
+};
+
+static void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
+    float q = work->scene->lit_slope;
+    mask own = same_shape(r->shape, i);
+    real height = drop(own, height_over(s, r->point)), slope = vec_dot(vec_set(s->normal), r->to_light);
+    near->origin.x = height;
+    near->direction.x = slope;
+    mask clear = plane_clears(height, slope, q, work->scene);
+    r->end = choose(clear, r->end, set(INFINITY));
+    near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
+    r->on_plane = either(r->on_plane, both(own, not_less(slope, set(q))));
+    r->alone = choose(own, r->alone, least_of(r->alone, near->from));
+    if (any(but_not(clear, r->active))) {
+        real t = height / (set(0.0f) - slope);
+        mask met = both(but_not(own, r->active), both(less(slope, set(0.0f)), less(t, r->first)));
+        r->first = choose(met, t, r->first);
+        r->cosine = choose(met, set(0.0f) - slope, r->cosine);
+    }
+}
+
+static void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
+    float q = work->scene->lit_slope;
+    real zero = set(0.0f);
+    mask own = same_shape(r->shape, i);
+    struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
+    mask clear = either(cone_misses(c, q), both(own, own_clears(s, r->local, r->facing, q)));
+    mask met = but_not(clear, r->active);
+    real wide = set(1.0f - q * q);
+    real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
+    r->end = choose(met, most_of(leaves, r->end), r->end);
+    // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
+    real towards = c.along + set(s->bound);
+    real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)), set(INFINITY));
+    from = drop(own, most_of(from, zero));
+    near->from = from;
+    r->alone = least_of(r->alone, from);
+    if (any(met)) {
+        struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
+        real t;
+        mask in = enter(o, d, s, but_not(own, met), &t, &at);
+        in = both(in, less(t, r->first));
+        if (any(in)) {
+            r->first = choose(in, t, r->first);
+            r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
+        }
+    }
+}
+
+// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
+static int choose_shapes(struct rays *r, const struct convex *work) {
+    const struct prepared *scene = work->scene;
+    struct desk *desk = work->desk;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        if (s->way == LINEAR)
+            look_at_plane(s, i, r, work, &desk->near[i]);
+        else
+            look_at_solid(s, i, r, work, &desk->near[i]);
+    }
+    int count = 0;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        struct near *near = &desk->near[i];
+        if (!any(both(r->active, less(near->from, r->end))))
+            continue;
+        desk->casters[count++] = i;
+        if (s->way == LINEAR)
+            continue;
+        near->origin = vec_choose(same_shape(r->shape, i), r->local, in_frame(s, r->point));
+        near->direction = turned(s, r->to_light);
+    }
+    return count;
+}
+
+static inline real nearest(const struct convex *work, int count, real t) {
+    const struct desk *desk = work->desk;
+    real least = set(INFINITY);
+    for (int k = 0; k < count; k++) {
+        int i = desk->casters[k];
+        const struct placed *s = &work->scene->placed[i];
+        const struct near *near = &desk->near[i];
+        real h = s->way == LINEAR ? mul_add(t, near->direction.x, near->origin.x)
+                                  : distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
+        least = least_of(least, h);
+    }
+    return least;
+}
+
+// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m.
+static inline real leap(const struct rays *r, real start, real *previous) {
+    real until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
+    mask can = both(r->on_plane, not_less(until, start));
+    if (!any(both(can, r->active)))
+        return start;
+    real grow = log_of(set(1.0f) + r->facing);
+    real steps = floor_of(log_of(most_of(until, start) / start) / grow) + set(1.0f);
+    real t = start * exp_of(steps * grow);
+    *previous = choose(can, t * r->facing / (set(1.0f) + r->facing), *previous);
+    return choose(can, t, start);
+}
+
+static real march_shadow(struct rays *r, const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    int count = choose_shapes(r, work);
+    real zero = set(0.0f), strength = set((float)model->shadow_strength);
+    float radius = (float)model->march.bounds_radius;
+    // Met at a slant: the march comes to it by ever smaller steps, of which the last one's term is below
+    // strength·10·hit_distance/t.
+    mask dark = both(both(r->active, less(r->cosine, set(0.9f))),
+                     both(less(r->first, r->end), greater(r->first, set(0.01f))));
+    mask done = either(dark, not_in(r->active));
+    real least = drop(dark, set(1.0f)), previous = set(1e20f);
+    real t = leap(r, set((float)model->march.surface_offset), &previous);
+    real linear = set(2.0f) * vec_dot(r->point, r->to_light);
+    real constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
+    real hit_distance = set((float)model->march.hit_distance), from = zero;
+    for (int step = 0; step < model->march.max_steps && !all(done); step++) {
+        real h = nearest(work, count, t);
+        done = either(done, less(h, most_of(hit_distance, t * set(0x1p-24f))));
+        real square = h * h, y = square / (previous + previous);
+        real inside = neg_mul_add(y, y, square), beyond = t - y;
+        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
+        real scaled = least * beyond;
+        mask darker = but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
+        if (any(darker))
+            least = choose(darker, strength * root(inside) / beyond, least);
+        previous = h;
+        done = either(done, greater(from, r->end)); // the step to here began behind it
+        from = t;
+        t = t + drop(done, h);
+        done = either(done, greater(mul_add(t, t + linear, constant), zero));
+    }
+    return least;
+}
+
+void cast_shadows(const struct convex *work) {
+    struct desk *desk = work->desk;
+    float(*field)[QUEUE_ROOM] = desk->shadow;
+    for (int first = 0; first < desk->shadows; first += LANES) {
+        int left = desk->shadows - first;
+        struct rays r = {.active = first_lanes(left < LANES ? left : LANES),
+                         .point = load_vec(field + S_POINT, first),
+                         .local = load_vec(field + S_LOCAL, first),
+                         .to_light = load_vec(field + S_TO_LIGHT, first),
+                         .facing = load(&field[S_FACING][first]),
+                         .shape = load(&field[S_SHAPE][first]),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+        real lit = march_shadow(&r, work);
+        add_light(r.active, vec_scale(load_vec(field + S_LIGHT, first), lit),
+                  load(&field[S_PIXEL][first]), desk);
+    }
+    desk->shadows = 0;
+}
