@@ -24,14 +24,13 @@ static inline struct vec to_centre(const struct placed *s, struct vec p) {
     return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y, set(s->position[2]) - p.z};
 }
 
-// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`.
-// So does the torus's, where the point is on its hull.
-static inline mask own_clears(const struct placed *s, struct vec local, real facing, float q) {
-    mask clear = not_less(facing, set(q));
+// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
+// and ever faster. So does the torus's, where the point is on its hull.
+static inline mask bulges(const struct placed *s, struct vec local) {
     if (s->convex)
-        return clear;
+        return all_lanes();
     real square = mul_add(local.x, local.x, local.z * local.z);
-    return both(clear, not_less(square, set(s->a * s->a)));
+    return not_less(square, set(s->a * s->a));
 }
 
 static inline mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
@@ -54,7 +53,7 @@ mask proved_lit(struct vec point, struct vec local, struct vec to_light, real fa
         else {
             here = cone_misses(cone_to(to_centre(s, point), to_light, s, q), q);
             if (bits(but_not(here, clear)))
-                here = either(here, both(same_shape(shape, i), own_clears(s, local, facing, q)));
+                here = either(here, both(both(same_shape(shape, i), bulges(s, local)), not_less(facing, set(q))));
         }
         clear = both(clear, here);
     }
@@ -94,13 +93,21 @@ struct rays {
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 
+// Of what a point's own shape does to its shadow, where that bulges, the first two terms are the least.
+static inline void graze(struct rays *r, mask own, const struct convex *work) {
+    mask grazes = but_not(not_less(r->facing, set(work->scene->lit_slope)), own);
+    real two = set(0.5f * (float)work->scene->model.march.surface_offset);
+    r->end = choose(grazes, most_of(r->end, two), r->end);
+}
+
 static void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
     float q = work->scene->lit_slope;
     mask own = same_shape(r->shape, i);
     real height = drop(own, height_over(s, r->point)), slope = vec_dot(vec_set(s->normal), r->to_light);
     near->origin.x = height;
     near->direction.x = slope;
-    mask clear = plane_clears(height, slope, q, work->scene);
+    mask clear = either(own, plane_clears(height, slope, q, work->scene));
+    graze(r, own, work);
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->on_plane = either(r->on_plane, both(own, not_less(slope, set(q))));
@@ -118,8 +125,9 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask clear = either(cone_misses(c, q), both(own, own_clears(s, r->local, r->facing, q)));
-    mask met = but_not(clear, r->active);
+    mask own_only = both(own, bulges(s, r->local));
+    mask met = but_not(either(cone_misses(c, q), own_only), r->active);
+    graze(r, own_only, work);
     real wide = set(1.0f - q * q);
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
