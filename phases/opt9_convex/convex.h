@@ -43,6 +43,8 @@ struct desk {
 struct near {
     struct vec origin, direction; // in its frame; LINEAR: x is height and slope
     real from;                    // before that it is further than any other
+    bool power;                   // a sphere that some of the rays are from:
+    real constant, slope;         // |p|² − radius² = constant + t·(t + slope)
 };
 
 struct convex {

@@ -169,10 +169,28 @@ static int choose_shapes(struct rays *r, const struct convex *work) {
         desk->casters[count++] = i;
         if (s->way == LINEAR)
             continue;
-        near->origin = vec_choose(same_shape(r->shape, i), r->local, in_frame(s, r->point));
+        mask own = same_shape(r->shape, i);
+        near->origin = vec_choose(own, r->local, in_frame(s, r->point));
         near->direction = turned(s, r->to_light);
+        near->power = s->type == SHAPE_SPHERE && any(own);
+        if (near->power) {
+            near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
+            near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
+        }
     }
     return count;
+}
+
+// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
+// power is not.
+static inline real distance_along(const struct near *near, real t, const struct placed *s) {
+    if (s->way == LINEAR)
+        return mul_add(t, near->direction.x, near->origin.x);
+    if (near->power) {
+        real power = mul_add(t, t + near->slope, near->constant);
+        return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    }
+    return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
 static inline real nearest(const struct convex *work, int count, real t) {
@@ -180,11 +198,7 @@ static inline real nearest(const struct convex *work, int count, real t) {
     real least = set(INFINITY);
     for (int k = 0; k < count; k++) {
         int i = desk->casters[k];
-        const struct placed *s = &work->scene->placed[i];
-        const struct near *near = &desk->near[i];
-        real h = s->way == LINEAR ? mul_add(t, near->direction.x, near->origin.x)
-                                  : distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
-        least = least_of(least, h);
+        least = least_of(least, distance_along(&desk->near[i], t, &work->scene->placed[i]));
     }
     return least;
 }
