@@ -221,10 +221,11 @@ static real march_shadow(struct rays *r, const struct convex *work) {
     int count = choose_shapes(r, work);
     real zero = set(0.0f), strength = set((float)model->shadow_strength);
     float radius = (float)model->march.bounds_radius;
-    // Met at a slant: the march comes to it by ever smaller steps, of which the last one's term is below
-    // strength·10·hit_distance/t.
-    mask dark = both(both(r->active, less(r->cosine, set(0.9f))),
-                     both(less(r->first, r->end), greater(r->first, set(0.01f))));
+    // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it.
+    real room = r->first * (set(1.0f) - r->cosine);
+    float least_room = (float)(1e5 * model->march.hit_distance * model->shadow_strength);
+    mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
     mask done = either(dark, not_in(r->active));
     real least = drop(dark, set(1.0f)), previous = set(1e20f);
     real t = leap(r, set((float)model->march.surface_offset), &previous);
