@@ -111,6 +111,20 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     desk->mirrors += count_of(m);
 }
 
+static struct vec grazed(struct vec light, mask grazes, const struct found *hit, struct vec to_light, real facing,
+                         const struct prepared *scene) {
+    float id[LANES];
+    unload(hit->shape, id);
+    for (unsigned rest = bits(grazes); rest;) {
+        int i = (int)id[__builtin_ctz(rest)];
+        mask same = both(grazes, same_shape(hit->shape, i));
+        rest &= ~bits(same);
+        real lit = own_shadow(&scene->placed[i], hit->local, to_light, facing, &scene->model);
+        light = vec_choose(same, vec_scale(light, lit), light);
+    }
+    return light;
+}
+
 // What reaches the pixels at once. What its shadow or a mirror will bring waits.
 static inline struct vec shade(const struct ray *ray, const struct found *hit, const struct surface *surface,
                                struct vec p, const struct convex *work) {
@@ -142,10 +156,12 @@ static inline struct vec shade(const struct ray *ray, const struct found *hit, c
                             set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
         mask open = lit;
         if (model->shadows == SHADOWS_SOFT) {
-            open = proved_lit(p, hit->local, to_light, facing, hit->shape, lit, work);
-            mask asked = but_not(open, lit);
+            open = cleared(p, hit->local, to_light, hit->shape, lit, work);
+            mask asked = but_not(open, lit), grazes = both(open, less(facing, set(scene->lit_slope)));
             if (any(asked))
                 queue_shadow(asked, p, hit, to_light, facing, light, ray->pixel, work);
+            if (any(grazes))
+                light = grazed(light, grazes, hit, to_light, facing, scene);
         } else if (model->shadows == SHADOWS_HARD)
             open = reaches_light(p, to_light, distance, lit, work);
         color.x = color.x + keep(open, light.x);
@@ -292,6 +308,22 @@ static inline void render_block(struct block block, int pixel, struct vec direct
     unload(color.z, to + 2 * TILE_PIXELS);
 }
 
+static void fill_background(struct frame *frame, int left, int right, int top, int bottom, const struct model *model) {
+    float color[3] = {(float)model->background[0], (float)model->background[1], (float)model->background[2]};
+    for (int row = top; row < bottom; row++) {
+        size_t first = (size_t)row * (size_t)frame->width + (size_t)left, count = (size_t)(right - left);
+        for (size_t i = 3 * first; i < 3 * (first + count); i += 3)
+            for (int k = 0; k < 3; k++)
+                frame->rgb[i + (size_t)k] = color[k];
+        for (size_t i = first; frame->depth && i < first + count; i++) {
+            frame->depth[i] = INFINITY;
+            frame->id[i] = -1;
+            frame->normal[3 * i] = frame->normal[3 * i + 1] = frame->normal[3 * i + 2] = 0;
+            frame->evals[i] = 0;
+        }
+    }
+}
+
 static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
 }
@@ -310,6 +342,10 @@ void convex_tile(const struct job *job, int tile, struct desk *desk) {
                             (float)(frame->height + 1 - 2 * bottom) * per_height,
                             (float)(frame->height - 1 - 2 * top) * per_height};
     desk->listed = shapes_in(&window, job, desk->list);
+    if (desk->listed == 0) {
+        fill_background(frame, left, right, top, bottom, model);
+        return;
+    }
     struct vec ahead = vec_from(view->forward), across = vec_from(view->right), up = vec_from(view->up);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     real beside = lane_numbers() - below * set(BLOCK_WIDTH);
@@ -334,5 +370,4 @@ void convex_tile(const struct job *job, int tile, struct desk *desk) {
             store_colors(frame, (struct block){column, row, lesser(BLOCK_WIDTH, right - column),
                                                lesser(BLOCK_HEIGHT, bottom - row)},
                          &desk->color[pixel]);
-    (void)model;
 }

@@ -53,9 +53,13 @@ struct convex {
     struct desk *desk;
 };
 
-// Which of the soft shadow rays need no march: no term of the estimator can come below 1.
-mask proved_lit(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
-                mask active, const struct convex *work);
+// Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
+// neither, but for the first two, since it bulges.
+mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
+             const struct convex *work);
+// The shadow on these: the least of those two terms.
+real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
+                const struct model *model);
 // Hard shadows: which rays reach the light.
 mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
                    const struct convex *work);

@@ -39,9 +39,9 @@ static inline mask plane_clears(real height, real slope, float q, const struct p
                   both(greater(height, set(0.0f)), greater(mul_add(furthest, slope - set(q), height), set(0.0f))));
 }
 
-mask proved_lit(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
-                mask active, const struct convex *work) {
-    COUNT(proved_lit, call);
+mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
+             const struct convex *work) {
+    COUNT(cleared, call);
     const struct prepared *scene = work->scene;
     float q = scene->lit_slope;
     mask clear = active;
@@ -49,15 +49,50 @@ mask proved_lit(struct vec point, struct vec local, struct vec to_light, real fa
         const struct placed *s = &scene->placed[i];
         mask here;
         if (s->way == LINEAR)
-            here = plane_clears(drop(same_shape(shape, i), height_over(s, point)), vec_dot(vec_set(s->normal), to_light), q, scene);
+            here = either(same_shape(shape, i), plane_clears(height_over(s, point), vec_dot(vec_set(s->normal), to_light), q, scene));
         else {
             here = cone_misses(cone_to(to_centre(s, point), to_light, s, q), q);
             if (bits(but_not(here, clear)))
-                here = either(here, both(both(same_shape(shape, i), bulges(s, local)), not_less(facing, set(q))));
+                here = either(here, both(same_shape(shape, i), bulges(s, local)));
         }
         clear = both(clear, here);
     }
     return clear;
+}
+
+// How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+static real curvature(struct vec p, struct vec n, struct vec l, real facing, const struct placed *s) {
+    real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
+    if (s->type == SHAPE_SPHERE)
+        return tangent * set(1.0f / s->a);
+    if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
+        return zero;
+    real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
+    real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
+    real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
+    if (s->type == SHAPE_CONE)
+        return ring;
+    return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
+}
+
+real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
+                const struct model *model) {
+    COUNT(own_shadow, call);
+    real one = set(1.0f), strength = set((float)model->shadow_strength);
+    real t = set((float)model->march.surface_offset), hit = set((float)model->march.hit_distance);
+    real half = set(0.0f);
+    if (s->way != LINEAR)
+        half = set(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
+    real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
+    real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
+    real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);
+    real term = strength * v * root(most_of(inside, set(0.0f))) / neg_mul_add(set(0.5f) * ratio, v, one);
+    // A march that is within the hit distance at its first step has no term at all.
+    mask first = not_less(u * t, hit), second = both(first, not_less(v * further, hit));
+    if (model->march.max_steps < 2)
+        second = no_lane();
+    real least = choose(first, least_of(one, strength * u), one);
+    return choose(second, least_of(least, term), least);
 }
 
 mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
@@ -93,13 +128,6 @@ struct rays {
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 
-// Of what a point's own shape does to its shadow, where that bulges, the first two terms are the least.
-static inline void graze(struct rays *r, mask own, const struct convex *work) {
-    mask grazes = but_not(not_less(r->facing, set(work->scene->lit_slope)), own);
-    real two = set(0.5f * (float)work->scene->model.march.surface_offset);
-    r->end = choose(grazes, most_of(r->end, two), r->end);
-}
-
 static void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
     float q = work->scene->lit_slope;
     mask own = same_shape(r->shape, i);
@@ -107,7 +135,6 @@ static void look_at_plane(const struct placed *s, int i, struct rays *r, const s
     near->origin.x = height;
     near->direction.x = slope;
     mask clear = either(own, plane_clears(height, slope, q, work->scene));
-    graze(r, own, work);
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->on_plane = either(r->on_plane, both(own, not_less(slope, set(q))));
@@ -125,9 +152,8 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask own_only = both(own, bulges(s, r->local));
-    mask met = but_not(either(cone_misses(c, q), own_only), r->active);
-    graze(r, own_only, work);
+    mask own_bulge = both(own, bulges(s, r->local));
+    mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
     real wide = set(1.0f - q * q);
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
