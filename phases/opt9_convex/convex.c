@@ -10,7 +10,7 @@ struct found {
 };
 
 // `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
-static inline void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
+__attribute__((noinline)) static void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
                              const int *list, int count, const struct prepared *scene,
                              struct found *hit) {
     real zero = set(0.0f);
@@ -46,7 +46,7 @@ struct surface {
 };
 
 // Once for each shape that the packet hit.
-static inline struct surface surface_at(const struct found *hit, struct vec direction,
+__attribute__((noinline)) static struct surface surface_at(const struct found *hit, struct vec direction,
                                         const struct prepared *scene) {
     float id[LANES];
     unload(hit->shape, id);
@@ -81,7 +81,7 @@ struct ray {
     mask active;
 };
 
-static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light, real facing, struct vec light,
+__attribute__((noinline)) static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light, real facing, struct vec light,
                          real pixel, const struct convex *work) {
     struct desk *desk = work->desk;
     if (desk->shadows > QUEUE - LANES)
@@ -98,7 +98,7 @@ static void queue_shadow(mask m, struct vec p, const struct found *hit, struct v
     desk->shadows += count_of(m);
 }
 
-static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight, const struct convex *work) {
+__attribute__((noinline)) static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight, const struct convex *work) {
     struct desk *desk = work->desk;
     int at = desk->mirrors;
     float(*field)[QUEUE_ROOM] = desk->mirror;
@@ -111,7 +111,7 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     desk->mirrors += count_of(m);
 }
 
-static struct vec grazed(struct vec light, mask grazes, const struct found *hit, struct vec to_light, real facing,
+__attribute__((noinline)) static struct vec grazed(struct vec light, mask grazes, const struct found *hit, struct vec to_light, real facing,
                          const struct prepared *scene) {
     float id[LANES];
     unload(hit->shape, id);
@@ -261,7 +261,7 @@ static void store_hit(struct frame *frame, struct block block, const struct foun
     store_plane(frame->evals, 1, frame, block, set(1.0f));
 }
 
-static void store_colors(struct frame *frame, struct block block, const float *color) {
+__attribute__((noinline)) static void store_colors(struct frame *frame, struct block block, const float *color) {
     real red = load(color), green = load(color + TILE_PIXELS), blue = load(color + 2 * TILE_PIXELS);
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {

@@ -11,7 +11,7 @@ enum {
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
     QUEUE = 512, // rays; a full one is worked off
-    QUEUE_ROOM = QUEUE + LANES
+    QUEUE_ROOM = QUEUE + 2 * LANES
 };
 
 // Mirror rays that wait: what they add to their pixel is `weight` times what they see.
@@ -34,7 +34,7 @@ struct desk {
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     int mirrors, shadows;
     int listed; // shapes that the tile's camera rays may meet
-    struct near *near; // of the packet of shadow rays in work, one per shape
+    struct near *near; // of the two packets of shadow rays in work, one per shape
     int *list;
     int *casters; // shapes that the packet may meet
 };

@@ -112,8 +112,8 @@ static size_t whole_lines(size_t size) {
 
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + shapes * sizeof(struct near) +
-                  2 * whole_lines(shapes * sizeof(int));
+    size_t desk = whole_lines(sizeof(struct desk)) + 2 * shapes * sizeof(struct near) +
+                  3 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
 
@@ -130,7 +130,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     struct desk *desk = own;
     char *behind = (char *)own + whole_lines(sizeof *desk);
     desk->near = (struct near *)behind;
-    behind += shapes * sizeof(struct near);
+    behind += 2 * shapes * sizeof(struct near);
     desk->list = (int *)behind;
     desk->casters = (int *)(behind + whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);

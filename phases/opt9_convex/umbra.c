@@ -176,23 +176,22 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
 }
 
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
-static int choose_shapes(struct rays *r, const struct convex *work) {
+static int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work) {
     const struct prepared *scene = work->scene;
-    struct desk *desk = work->desk;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         if (s->way == LINEAR)
-            look_at_plane(s, i, r, work, &desk->near[i]);
+            look_at_plane(s, i, r, work, &nears[i]);
         else
-            look_at_solid(s, i, r, work, &desk->near[i]);
+            look_at_solid(s, i, r, work, &nears[i]);
     }
     int count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
-        struct near *near = &desk->near[i];
+        struct near *near = &nears[i];
         if (!any(both(r->active, less(near->from, r->end))))
             continue;
-        desk->casters[count++] = i;
+        casters[count++] = i;
         if (s->way == LINEAR)
             continue;
         mask own = same_shape(r->shape, i);
@@ -219,13 +218,11 @@ static inline real distance_along(const struct near *near, real t, const struct 
     return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
-static inline real nearest(const struct convex *work, int count, real t) {
-    const struct desk *desk = work->desk;
+static inline real nearest(const struct near *nears, const int *casters, int count, real t,
+                           const struct prepared *scene) {
     real least = set(INFINITY);
-    for (int k = 0; k < count; k++) {
-        int i = desk->casters[k];
-        least = least_of(least, distance_along(&desk->near[i], t, &work->scene->placed[i]));
-    }
+    for (int k = 0; k < count; k++)
+        least = least_of(least, distance_along(&nears[casters[k]], t, &scene->placed[casters[k]]));
     return least;
 }
 
@@ -242,47 +239,55 @@ static inline real leap(const struct rays *r, real start, real *previous) {
     return choose(can, t, start);
 }
 
-static real march_shadow(struct rays *r, const struct convex *work) {
+// One packet's march. Two are marched by turns: the CPU works on one while the other waits for its roots.
+struct march {
+    const struct near *nears;
+    const int *casters;
+    int count;
+    mask done;
+    real t, from, previous, least, end;
+    real linear, constant; // t·(t + linear) + constant > 0: out of the bounds
+};
+
+static void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
+                  struct march *m) {
     const struct model *model = &work->scene->model;
-    int count = choose_shapes(r, work);
-    real zero = set(0.0f), strength = set((float)model->shadow_strength);
-    float radius = (float)model->march.bounds_radius;
+    *m = (struct march){.nears = nears, .casters = casters, .previous = set(1e20f), .from = set(0.0f)};
+    m->count = choose_shapes(r, nears, casters, work);
+    m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it.
     real room = r->first * (set(1.0f) - r->cosine);
     float least_room = (float)(1e5 * model->march.hit_distance * model->shadow_strength);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
-    mask done = either(dark, not_in(r->active));
-    real least = drop(dark, set(1.0f)), previous = set(1e20f);
-    real t = leap(r, set((float)model->march.surface_offset), &previous);
-    real linear = set(2.0f) * vec_dot(r->point, r->to_light);
-    real constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
-    real hit_distance = set((float)model->march.hit_distance), from = zero;
-    for (int step = 0; step < model->march.max_steps && !all(done); step++) {
-        real h = nearest(work, count, t);
-        done = either(done, less(h, most_of(hit_distance, t * set(0x1p-24f))));
-        real square = h * h, y = square / (previous + previous);
-        real inside = neg_mul_add(y, y, square), beyond = t - y;
-        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
-        real scaled = least * beyond;
-        mask darker = but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (any(darker))
-            least = choose(darker, strength * root(inside) / beyond, least);
-        previous = h;
-        done = either(done, greater(from, r->end)); // the step to here began behind it
-        from = t;
-        t = t + drop(done, h);
-        done = either(done, greater(mul_add(t, t + linear, constant), zero));
-    }
-    return least;
+    m->done = either(dark, not_in(r->active));
+    m->least = drop(dark, set(1.0f));
+    m->t = leap(r, set((float)model->march.surface_offset), &m->previous);
+    float radius = (float)model->march.bounds_radius;
+    m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
+    m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
-void cast_shadows(const struct convex *work) {
-    struct desk *desk = work->desk;
-    float(*field)[QUEUE_ROOM] = desk->shadow;
-    for (int first = 0; first < desk->shadows; first += LANES) {
-        int left = desk->shadows - first;
-        struct rays r = {.active = first_lanes(left < LANES ? left : LANES),
+static inline void step(struct march *m, real strength, real hit_distance, const struct prepared *scene) {
+    real h = nearest(m->nears, m->casters, m->count, m->t, scene);
+    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
+    real square = h * h, y = square / (m->previous + m->previous);
+    real inside = neg_mul_add(y, y, square), beyond = m->t - y;
+    mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, set(0.0f)));
+    real scaled = m->least * beyond;
+    mask darker = but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
+    if (any(darker))
+        m->least = choose(darker, strength * root(inside) / beyond, m->least);
+    m->previous = h;
+    done = either(done, greater(m->from, m->end)); // the step to here began behind it
+    m->from = m->t;
+    m->t = m->t + drop(done, h);
+    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+}
+
+static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
+    int left = count - first;
+    return (struct rays){.active = first_lanes(left < 0 ? 0 : left < LANES ? left : LANES),
                          .point = load_vec(field + S_POINT, first),
                          .local = load_vec(field + S_LOCAL, first),
                          .to_light = load_vec(field + S_TO_LIGHT, first),
@@ -293,9 +298,34 @@ void cast_shadows(const struct convex *work) {
                          .on_plane = no_lane(),
                          .first = set(INFINITY),
                          .cosine = set(1.0f)};
-        real lit = march_shadow(&r, work);
-        add_light(r.active, vec_scale(load_vec(field + S_LIGHT, first), lit),
+}
+
+void cast_shadows(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    float(*field)[QUEUE_ROOM] = desk->shadow;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    for (int first = 0; first < desk->shadows; first += 2 * LANES) {
+        struct march a, b;
+        struct rays r = waiting(field, first, desk->shadows);
+        begin(&r, desk->near, desk->casters, work, &a);
+        mask active_a = r.active;
+        r = waiting(field, first + LANES, desk->shadows);
+        begin(&r, desk->near + model->shape_count, desk->casters + model->shape_count, work, &b);
+        mask active_b = r.active;
+        for (int i = 0; i < model->march.max_steps; i++) {
+            bool over = all(a.done);
+            if (over && all(b.done))
+                break;
+            if (!over)
+                step(&a, strength, hit, work->scene);
+            if (!all(b.done))
+                step(&b, strength, hit, work->scene);
+        }
+        add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), a.least),
                   load(&field[S_PIXEL][first]), desk);
+        add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), b.least),
+                  load(&field[S_PIXEL][first + LANES]), desk);
     }
     desk->shadows = 0;
 }
