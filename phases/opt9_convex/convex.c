@@ -10,7 +10,7 @@ struct found {
 };
 
 // `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
-__attribute__((noinline)) static void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
+static void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
                              const int *list, int count, const struct prepared *scene,
                              struct found *hit) {
     real zero = set(0.0f);
@@ -46,7 +46,7 @@ struct surface {
 };
 
 // Once for each shape that the packet hit.
-__attribute__((noinline)) static struct surface surface_at(const struct found *hit, struct vec direction,
+static struct surface surface_at(const struct found *hit, struct vec direction,
                                         const struct prepared *scene) {
     float id[LANES];
     unload(hit->shape, id);
@@ -81,7 +81,7 @@ struct ray {
     mask active;
 };
 
-__attribute__((noinline)) static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light, real facing, struct vec light,
+static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light, real facing, struct vec light,
                          real pixel, const struct convex *work) {
     struct desk *desk = work->desk;
     if (desk->shadows > QUEUE - LANES)
@@ -98,7 +98,7 @@ __attribute__((noinline)) static void queue_shadow(mask m, struct vec p, const s
     desk->shadows += count_of(m);
 }
 
-__attribute__((noinline)) static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight, const struct convex *work) {
+static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight, const struct convex *work) {
     struct desk *desk = work->desk;
     int at = desk->mirrors;
     float(*field)[QUEUE_ROOM] = desk->mirror;
@@ -111,7 +111,7 @@ __attribute__((noinline)) static void queue_mirror(mask m, const struct ray *ray
     desk->mirrors += count_of(m);
 }
 
-__attribute__((noinline)) static struct vec grazed(struct vec light, mask grazes, const struct found *hit, struct vec to_light, real facing,
+static struct vec grazed(struct vec light, mask grazes, const struct found *hit, struct vec to_light, real facing,
                          const struct prepared *scene) {
     float id[LANES];
     unload(hit->shape, id);
@@ -125,58 +125,6 @@ __attribute__((noinline)) static struct vec grazed(struct vec light, mask grazes
     return light;
 }
 
-// What reaches the pixels at once. What its shadow or a mirror will bring waits.
-static inline struct vec shade(const struct ray *ray, const struct found *hit, const struct surface *surface,
-                               struct vec p, const struct convex *work) {
-    const struct prepared *scene = work->scene;
-    const struct model *model = &scene->model;
-    real zero = set(0.0f), one = set(1.0f);
-    mask found = hit->found;
-    struct vec n = surface->normal, base = surface->color;
-    real weight = ray->weight;
-    if (model->features.fog) {
-        real far_sq = vec_dot(p, p);
-        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
-    }
-    struct vec color = vec_scale(base, weight * set(0.01f)); // ambient
-    const double *at = work->view->light_position, *e = work->view->light_emission;
-    struct vec to_light = {set((float)at[0]) - p.x, set((float)at[1]) - p.y, set((float)at[2]) - p.z};
-    real distance = vec_norm(to_light), per = one / distance;
-    to_light = vec_scale(to_light, per);
-    real facing = vec_dot(n, to_light);
-    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
-    if (any(lit)) {
-        real shine = vec_dot(vec_reflect(to_light, n), ray->direction), specular = zero;
-        mask shines = both(lit, greater(shine, surface->shine_from));
-        if (any(shines))
-            specular = keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
-        real reach = weight * per;
-        struct vec light = {set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
-                            set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
-                            set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
-        mask open = lit;
-        if (model->shadows == SHADOWS_SOFT) {
-            open = cleared(p, hit->local, to_light, hit->shape, lit, work);
-            mask asked = but_not(open, lit), grazes = both(open, less(facing, set(scene->lit_slope)));
-            if (any(asked))
-                queue_shadow(asked, p, hit, to_light, facing, light, ray->pixel, work);
-            if (any(grazes))
-                light = grazed(light, grazes, hit, to_light, facing, scene);
-        } else if (model->shadows == SHADOWS_HARD)
-            open = reaches_light(p, to_light, distance, lit, work);
-        color.x = color.x + keep(open, light.x);
-        color.y = color.y + keep(open, light.y);
-        color.z = color.z + keep(open, light.z);
-    }
-    if (model->features.mirrors && model->march.max_bounces > 0) {
-        mask mirror = both(both(found, greater(surface->share, zero)),
-                           less(ray->bounce, set((float)model->march.max_bounces)));
-        if (any(mirror))
-            queue_mirror(mirror, ray, p, n, weight * surface->share, work);
-    }
-    return color;
-}
-
 static inline struct vec background(real weight, const struct model *model) {
     const double *b = model->background;
     return (struct vec){weight * set((float)b[0]), weight * set((float)b[1]), weight * set((float)b[2])};
@@ -187,26 +135,130 @@ static inline mask in_bounds(struct vec p, const struct model *model) {
     return not_less(set(radius * radius), vec_dot(p, p));
 }
 
+// A packet of rays on its way to a colour. A group of them takes each step together: each packet's steps wait
+// for each other, those of different packets do not.
+struct stage {
+    struct ray ray;
+    struct found hit;
+    struct vec point, color, to_light, light;
+    struct surface surface;
+    real weight, facing;
+    mask lit, open;
+};
+
+static inline void stage_surface(struct stage *at, const struct prepared *scene) {
+    struct ray *ray = &at->ray;
+    at->point = vec_along(ray->origin, ray->direction, at->hit.t);
+    at->hit.found = both(at->hit.found, in_bounds(at->point, &scene->model));
+    if (any(at->hit.found))
+        at->surface = surface_at(&at->hit, ray->direction, scene);
+}
+
+static inline void stage_light(struct stage *at, const struct view *view, const struct model *model) {
+    const struct ray *ray = &at->ray;
+    const struct surface *surface = &at->surface;
+    struct vec p = at->point, n = surface->normal, base = surface->color;
+    real weight = ray->weight, zero = set(0.0f);
+    if (model->features.fog) {
+        real far_sq = vec_dot(p, p);
+        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
+    }
+    at->weight = weight;
+    at->color = vec_choose(at->hit.found, vec_scale(base, weight * set(0.01f)), background(ray->weight, model)); // ambient
+    const double *light = view->light_position, *e = view->light_emission;
+    struct vec l = {set((float)light[0]) - p.x, set((float)light[1]) - p.y, set((float)light[2]) - p.z};
+    real square = vec_dot(l, l), per = set(1.0f) / root(square);
+    l = vec_scale(l, per);
+    real facing = vec_dot(n, l);
+    at->lit = both(at->hit.found, both(greater(facing, zero), greater(square, zero)));
+    at->facing = facing;
+    at->to_light = l;
+    real shine = vec_dot(vec_reflect(l, n), ray->direction), specular = zero;
+    mask shines = both(at->lit, greater(shine, surface->shine_from));
+    if (any(shines))
+        specular = keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+    real reach = weight * per;
+    at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
+                             set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
+                             set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+}
+
+static inline void stage_shadow(struct stage *at, const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    at->open = at->lit;
+    if (!any(at->lit))
+        return;
+    if (model->shadows == SHADOWS_SOFT)
+        at->open = cleared(at->point, at->hit.local, at->to_light, at->hit.shape, at->lit, work);
+    else if (model->shadows == SHADOWS_HARD) {
+        struct vec to = {set((float)work->view->light_position[0]) - at->point.x,
+                         set((float)work->view->light_position[1]) - at->point.y,
+                         set((float)work->view->light_position[2]) - at->point.z};
+        at->open = reaches_light(at->point, at->to_light, vec_norm(to), at->lit, work);
+    }
+}
+
+// What reaches the pixels at once; what a shadow or a mirror ray will bring waits.
+static inline void stage_end(struct stage *at, const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    real zero = set(0.0f);
+    mask open = at->open;
+    if (model->shadows == SHADOWS_SOFT) {
+        mask asked = but_not(open, at->lit);
+        mask grazes = both(open, less(at->facing, set(work->scene->lit_slope)));
+        if (any(asked))
+            queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light, at->ray.pixel, work);
+        if (any(grazes))
+            at->light = grazed(at->light, grazes, &at->hit, at->to_light, at->facing, work->scene);
+    }
+    at->color.x = at->color.x + keep(open, at->light.x);
+    at->color.y = at->color.y + keep(open, at->light.y);
+    at->color.z = at->color.z + keep(open, at->light.z);
+    if (model->features.mirrors && model->march.max_bounces > 0) {
+        mask mirror = both(both(at->hit.found, greater(at->surface.share, zero)),
+                           less(at->ray.bounce, set((float)model->march.max_bounces)));
+        if (any(mirror))
+            queue_mirror(mirror, &at->ray, at->point, at->surface.normal, at->weight * at->surface.share, work);
+    }
+}
+
+static void color_all(struct stage *stage, int count, const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    for (int i = 0; i < count; i++)
+        stage_surface(&stage[i], work->scene);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found))
+            stage_light(&stage[i], work->view, model);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found))
+            stage_shadow(&stage[i], work);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found))
+            stage_end(&stage[i], work);
+        else
+            stage[i].color = background(stage[i].ray.weight, model);
+}
+
 // The last of the rays that wait first: what they see may make more of them.
 static void follow_mirrors(const struct convex *work) {
     struct desk *desk = work->desk;
-    const struct model *model = &work->scene->model;
+    float(*field)[QUEUE_ROOM] = desk->mirror;
+    struct stage stage[GROUP];
     while (desk->mirrors > 0) {
-        int count = desk->mirrors < LANES ? desk->mirrors : LANES, first = desk->mirrors -= count;
-        float(*field)[QUEUE_ROOM] = desk->mirror;
-        struct ray ray = {load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
-                          load(&field[M_WEIGHT][first]), load(&field[M_PIXEL][first]),
-                          load(&field[M_BOUNCE][first]), first_lanes(count)};
-        struct found hit;
-        first_hit(ray.origin, ray.direction, ray.active, NULL, NULL, model->shape_count, work->scene, &hit);
-        struct vec p = vec_along(ray.origin, ray.direction, hit.t);
-        hit.found = both(hit.found, in_bounds(p, model));
-        struct vec color = background(ray.weight, model);
-        if (any(hit.found)) {
-            struct surface surface = surface_at(&hit, ray.direction, work->scene);
-            color = vec_choose(hit.found, shade(&ray, &hit, &surface, p, work), color);
+        int packets = 0;
+        for (; packets < GROUP && desk->mirrors > 0; packets++) {
+            int count = desk->mirrors < LANES ? desk->mirrors : LANES, first = desk->mirrors -= count;
+            struct stage *at = &stage[packets];
+            at->ray = (struct ray){load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
+                                   load(&field[M_WEIGHT][first]), load(&field[M_PIXEL][first]),
+                                   load(&field[M_BOUNCE][first]), first_lanes(count)};
         }
-        add_light(ray.active, color, ray.pixel, desk);
+        for (int i = 0; i < packets; i++)
+            first_hit(stage[i].ray.origin, stage[i].ray.direction, stage[i].ray.active, NULL, NULL,
+                      work->scene->model.shape_count, work->scene, &stage[i].hit);
+        color_all(stage, packets, work);
+        for (int i = 0; i < packets; i++)
+            add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
     }
 }
 
@@ -261,7 +313,7 @@ static void store_hit(struct frame *frame, struct block block, const struct foun
     store_plane(frame->evals, 1, frame, block, set(1.0f));
 }
 
-__attribute__((noinline)) static void store_colors(struct frame *frame, struct block block, const float *color) {
+static void store_colors(struct frame *frame, struct block block, const float *color) {
     real red = load(color), green = load(color + TILE_PIXELS), blue = load(color + 2 * TILE_PIXELS);
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
@@ -277,35 +329,12 @@ static int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
-static inline void render_block(struct block block, int pixel, struct vec direction, const struct job *job,
-                         const struct convex *work) {
-    struct desk *desk = work->desk;
-    const struct prepared *scene = job->prepared;
-    real one = set(1.0f);
-    const double *o = job->view->position;
-    struct ray ray = {{set((float)o[0]), set((float)o[1]), set((float)o[2])}, direction, one,
-                      lane_numbers() + set((float)pixel), set(0.0f), all_lanes()};
-    if (block.across < BLOCK_WIDTH || block.down < BLOCK_HEIGHT) {
-        real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-        ray.active = both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
-                          less(below, set((float)block.down)));
-    }
-    struct found hit;
-    first_hit(ray.origin, direction, ray.active, scene->eyes, desk->list, desk->listed, scene, &hit);
-    struct vec p = vec_along(ray.origin, direction, hit.t), color = background(one, &scene->model);
-    hit.found = both(hit.found, in_bounds(p, &scene->model));
-    struct vec normal = direction;
-    if (any(hit.found)) {
-        struct surface surface = surface_at(&hit, direction, scene);
-        normal = surface.normal;
-        color = vec_choose(hit.found, shade(&ray, &hit, &surface, p, work), color);
-    }
-    if (job->frame->depth)
-        store_hit(job->frame, block, &hit, normal);
-    float *to = &desk->color[pixel];
-    unload(color.x, to);
-    unload(color.y, to + TILE_PIXELS);
-    unload(color.z, to + 2 * TILE_PIXELS);
+static inline mask in_picture(struct block block) {
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
+        return all_lanes();
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
+                less(below, set((float)block.down)));
 }
 
 static void fill_background(struct frame *frame, int left, int right, int top, int bottom, const struct model *model) {
@@ -347,21 +376,41 @@ void convex_tile(const struct job *job, int tile, struct desk *desk) {
         return;
     }
     struct vec ahead = vec_from(view->forward), across = vec_from(view->right), up = vec_from(view->up);
+    struct vec eye = vec_from(view->position);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     real beside = lane_numbers() - below * set(BLOCK_WIDTH);
+    struct stage stage[GROUP];
     int pixel = 0;
-    for (int row = top; row < bottom; row += BLOCK_HEIGHT)
-        for (int column = left; column < right; column += BLOCK_WIDTH, pixel += LANES) {
+    for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
+        int count = 0;
+        for (int column = left; column < right; column += BLOCK_WIDTH, count++) {
             struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
                                   lesser(BLOCK_HEIGHT, bottom - row)};
             real x = (beside + beside + set((float)(2 * column + 1 - frame->width))) * set(per_height);
             real y = (set((float)(frame->height - 1 - 2 * row)) - below - below) * set(per_height);
             struct vec d = vec_along(vec_along(ahead, across, x), up, y);
             d = vec_scale(d, set(1.0f) / vec_norm(d));
-            render_block(block, pixel, d, job, &work);
-            if (desk->mirrors > QUEUE / 2)
-                follow_mirrors(&work);
+            struct stage *at = &stage[count];
+            at->ray = (struct ray){eye, d, set(1.0f), lane_numbers() + set((float)(pixel + count * LANES)),
+                                   set(0.0f), in_picture(block)};
+            first_hit(eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
+                      &at->hit);
         }
+        color_all(stage, count, &work);
+        for (int i = 0; i < count; i++, pixel += LANES) {
+            const struct stage *at = &stage[i];
+            struct block block = {left + i * BLOCK_WIDTH, row, lesser(BLOCK_WIDTH, right - left - i * BLOCK_WIDTH),
+                                  lesser(BLOCK_HEIGHT, bottom - row)};
+            if (frame->depth)
+                store_hit(frame, block, &at->hit, at->surface.normal);
+            float *to = &desk->color[pixel];
+            unload(at->color.x, to);
+            unload(at->color.y, to + TILE_PIXELS);
+            unload(at->color.z, to + 2 * TILE_PIXELS);
+        }
+        if (desk->mirrors > QUEUE / 2)
+            follow_mirrors(&work);
+    }
     follow_mirrors(&work);
     cast_shadows(&work);
     pixel = 0;

@@ -10,6 +10,7 @@ enum {
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
+    GROUP = TILE_WIDTH / BLOCK_WIDTH, // packets that are shaded together
     QUEUE = 512, // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES
 };

@@ -245,14 +245,15 @@ struct march {
     const int *casters;
     int count;
     mask done;
-    real t, from, previous, least, end;
+    real t, from, previous, end;
+    real square, divisor; // least² = square/divisor; no root or quotient until the end
     real linear, constant; // t·(t + linear) + constant > 0: out of the bounds
 };
 
 static void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
                   struct march *m) {
     const struct model *model = &work->scene->model;
-    *m = (struct march){.nears = nears, .casters = casters, .previous = set(1e20f), .from = set(0.0f)};
+    *m = (struct march){.nears = nears, .casters = casters, .previous = set(1e9f), .from = set(0.0f), .divisor = set(1.0f)};
     m->count = choose_shapes(r, nears, casters, work);
     m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
@@ -261,7 +262,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     float least_room = (float)(1e5 * model->march.hit_distance * model->shadow_strength);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
     m->done = either(dark, not_in(r->active));
-    m->least = drop(dark, set(1.0f));
+    m->square = drop(dark, set(1.0f));
     m->t = leap(r, set((float)model->march.surface_offset), &m->previous);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
@@ -271,13 +272,17 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
 static inline void step(struct march *m, real strength, real hit_distance, const struct prepared *scene) {
     real h = nearest(m->nears, m->casters, m->count, m->t, scene);
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
-    real square = h * h, y = square / (m->previous + m->previous);
-    real inside = neg_mul_add(y, y, square), beyond = m->t - y;
-    mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, set(0.0f)));
-    real scaled = m->least * beyond;
-    mask darker = but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-    if (any(darker))
-        m->least = choose(darker, strength * root(inside) / beyond, m->least);
+    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
+    // distances from underflow.
+    real twice = m->previous + m->previous, unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
+    real part = h * unit, square = h * h;
+    twice = twice * unit;
+    real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
+    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
+    real term = strength * strength * square * inside, divisor = beyond * beyond;
+    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
+    m->square = choose(darker, term, m->square);
+    m->divisor = choose(darker, divisor, m->divisor);
     m->previous = h;
     done = either(done, greater(m->from, m->end)); // the step to here began behind it
     m->from = m->t;
@@ -322,9 +327,9 @@ void cast_shadows(const struct convex *work) {
             if (!all(b.done))
                 step(&b, strength, hit, work->scene);
         }
-        add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), a.least),
+        add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
                   load(&field[S_PIXEL][first]), desk);
-        add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), b.least),
+        add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
                   load(&field[S_PIXEL][first + LANES]), desk);
     }
     desk->shadows = 0;
