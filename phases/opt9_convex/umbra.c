@@ -208,7 +208,7 @@ static int choose_shapes(struct rays *r, struct near *nears, int *casters, const
 
 // Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
 // power is not.
-static inline real distance_along(const struct near *near, real t, const struct placed *s) {
+__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t, const struct placed *s) {
     if (s->way == LINEAR)
         return mul_add(t, near->direction.x, near->origin.x);
     if (near->power) {
@@ -218,7 +218,7 @@ static inline real distance_along(const struct near *near, real t, const struct 
     return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
-static inline real nearest(const struct near *nears, const int *casters, int count, real t,
+__attribute__((always_inline)) static inline real nearest(const struct near *nears, const int *casters, int count, real t,
                            const struct prepared *scene) {
     real least = set(INFINITY);
     for (int k = 0; k < count; k++)
@@ -269,7 +269,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
-static inline void step(struct march *m, real strength, real hit_distance, const struct prepared *scene) {
+__attribute__((always_inline)) static inline void step(struct march *m, real strength, real hit_distance, const struct prepared *scene) {
     real h = nearest(m->nears, m->casters, m->count, m->t, scene);
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
