@@ -1,6 +1,7 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "bulb.h"
 #include "convex.h"
 
 struct found {
@@ -21,6 +22,8 @@ static void first_hit(struct vec origin, struct vec direction, mask active, cons
         real t;
         mask met;
         struct vec local;
+        if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+            continue;
         if (s->way == LINEAR) {
             real slope = vec_dot(vec_set(s->normal), direction);
             real height = eyes ? set(eyes[i].height) : height_over(s, origin);
@@ -40,6 +43,20 @@ static void first_hit(struct vec origin, struct vec direction, mask active, cons
     }
 }
 
+// Forward differences of the estimate, the only normal it has.
+static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, float step) {
+    mask done = not_in(found);
+    struct vec px = p, py = p, pz = p;
+    px.x = px.x + set(step);
+    py.y = py.y + set(step);
+    pz.z = pz.z + set(step);
+    real f, fx, fy, fz;
+    bulbs(s, p, px, done, done, &f, &fx);
+    bulbs(s, py, pz, done, done, &fy, &fz);
+    struct vec n = {fx - f, fy - f, fz - f};
+    return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
+}
+
 struct surface {
     struct vec normal, color;
     real share, shininess, shine_from;
@@ -57,8 +74,12 @@ static struct surface surface_at(const struct found *hit, struct vec direction,
         const struct placed *s = &scene->placed[i];
         mask same = both(hit->found, same_shape(hit->shape, i));
         rest &= ~bits(same);
-        struct surface one = {s->way == LINEAR ? vec_set(s->normal) : turned_back(s, normal_on(hit->local, s)),
-                              vec_set(s->color), set(s->share), set(s->shininess), set(s->shine_from)};
+        struct vec normal = vec_set(s->normal);
+        if (s->type == SHAPE_MANDELBULB)
+            normal = turned_back(s, bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step));
+        else if (s->way != LINEAR)
+            normal = turned_back(s, normal_on(hit->local, s));
+        struct surface one = {normal, vec_set(s->color), set(s->share), set(s->shininess), set(s->shine_from)};
         if (first) {
             all = one;
             continue;
@@ -239,6 +260,59 @@ static void color_all(struct stage *stage, int count, const struct convex *work)
             stage[i].color = background(stage[i].ray.weight, model);
 }
 
+// Where the group meets the scene's Mandelbulbs, if before what it has met so far.
+static void meet_bulbs(struct stage *stage, int packets, const struct eye *eyes, const struct convex *work) {
+    const struct prepared *scene = work->scene;
+    struct desk *desk = work->desk;
+    float(*field)[GROUP_ROOM] = desk->bulb;
+    real zero = set(0.0f);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        if (s->type != SHAPE_MANDELBULB)
+            continue;
+        int count = 0;
+        for (int k = 0; k < packets; k++) {
+            const struct ray *ray = &stage[k].ray;
+            struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, ray->origin), d = turned(s, ray->direction);
+            real before = zero - vec_dot(o, d), square;
+            struct vec c = vec_along(o, d, before);
+            square = vec_dot(c, c);
+            real half = root(most_of(set(s->bound_sq) - square, zero));
+            real from = most_of(zero - half, zero - before), to = least_of(half, stage[k].hit.t - before);
+            mask near = both(both(ray->active, less(square, set(s->bound_sq))), less(from, to));
+            unload(set(INFINITY), desk->met + k * LANES);
+            if (!any(near))
+                continue;
+            pack(near, c.x, field[B_ORIGIN] + count);
+            pack(near, c.y, field[B_ORIGIN + 1] + count);
+            pack(near, c.z, field[B_ORIGIN + 2] + count);
+            pack(near, d.x, field[B_DIRECTION] + count);
+            pack(near, d.y, field[B_DIRECTION + 1] + count);
+            pack(near, d.z, field[B_DIRECTION + 2] + count);
+            pack(near, from, field[B_FROM] + count);
+            pack(near, to, field[B_TO] + count);
+            pack(near, lane_numbers() + set((float)(k * LANES)), field[B_SLOT] + count);
+            count += count_of(near);
+        }
+        if (count == 0)
+            continue;
+        march_bulb(s, count, &scene->model.march, desk);
+        for (int k = 0; k < packets; k++) {
+            struct found *hit = &stage[k].hit;
+            const struct ray *ray = &stage[k].ray;
+            struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, ray->origin), d = turned(s, ray->direction);
+            real before = zero - vec_dot(o, d), in = load(desk->met + k * LANES);
+            mask met = less(in, set(INFINITY));
+            if (!any(met))
+                continue;
+            hit->found = either(hit->found, met);
+            hit->t = choose(met, before + in, hit->t);
+            hit->shape = choose(met, set(s->index), hit->shape);
+            hit->local = vec_choose(met, vec_along(vec_along(o, d, before), d, in), hit->local);
+        }
+    }
+}
+
 // The last of the rays that wait first: what they see may make more of them.
 static void follow_mirrors(const struct convex *work) {
     struct desk *desk = work->desk;
@@ -256,6 +330,8 @@ static void follow_mirrors(const struct convex *work) {
         for (int i = 0; i < packets; i++)
             first_hit(stage[i].ray.origin, stage[i].ray.direction, stage[i].ray.active, NULL, NULL,
                       work->scene->model.shape_count, work->scene, &stage[i].hit);
+        if (work->scene->bulbs)
+            meet_bulbs(stage, packets, NULL, work);
         color_all(stage, packets, work);
         for (int i = 0; i < packets; i++)
             add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
@@ -396,6 +472,8 @@ void convex_tile(const struct job *job, int tile, struct desk *desk) {
             first_hit(eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
                       &at->hit);
         }
+        if (job->prepared->bulbs)
+            meet_bulbs(stage, count, job->prepared->eyes, &work);
         color_all(stage, count, &work);
         for (int i = 0; i < count; i++, pixel += LANES) {
             const struct stage *at = &stage[i];

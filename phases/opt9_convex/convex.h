@@ -28,11 +28,15 @@ enum shadow_field {
     S_PIXEL,
     S_FIELDS
 };
+// Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
+enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_FIELDS };
+enum { GROUP_ROOM = (GROUP + 2) * LANES };
 
 // A worker's own.
 struct desk {
     float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
+    float bulb[B_FIELDS][GROUP_ROOM], met[GROUP * LANES]; // where rays hit it, ∞: nowhere
     int mirrors, shadows;
     int listed; // shapes that the tile's camera rays may meet
     struct near *near; // of the two packets of shadow rays in work, one per shape
@@ -64,6 +68,8 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
 // Hard shadows: which rays reach the light.
 mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
                    const struct convex *work);
+// Mandelbulb: where the group's rays that wait on the desk meet it.
+void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk);
 // Marches all shadow rays that wait, and adds their light.
 void cast_shadows(const struct convex *work);
 void convex_tile(const struct job *job, int tile, struct desk *desk);

@@ -60,6 +60,11 @@ static inline mask but_not(mask a, mask b) {
     return (mask){_kandn_mask16(a.all, b.all)};
 }
 
+// The other way round from bits().
+static inline mask lanes_of(unsigned which) {
+    return (mask){(__mmask16)which};
+}
+
 static inline unsigned bits(mask a) {
     return a.all;
 }
@@ -98,6 +103,13 @@ static inline real with_sign_of(real from, real a) {
 
 static inline real root(real a) {
     return _mm512_sqrt_ps(a);
+}
+
+// 1/√a for normal a > 0, to an ulp or two.
+static inline real inverse_root(real a) {
+    // 14 bits, and once Newton's step.
+    real r = _mm512_rsqrt14_ps(a);
+    return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
 static inline real floor_of(real a) {

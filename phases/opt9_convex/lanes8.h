@@ -60,6 +60,13 @@ static inline mask but_not(mask a, mask b) {
     return (mask){_mm256_andnot_ps(a.all, b.all)};
 }
 
+// The other way round from bits().
+static inline mask lanes_of(unsigned which) {
+    const __m256i one = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    __m256i its = _mm256_and_si256(_mm256_set1_epi32((int)which), one);
+    return (mask){_mm256_castsi256_ps(_mm256_cmpeq_epi32(its, one))};
+}
+
 static inline unsigned bits(mask a) {
     return (unsigned)_mm256_movemask_ps(a.all);
 }
@@ -98,6 +105,11 @@ static inline real with_sign_of(real from, real a) {
 
 static inline real root(real a) {
     return _mm256_sqrt_ps(a);
+}
+
+// 1/√a for normal a > 0, to an ulp or two.
+static inline real inverse_root(real a) {
+    return set(1.0f) / _mm256_sqrt_ps(a);
 }
 
 static inline real floor_of(real a) {

@@ -47,7 +47,8 @@ struct prepared {
     struct model model;
     struct placed *placed; // one per shape
     struct eye *eyes;      // one per shape; of the frame being rendered
-    bool solids;           // no shape is repeated or a Mandelbulb: convex.c can have it
+    bool solids;           // no shape is repeated: convex.c can have it
+    int bulbs;             // how many of them are Mandelbulbs
     float lit_slope;       // see lit_slope() in render.c
 };
 

@@ -133,6 +133,7 @@ static double bound_of(const struct shape *shape) {
     case SHAPE_CONE:
         return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius), shape->cone.half_height) * (1 + 1e-5);
     case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    case SHAPE_MANDELBULB: return 1.15; // beyond 2^(1/7) every point escapes; see bulb.h
     default: return INFINITY;
     }
 }
@@ -167,12 +168,14 @@ static float lit_slope(double strength) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = lit_slope(model->shadow_strength);
     for (int i = 0; i < model->shape_count; i++) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
-        if (p->repeated || p->way == POWER || p->type == SHAPE_MANDELBULB)
+        if (p->repeated || p->way == POWER ||
+            (p->type == SHAPE_MANDELBULB && model->march.hit_distance > 0.01))
             prepared->solids = false;
     }
     return true;

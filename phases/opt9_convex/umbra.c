@@ -3,6 +3,7 @@
 // The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the steps of a march by the
 // distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape that only touches
 // the march changes it; but most rays can be told without one. NOTES.md has the proofs.
+#include "bulb.h"
 #include "convex.h"
 
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
@@ -24,11 +25,18 @@ static inline struct vec to_centre(const struct placed *s, struct vec p) {
     return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y, set(s->position[2]) - p.z};
 }
 
+// The slope that the cone to a shape needs.
+static inline float slope_to(const struct placed *s, float q) {
+    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
+}
+
 // A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
 // and ever faster. So does the torus's, where the point is on its hull.
 static inline mask bulges(const struct placed *s, struct vec local) {
     if (s->convex)
         return all_lanes();
+    if (s->type == SHAPE_MANDELBULB)
+        return no_lane();
     real square = mul_add(local.x, local.x, local.z * local.z);
     return not_less(square, set(s->a * s->a));
 }
@@ -51,7 +59,8 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
         if (s->way == LINEAR)
             here = either(same_shape(shape, i), plane_clears(height_over(s, point), vec_dot(vec_set(s->normal), to_light), q, scene));
         else {
-            here = cone_misses(cone_to(to_centre(s, point), to_light, s, q), q);
+            float slope = slope_to(s, q);
+            here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
             if (bits(but_not(here, clear)))
                 here = either(here, both(same_shape(shape, i), bulges(s, local)));
         }
@@ -148,22 +157,25 @@ static void look_at_plane(const struct placed *s, int i, struct rays *r, const s
 }
 
 static void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
-    float q = work->scene->lit_slope;
+    float q = slope_to(s, work->scene->lit_slope);
+    bool bulb = s->type == SHAPE_MANDELBULB;
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
     mask own_bulge = both(own, bulges(s, r->local));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
-    real wide = set(1.0f - q * q);
+    real wide = set(fmaxf(1.0f - q * q, 1e-6f));
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)), set(INFINITY));
+    if (bulb)
+        from = set(BULB_SHARE / (1 + BULB_SHARE)) * (root(c.need + set(s->bound_sq)) - set(s->bound));
     from = drop(own, most_of(from, zero));
     near->from = from;
     r->alone = least_of(r->alone, from);
-    if (any(met)) {
+    if (any(met) && !bulb) {
         struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
         real t;
         mask in = enter(o, d, s, but_not(own, met), &t, &at);
@@ -189,7 +201,7 @@ static int choose_shapes(struct rays *r, struct near *nears, int *casters, const
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         struct near *near = &nears[i];
-        if (!any(both(r->active, less(near->from, r->end))))
+        if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
             continue;
         casters[count++] = i;
         if (s->way == LINEAR)
@@ -269,8 +281,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
-__attribute__((always_inline)) static inline void step(struct march *m, real strength, real hit_distance, const struct prepared *scene) {
-    real h = nearest(m->nears, m->casters, m->count, m->t, scene);
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength, real hit_distance) {
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
@@ -284,10 +295,31 @@ __attribute__((always_inline)) static inline void step(struct march *m, real str
     m->square = choose(darker, term, m->square);
     m->divisor = choose(darker, divisor, m->divisor);
     m->previous = h;
+    // What is darker than 2^-10 is dark.
+    done = either(done, less(m->square, m->divisor * set(0x1p-20f)));
     done = either(done, greater(m->from, m->end)); // the step to here began behind it
     m->from = m->t;
     m->t = m->t + drop(done, h);
     m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+}
+
+// Of all shapes, for both packets: the Mandelbulb's two estimates fill each other's gaps.
+static inline void nearest_bulbs(const struct march *a, const struct march *b, const struct prepared *scene, real *h, real *k) {
+    *h = *k = set(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        const struct near *one = &a->nears[i], *two = &b->nears[i];
+        real x, y;
+        if (s->type == SHAPE_MANDELBULB)
+            bulbs(s, vec_along(one->origin, one->direction, a->t), vec_along(two->origin, two->direction, b->t),
+                  a->done, b->done, &x, &y);
+        else {
+            x = distance_along(one, a->t, s);
+            y = distance_along(two, b->t, s);
+        }
+        *h = least_of(*h, x);
+        *k = least_of(*k, y);
+    }
 }
 
 static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
@@ -322,10 +354,17 @@ void cast_shadows(const struct convex *work) {
             bool over = all(a.done);
             if (over && all(b.done))
                 break;
+            if (work->scene->bulbs) {
+                real h, k;
+                nearest_bulbs(&a, &b, work->scene, &h, &k);
+                step(&a, h, strength, hit);
+                step(&b, k, strength, hit);
+                continue;
+            }
             if (!over)
-                step(&a, strength, hit, work->scene);
+                step(&a, nearest(a.nears, a.casters, a.count, a.t, work->scene), strength, hit);
             if (!all(b.done))
-                step(&b, strength, hit, work->scene);
+                step(&b, nearest(b.nears, b.casters, b.count, b.t, work->scene), strength, hit);
         }
         add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
                   load(&field[S_PIXEL][first]), desk);

@@ -1,0 +1,87 @@
+// Camera and mirror rays through a Mandelbulb: two packets by turns, whose lanes are filled again from the rays
+// that wait as soon as enough of them have ended.
+#include "bulb.h"
+#include "convex.h"
+
+#include <stdalign.h>
+
+enum { REFILL = LANES / 4 }; // ended lanes
+
+struct lanes {
+    alignas(64) float field[B_FIELDS][LANES];
+    unsigned live; // a bit for each lane
+};
+
+static int refill(struct lanes *to, int next, int count, const struct desk *desk) {
+    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended && next < count; ended &= ended - 1, next++) {
+        int lane = __builtin_ctz(ended);
+        for (int i = 0; i < B_FIELDS; i++)
+            to->field[i][lane] = desk->bulb[i][next];
+        to->live |= 1u << lane;
+    }
+    return next;
+}
+
+struct packet {
+    struct vec origin, direction;
+    real t, to;
+    mask done, met;
+};
+
+static inline struct packet packet_of(const struct lanes *from) {
+    return (struct packet){{load(from->field[0]), load(from->field[1]), load(from->field[2])},
+                           {load(from->field[3]), load(from->field[4]), load(from->field[5])},
+                           load(from->field[B_FROM]),
+                           load(from->field[B_TO]),
+                           lanes_of(~from->live),
+                           no_lane()};
+}
+
+static inline void advance(struct packet *p, real h, real hit_distance) {
+    mask reached = but_not(p->done, less(h, hit_distance));
+    p->t = p->t + drop(p->done, h);
+    p->met = either(p->met, reached);
+    p->done = either(p->done, either(reached, greater(p->t, p->to)));
+}
+
+// What has ended gives its answer and is no longer live.
+static void retire(const struct packet *p, struct lanes *from, struct desk *desk) {
+    unload(p->t, from->field[B_FROM]);
+    unsigned ended = bits(p->done) & from->live;
+    for (unsigned rest = ended; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        desk->met[(int)from->field[B_SLOT][lane]] = bits(p->met) >> lane & 1 ? from->field[B_FROM][lane] : INFINITY;
+    }
+    from->live &= ~ended;
+}
+
+void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    struct lanes one = {.live = 0}, two = {.live = 0};
+    for (int i = 0; i < B_FIELDS; i++)
+        for (int lane = 0; lane < LANES; lane++)
+            one.field[i][lane] = two.field[i][lane] = 2.0f; // a point to work on, and nothing comes of it
+    // Finer than float tells points of its size apart no march can go.
+    real hit_distance = set(fmaxf((float)limits->hit_distance, 0x1p-22f));
+    int next = 0;
+    long left = (long)limits->max_steps * (count / LANES + 2);
+    do {
+        next = refill(&one, next, count, desk);
+        next = refill(&two, next, count, desk);
+        struct packet a = packet_of(&one), b = packet_of(&two);
+        int enough = next < count ? REFILL : 2 * LANES;
+        int before = __builtin_popcount(~one.live & ((1u << LANES) - 1)) + __builtin_popcount(~two.live & ((1u << LANES) - 1));
+        if (next == count) // until both are empty
+            before = 0;
+        while (count_of(a.done) + count_of(b.done) - before < enough && left-- > 0) {
+            struct vec p = vec_along(a.origin, a.direction, a.t), q = vec_along(b.origin, b.direction, b.t);
+            real h, k;
+            bulbs(s, p, q, a.done, b.done, &h, &k);
+            advance(&a, h, hit_distance);
+            advance(&b, k, hit_distance);
+        }
+        if (left <= 0)
+            a.done = b.done = all_lanes();
+        retire(&a, &one, desk);
+        retire(&b, &two, desk);
+    } while (next < count || one.live || two.live);
+}
