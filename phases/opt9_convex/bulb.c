@@ -50,12 +50,20 @@ static void retire(const struct packet *p, struct lanes *from, struct desk *desk
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended; rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
-        desk->met[(int)from->field[B_SLOT][lane]] = bits(p->met) >> lane & 1 ? from->field[B_FROM][lane] : INFINITY;
+        if (bits(p->met) >> lane & 1) {
+            int slot = (int)from->field[B_SLOT][lane];
+            float t = from->field[B_BEFORE][lane] + from->field[B_FROM][lane];
+            if (t < desk->met[slot]) {
+                desk->met[slot] = t;
+                desk->met_shape[slot] = desk->shape;
+            }
+        }
     }
     from->live &= ~ended;
 }
 
 void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    desk->shape = s->index;
     struct lanes one = {.live = 0}, two = {.live = 0};
     for (int i = 0; i < B_FIELDS; i++)
         for (int lane = 0; lane < LANES; lane++)

@@ -260,57 +260,67 @@ static void color_all(struct stage *stage, int count, const struct convex *work)
             stage[i].color = background(stage[i].ray.weight, model);
 }
 
-// Where the group meets the scene's Mandelbulbs, if before what it has met so far.
-static void meet_bulbs(struct stage *stage, int packets, const struct eye *eyes, const struct convex *work) {
+// Rays through a Mandelbulb's bounding sphere that wait for march_bulb(). `before`, the way to where they are
+// nearest to its centre, is taken off; slot: of the first lane.
+static int gather_bulb(int count, const struct placed *s, struct vec o, struct vec d, real end, mask active, int slot,
+                       struct desk *desk) {
+    real zero = set(0.0f), before = zero - vec_dot(o, d);
+    struct vec c = vec_along(o, d, before);
+    real square = vec_dot(c, c), half = root(most_of(set(s->bound_sq) - square, zero));
+    // The sphere's middle is no origin that all bulbs of a ray share: distances are the ray's own.
+    real from = before + most_of(zero - half, zero - before), to = least_of(before + half, end);
+    mask near = both(both(active, less(square, set(s->bound_sq))), less(from, to));
+    if (!any(near))
+        return count;
+    float(*field)[BULB_ROOM] = desk->bulb;
+    const real values[B_FIELDS] = {c.x, c.y, c.z, d.x, d.y, d.z, from - before, to - before, lane_numbers() + set((float)slot), before};
+    for (int i = 0; i < B_FIELDS; i++)
+        pack(near, values[i], field[i] + count);
+    return count + count_of(near);
+}
+
+static inline void take_bulb(struct stage *at, const struct eye *eyes, int slot, const struct convex *work) {
+    const struct desk *desk = work->desk;
+    real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
+    mask met = both(at->ray.active, less(t, at->hit.t));
+    if (!any(met))
+        return;
+    at->hit.found = either(at->hit.found, met);
+    at->hit.t = choose(met, t, at->hit.t);
+    at->hit.shape = choose(met, shape, at->hit.shape);
+    for (int i = 0; i < work->scene->model.shape_count; i++) {
+        const struct placed *s = &work->scene->placed[i];
+        mask here = both(met, same_shape(shape, i));
+        if (s->type != SHAPE_MANDELBULB || !any(here))
+            continue;
+        struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, at->ray.origin), d = turned(s, at->ray.direction);
+        real before = set(0.0f) - vec_dot(o, d);
+        at->hit.local = vec_choose(here, vec_along(vec_along(o, d, before), d, t - before), at->hit.local);
+    }
+}
+
+static void clear_met(struct desk *desk, int slots) {
+    for (int i = 0; i < slots; i += LANES) {
+        unload(set(INFINITY), desk->met + i);
+        unload(set(-1.0f), desk->met_shape + i);
+    }
+}
+
+static void meet_bulbs(struct stage *stage, int packets, const struct convex *work) {
     const struct prepared *scene = work->scene;
-    struct desk *desk = work->desk;
-    float(*field)[GROUP_ROOM] = desk->bulb;
-    real zero = set(0.0f);
+    clear_met(work->desk, packets * LANES);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         if (s->type != SHAPE_MANDELBULB)
             continue;
         int count = 0;
-        for (int k = 0; k < packets; k++) {
-            const struct ray *ray = &stage[k].ray;
-            struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, ray->origin), d = turned(s, ray->direction);
-            real before = zero - vec_dot(o, d), square;
-            struct vec c = vec_along(o, d, before);
-            square = vec_dot(c, c);
-            real half = root(most_of(set(s->bound_sq) - square, zero));
-            real from = most_of(zero - half, zero - before), to = least_of(half, stage[k].hit.t - before);
-            mask near = both(both(ray->active, less(square, set(s->bound_sq))), less(from, to));
-            unload(set(INFINITY), desk->met + k * LANES);
-            if (!any(near))
-                continue;
-            pack(near, c.x, field[B_ORIGIN] + count);
-            pack(near, c.y, field[B_ORIGIN + 1] + count);
-            pack(near, c.z, field[B_ORIGIN + 2] + count);
-            pack(near, d.x, field[B_DIRECTION] + count);
-            pack(near, d.y, field[B_DIRECTION + 1] + count);
-            pack(near, d.z, field[B_DIRECTION + 2] + count);
-            pack(near, from, field[B_FROM] + count);
-            pack(near, to, field[B_TO] + count);
-            pack(near, lane_numbers() + set((float)(k * LANES)), field[B_SLOT] + count);
-            count += count_of(near);
-        }
-        if (count == 0)
-            continue;
-        march_bulb(s, count, &scene->model.march, desk);
-        for (int k = 0; k < packets; k++) {
-            struct found *hit = &stage[k].hit;
-            const struct ray *ray = &stage[k].ray;
-            struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, ray->origin), d = turned(s, ray->direction);
-            real before = zero - vec_dot(o, d), in = load(desk->met + k * LANES);
-            mask met = less(in, set(INFINITY));
-            if (!any(met))
-                continue;
-            hit->found = either(hit->found, met);
-            hit->t = choose(met, before + in, hit->t);
-            hit->shape = choose(met, set(s->index), hit->shape);
-            hit->local = vec_choose(met, vec_along(vec_along(o, d, before), d, in), hit->local);
-        }
+        for (int k = 0; k < packets; k++)
+            count = gather_bulb(count, s, in_frame(s, stage[k].ray.origin), turned(s, stage[k].ray.direction),
+                                stage[k].hit.t, stage[k].ray.active, k * LANES, work->desk);
+        march_bulb(s, count, &scene->model.march, work->desk);
     }
+    for (int k = 0; k < packets; k++)
+        take_bulb(&stage[k], NULL, k * LANES, work);
 }
 
 // The last of the rays that wait first: what they see may make more of them.
@@ -331,7 +341,7 @@ static void follow_mirrors(const struct convex *work) {
             first_hit(stage[i].ray.origin, stage[i].ray.direction, stage[i].ray.active, NULL, NULL,
                       work->scene->model.shape_count, work->scene, &stage[i].hit);
         if (work->scene->bulbs)
-            meet_bulbs(stage, packets, NULL, work);
+            meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
         for (int i = 0; i < packets; i++)
             add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
@@ -433,58 +443,90 @@ static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
 }
 
-void convex_tile(const struct job *job, int tile, struct desk *desk) {
+// What the tile's blocks have in common.
+struct tile {
+    int left, right, top, bottom;
+    struct vec eye, ahead, across, up;
+    real below, beside; // of the lanes in their block, in pixels
+    float per_height;
+};
+
+static inline struct block block_at(const struct tile *tile, int row, int i) {
+    int column = tile->left + i * BLOCK_WIDTH;
+    return (struct block){column, row, lesser(BLOCK_WIDTH, tile->right - column),
+                          lesser(BLOCK_HEIGHT, tile->bottom - row)};
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot, const struct job *job,
+                        const struct desk *desk, struct stage *at) {
+    const struct frame *frame = job->frame;
+    real two = set(2.0f), per_height = set(tile->per_height);
+    real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
+    real y = neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
+    struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
+    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    at->ray = (struct ray){tile->eye, d, set(1.0f), lane_numbers() + set((float)slot), set(0.0f), in_picture(block)};
+    first_hit(tile->eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
+}
+
+static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {
+    clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
+    for (int k = 0; k < desk->listed; k++) {
+        const struct placed *s = &job->prepared->placed[desk->list[k]];
+        if (s->type != SHAPE_MANDELBULB)
+            continue;
+        const float *eye = job->prepared->eyes[desk->list[k]].at;
+        int count = 0, slot = 0;
+        for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
+            for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
+                struct stage at;
+                look(tile, block_at(tile, row, i), slot, job, desk, &at);
+                count = gather_bulb(count, s, vec_set(eye), turned(s, at.ray.direction), at.hit.t, at.ray.active, slot, desk);
+            }
+        march_bulb(s, count, &job->prepared->model.march, desk);
+    }
+}
+
+void convex_tile(const struct job *job, int number, struct desk *desk) {
     struct frame *frame = job->frame;
     const struct view *view = job->view;
-    const struct model *model = &job->prepared->model;
     struct convex work = {job->prepared, view, desk};
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-    int left = tile % tiles_across * TILE_WIDTH, right = lesser(frame->width, left + TILE_WIDTH);
-    int top = tile / tiles_across * TILE_HEIGHT, bottom = lesser(frame->height, top + TILE_HEIGHT);
-    float per_height = (float)(view->tan_half_fov / frame->height);
-    struct window window = {(float)(2 * left + 1 - frame->width) * per_height,
-                            (float)(2 * right - 1 - frame->width) * per_height,
-                            (float)(frame->height + 1 - 2 * bottom) * per_height,
-                            (float)(frame->height - 1 - 2 * top) * per_height};
+    int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    struct tile tile = {left, lesser(frame->width, left + TILE_WIDTH), top, lesser(frame->height, top + job->tile_height),
+                        vec_from(view->position), vec_from(view->forward), vec_from(view->right), vec_from(view->up),
+                        below, lane_numbers() - below * set(BLOCK_WIDTH), (float)(view->tan_half_fov / frame->height)};
+    struct window window = {(float)(2 * tile.left + 1 - frame->width) * tile.per_height,
+                            (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
+                            (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
+                            (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
     desk->listed = shapes_in(&window, job, desk->list);
     if (desk->listed == 0) {
-        fill_background(frame, left, right, top, bottom, model);
+        fill_background(frame, tile.left, tile.right, tile.top, tile.bottom, &job->prepared->model);
         return;
     }
-    struct vec ahead = vec_from(view->forward), across = vec_from(view->right), up = vec_from(view->up);
-    struct vec eye = vec_from(view->position);
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    real beside = lane_numbers() - below * set(BLOCK_WIDTH);
+    if (job->prepared->bulbs)
+        look_for_bulbs(&tile, job, desk);
     struct stage stage[GROUP];
     int pixel = 0;
-    for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
+    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
-        for (int column = left; column < right; column += BLOCK_WIDTH, count++) {
-            struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
-                                  lesser(BLOCK_HEIGHT, bottom - row)};
-            real x = (beside + beside + set((float)(2 * column + 1 - frame->width))) * set(per_height);
-            real y = (set((float)(frame->height - 1 - 2 * row)) - below - below) * set(per_height);
-            struct vec d = vec_along(vec_along(ahead, across, x), up, y);
-            d = vec_scale(d, set(1.0f) / vec_norm(d));
+        for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
-            at->ray = (struct ray){eye, d, set(1.0f), lane_numbers() + set((float)(pixel + count * LANES)),
-                                   set(0.0f), in_picture(block)};
-            first_hit(eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
-                      &at->hit);
+            look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
+            if (job->prepared->bulbs)
+                take_bulb(at, job->prepared->eyes, pixel + count * LANES, &work);
         }
-        if (job->prepared->bulbs)
-            meet_bulbs(stage, count, job->prepared->eyes, &work);
         color_all(stage, count, &work);
         for (int i = 0; i < count; i++, pixel += LANES) {
-            const struct stage *at = &stage[i];
-            struct block block = {left + i * BLOCK_WIDTH, row, lesser(BLOCK_WIDTH, right - left - i * BLOCK_WIDTH),
-                                  lesser(BLOCK_HEIGHT, bottom - row)};
             if (frame->depth)
-                store_hit(frame, block, &at->hit, at->surface.normal);
+                store_hit(frame, block_at(&tile, row, i), &stage[i].hit, stage[i].surface.normal);
             float *to = &desk->color[pixel];
-            unload(at->color.x, to);
-            unload(at->color.y, to + TILE_PIXELS);
-            unload(at->color.z, to + 2 * TILE_PIXELS);
+            unload(stage[i].color.x, to);
+            unload(stage[i].color.y, to + TILE_PIXELS);
+            unload(stage[i].color.z, to + 2 * TILE_PIXELS);
         }
         if (desk->mirrors > QUEUE / 2)
             follow_mirrors(&work);
@@ -492,9 +534,7 @@ void convex_tile(const struct job *job, int tile, struct desk *desk) {
     follow_mirrors(&work);
     cast_shadows(&work);
     pixel = 0;
-    for (int row = top; row < bottom; row += BLOCK_HEIGHT)
-        for (int column = left; column < right; column += BLOCK_WIDTH, pixel += LANES)
-            store_colors(frame, (struct block){column, row, lesser(BLOCK_WIDTH, right - column),
-                                               lesser(BLOCK_HEIGHT, bottom - row)},
-                         &desk->color[pixel]);
+    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile.left + i * BLOCK_WIDTH < tile.right; i++, pixel += LANES)
+            store_colors(frame, block_at(&tile, row, i), &desk->color[pixel]);
 }

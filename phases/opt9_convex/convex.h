@@ -7,11 +7,12 @@
 enum {
     TILE_WIDTH = 32,
     TILE_HEIGHT = 8,
+    BULB_TILE_HEIGHT = 64, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
-    TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
+    TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     GROUP = TILE_WIDTH / BLOCK_WIDTH, // packets that are shaded together
-    QUEUE = 512, // rays; a full one is worked off
+    QUEUE = 2560, // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES
 };
 
@@ -29,17 +30,19 @@ enum shadow_field {
     S_FIELDS
 };
 // Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
-enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_FIELDS };
-enum { GROUP_ROOM = (GROUP + 2) * LANES };
+enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_BEFORE, B_FIELDS };
+enum { BULB_ROOM = TILE_PIXELS + LANES };
 
 // A worker's own.
 struct desk {
     float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
-    float bulb[B_FIELDS][GROUP_ROOM], met[GROUP * LANES]; // where rays hit it, ∞: nowhere
+    float bulb[B_FIELDS][BULB_ROOM];
+    float met[TILE_PIXELS], met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
+    float shape; // the Mandelbulb in work
     int mirrors, shadows;
     int listed; // shapes that the tile's camera rays may meet
-    struct near *near; // of the two packets of shadow rays in work, one per shape
+    struct near *near; // of the packets of shadow rays in work, one per shape and packet
     int *list;
     int *casters; // shapes that the packet may meet
 };
@@ -47,9 +50,9 @@ struct desk {
 // What a shape is to a packet of shadow rays.
 struct near {
     struct vec origin, direction; // in its frame; LINEAR: x is height and slope
+    real constant, slope;         // of a sphere that some of the rays are from (power):
+    bool power;                   // |p|² − radius² = constant + t·(t + slope)
     real from;                    // before that it is further than any other
-    bool power;                   // a sphere that some of the rays are from:
-    real constant, slope;         // |p|² − radius² = constant + t·(t + slope)
 };
 
 struct convex {

@@ -64,12 +64,13 @@ struct job {
     const struct prepared *prepared;
     const struct view *view;
     struct frame *frame;
-    bool solids; // every ray by convex.c, none by march.c
+    int tile_height; // of convex.c's
+    bool solids;     // every ray by convex.c, none by march.c
 };
 
 #define KERNEL(width)                                                                              \
     size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
+    int width##_tiles(const struct job *job);                                                  \
     void width##_tile(const struct job *job, int tile, void *own);                                 \
     bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
                            double *distance, int *nearest);

@@ -259,8 +259,8 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->solids && set_eyes(prepared, view)}, kept->sixteen};
-    team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    struct frame_job job = {{prepared, view, frame, prepared->bulbs ? 64 : 8, prepared->solids && set_eyes(prepared, view)}, kept->sixteen};
+    team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;
 }
 

@@ -112,13 +112,14 @@ static size_t whole_lines(size_t size) {
 
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + 2 * shapes * sizeof(struct near) +
+    size_t desk = whole_lines(sizeof(struct desk)) + 3 * shapes * sizeof(struct near) +
                   3 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
 
-int VARIANT(tiles)(const struct frame *frame) {
-    return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
+int VARIANT(tiles)(const struct job *job) {
+    int height = job->solids ? job->tile_height : TILE_HEIGHT;
+    return tiles_across(job->frame) * ((job->frame->height + height - 1) / height);
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
@@ -130,7 +131,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     struct desk *desk = own;
     char *behind = (char *)own + whole_lines(sizeof *desk);
     desk->near = (struct near *)behind;
-    behind += 2 * shapes * sizeof(struct near);
+    behind += 3 * shapes * sizeof(struct near);
     desk->list = (int *)behind;
     desk->casters = (int *)(behind + whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);

@@ -6,6 +6,8 @@
 #include "bulb.h"
 #include "convex.h"
 
+#include <string.h>
+
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct cone {
     real along, need, lean; // v·l, |v|² − R², v·l + q·R
@@ -209,7 +211,7 @@ static int choose_shapes(struct rays *r, struct near *nears, int *casters, const
         mask own = same_shape(r->shape, i);
         near->origin = vec_choose(own, r->local, in_frame(s, r->point));
         near->direction = turned(s, r->to_light);
-        near->power = s->type == SHAPE_SPHERE && any(own);
+        near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
         if (near->power) {
             near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
             near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
@@ -257,10 +259,11 @@ struct march {
     const int *casters;
     int count;
     mask done;
-    real t, from, previous, end;
-    real square, divisor; // least² = square/divisor; no root or quotient until the end
-    real linear, constant; // t·(t + linear) + constant > 0: out of the bounds
+    real t, from, previous, end; // MARCH_REALS from here on
+    real square, divisor;        // least² = square/divisor; no root or quotient until the end
+    real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
 };
+enum { MARCH_REALS = 8, NEAR_REALS = 8 };
 
 static void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
                   struct march *m) {
@@ -281,7 +284,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
-__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength, real hit_distance) {
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength, real hit_distance, float dark) {
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
@@ -295,8 +298,8 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     m->square = choose(darker, term, m->square);
     m->divisor = choose(darker, divisor, m->divisor);
     m->previous = h;
-    // What is darker than 2^-10 is dark.
-    done = either(done, less(m->square, m->divisor * set(0x1p-20f)));
+    if (dark > 0.0f)
+        done = either(done, less(m->square, m->divisor * set(dark)));
     done = either(done, greater(m->from, m->end)); // the step to here began behind it
     m->from = m->t;
     m->t = m->t + drop(done, h);
@@ -337,39 +340,133 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .cosine = set(1.0f)};
 }
 
-void cast_shadows(const struct convex *work) {
+static void add_lane(int i, float lit, struct desk *desk) {
+    float(*field)[QUEUE_ROOM] = desk->shadow;
+    int pixel = (int)field[S_PIXEL][i];
+    for (int k = 0; k < 3; k++)
+        desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
+}
+
+// A packet whose lanes hold rays of different age.
+struct pool {
+    struct march march;
+    struct near *nears;
+    int ray[LANES]; // which of the queue
+    unsigned live;
+};
+
+static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
+    float *a = (float *)&to->march.t;
+    const float *b = (const float *)&from->march.t;
+    for (int i = 0; i < MARCH_REALS; i++)
+        a[i * LANES + here] = b[i * LANES + there];
+    for (int k = 0; k < shapes; k++) {
+        a = (float *)&to->nears[k].origin;
+        b = (const float *)&from->nears[k].origin;
+        for (int i = 0; i < NEAR_REALS; i++)
+            a[i * LANES + here] = b[i * LANES + there];
+    }
+    to->ray[here] = from->ray[there];
+    to->live |= 1u << here;
+}
+
+// Takes rays from `ready`, which is made anew from the queue whenever it is empty.
+static int refill(struct pool *to, struct pool *ready, int next, const struct convex *work) {
+    struct desk *desk = work->desk;
+    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
+        while (!ready->live && next < desk->shadows) {
+            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            begin(&r, ready->nears, desk->casters, work, &ready->march);
+            ready->live = bits(r.active) & ~bits(ready->march.done);
+            for (int lane = 0; lane < LANES; lane++)
+                ready->ray[lane] = next + lane; // what is dark from the start adds nothing
+            next += LANES;
+        }
+        if (!ready->live)
+            break;
+        int lane = __builtin_ctz(ready->live);
+        copy_lane(to, __builtin_ctz(ended), ready, lane, work->scene->model.shape_count);
+        ready->live &= ready->live - 1;
+    }
+    to->march.done = lanes_of(~to->live);
+    return next;
+}
+
+static void retire(struct pool *from, struct desk *desk) {
+    float lit[LANES];
+    unload(root(from->march.square / from->march.divisor), lit);
+    unsigned ended = from->live & bits(from->march.done);
+    for (unsigned rest = ended; rest; rest &= rest - 1)
+        add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+    from->live &= ~ended;
+}
+
+// With a Mandelbulb in the scene, some rays take 1,000 steps: lanes are filled again as in bulb.c.
+static void cast_streams(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    struct pool one = {.nears = desk->near}, two = {.nears = desk->near + model->shape_count},
+                ready = {.nears = desk->near + 2 * model->shape_count};
+    memset(desk->near, 0, 3 * (size_t)model->shape_count * sizeof(struct near));
+    one.march.nears = one.nears;
+    two.march.nears = two.nears;
+    long left = (long)model->march.max_steps * (desk->shadows / LANES + 2);
+    for (int next = 0; left > 0;) {
+        next = refill(&one, &ready, next, work);
+        next = refill(&two, &ready, next, work);
+        if (!one.live && !two.live)
+            break;
+        struct march a = one.march, b = two.march;
+        int before = count_of(a.done) + count_of(b.done);
+        int enough = next < desk->shadows || ready.live ? before + LANES / 4 : 2 * LANES;
+        while (count_of(a.done) + count_of(b.done) < enough && left-- > 0) {
+            real h, k;
+            nearest_bulbs(&a, &b, work->scene, &h, &k);
+            step(&a, h, strength, hit, 0x1p-20f); // what is darker than 2^-10 is dark
+            step(&b, k, strength, hit, 0x1p-20f);
+        }
+        one.march = a;
+        two.march = b;
+        retire(&one, desk);
+        retire(&two, desk);
+    }
+    desk->shadows = 0;
+}
+
+static void cast_pair(int first, const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
     float(*field)[QUEUE_ROOM] = desk->shadow;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    for (int first = 0; first < desk->shadows; first += 2 * LANES) {
-        struct march a, b;
-        struct rays r = waiting(field, first, desk->shadows);
-        begin(&r, desk->near, desk->casters, work, &a);
-        mask active_a = r.active;
-        r = waiting(field, first + LANES, desk->shadows);
-        begin(&r, desk->near + model->shape_count, desk->casters + model->shape_count, work, &b);
-        mask active_b = r.active;
-        for (int i = 0; i < model->march.max_steps; i++) {
-            bool over = all(a.done);
-            if (over && all(b.done))
-                break;
-            if (work->scene->bulbs) {
-                real h, k;
-                nearest_bulbs(&a, &b, work->scene, &h, &k);
-                step(&a, h, strength, hit);
-                step(&b, k, strength, hit);
-                continue;
-            }
-            if (!over)
-                step(&a, nearest(a.nears, a.casters, a.count, a.t, work->scene), strength, hit);
-            if (!all(b.done))
-                step(&b, nearest(b.nears, b.casters, b.count, b.t, work->scene), strength, hit);
-        }
-        add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
-                  load(&field[S_PIXEL][first]), desk);
-        add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
-                  load(&field[S_PIXEL][first + LANES]), desk);
+    struct march a, b;
+    struct rays r = waiting(field, first, desk->shadows);
+    begin(&r, desk->near, desk->casters, work, &a);
+    mask active_a = r.active;
+    r = waiting(field, first + LANES, desk->shadows);
+    begin(&r, desk->near + model->shape_count, desk->casters + model->shape_count, work, &b);
+    mask active_b = r.active;
+    for (int i = 0; i < model->march.max_steps; i++) {
+        bool over = all(a.done);
+        if (over && all(b.done))
+            break;
+        if (!over)
+            step(&a, nearest(a.nears, a.casters, a.count, a.t, work->scene), strength, hit, 0.0f);
+        if (!all(b.done))
+            step(&b, nearest(b.nears, b.casters, b.count, b.t, work->scene), strength, hit, 0.0f);
     }
-    desk->shadows = 0;
+    add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
+              load(&field[S_PIXEL][first]), desk);
+    add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
+              load(&field[S_PIXEL][first + LANES]), desk);
+}
+
+void cast_shadows(const struct convex *work) {
+    if (work->scene->bulbs) {
+        cast_streams(work);
+        return;
+    }
+    for (int first = 0; first < work->desk->shadows; first += 2 * LANES)
+        cast_pair(first, work);
+    work->desk->shadows = 0;
 }
