@@ -1,4 +1,7 @@
-// Camera and mirror rays through a Mandelbulb: two packets by turns, whose lanes are filled again from the rays
+// Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
+// it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
+// estimate and the distance to the scene's plane, as in every phase; rays that miss the bounding sphere take none.
+// Two packets by turns, whose lanes are filled again from the rays
 // that wait as soon as enough of them have ended.
 #include "bulb.h"
 #include "convex.h"
@@ -25,6 +28,7 @@ static int refill(struct lanes *to, int next, int count, const struct desk *desk
 struct packet {
     struct vec origin, direction;
     real t, to;
+    real height, slope; // of the plane
     mask done, met;
 };
 
@@ -33,14 +37,17 @@ static inline struct packet packet_of(const struct lanes *from) {
                            {load(from->field[3]), load(from->field[4]), load(from->field[5])},
                            load(from->field[B_FROM]),
                            load(from->field[B_TO]),
+                           load(from->field[B_HEIGHT]),
+                           load(from->field[B_SLOPE]),
                            lanes_of(~from->live),
                            no_lane()};
 }
 
 static inline void advance(struct packet *p, real h, real hit_distance) {
-    mask reached = but_not(p->done, less(h, hit_distance));
-    p->t = p->t + drop(p->done, h);
-    p->met = either(p->met, reached);
+    real height = mul_add(p->t, p->slope, p->height);
+    mask reached = but_not(p->done, less(least_of(h, height), hit_distance));
+    p->t = p->t + drop(p->done, least_of(h, height));
+    p->met = either(p->met, both(reached, not_less(height, h)));
     p->done = either(p->done, either(reached, greater(p->t, p->to)));
 }
 

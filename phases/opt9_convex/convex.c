@@ -50,9 +50,8 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     px.x = px.x + set(step);
     py.y = py.y + set(step);
     pz.z = pz.z + set(step);
-    real f, fx, fy, fz;
-    bulbs(s, p, px, done, done, &f, &fx);
-    bulbs(s, py, pz, done, done, &fy, &fz);
+    real f = sdf_mandelbulb(p, s, done), fx = sdf_mandelbulb(px, s, done);
+    real fy = sdf_mandelbulb(py, s, done), fz = sdf_mandelbulb(pz, s, done);
     struct vec n = {fx - f, fy - f, fz - f};
     return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
 }
@@ -262,18 +261,28 @@ static void color_all(struct stage *stage, int count, const struct convex *work)
 
 // Rays through a Mandelbulb's bounding sphere that wait for march_bulb(). `before`, the way to where they are
 // nearest to its centre, is taken off; slot: of the first lane.
-static int gather_bulb(int count, const struct placed *s, struct vec o, struct vec d, real end, mask active, int slot,
-                       struct desk *desk) {
+static int gather_bulb(int count, const struct placed *s, struct vec o, const struct ray *ray, real end, int slot,
+                       const struct prepared *scene, struct desk *desk) {
+    struct vec d = turned(s, ray->direction);
+    mask active = ray->active;
+    real height = set(INFINITY), slope = set(0.0f);
+    if (scene->plane >= 0) {
+        const struct placed *plane = &scene->placed[scene->plane];
+        height = height_over(plane, ray->origin);
+        slope = vec_dot(vec_set(plane->normal), ray->direction);
+    }
     real zero = set(0.0f), before = zero - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
     real square = vec_dot(c, c), half = root(most_of(set(s->bound_sq) - square, zero));
     // The sphere's middle is no origin that all bulbs of a ray share: distances are the ray's own.
-    real from = before + most_of(zero - half, zero - before), to = least_of(before + half, end);
-    mask near = both(both(active, less(square, set(s->bound_sq))), less(from, to));
+    real to = least_of(before + half, end);
+    mask near = both(both(active, less(square, set(s->bound_sq))),
+                     both(less(before - half, to), greater(to, zero)));
     if (!any(near))
         return count;
     float(*field)[BULB_ROOM] = desk->bulb;
-    const real values[B_FIELDS] = {c.x, c.y, c.z, d.x, d.y, d.z, from - before, to - before, lane_numbers() + set((float)slot), before};
+    const real values[B_FIELDS] = {c.x, c.y, c.z, d.x, d.y, d.z, zero - before, to - before, lane_numbers() + set((float)slot), before,
+                                     mul_add(before, slope, height), slope};
     for (int i = 0; i < B_FIELDS; i++)
         pack(near, values[i], field[i] + count);
     return count + count_of(near);
@@ -315,8 +324,8 @@ static void meet_bulbs(struct stage *stage, int packets, const struct convex *wo
             continue;
         int count = 0;
         for (int k = 0; k < packets; k++)
-            count = gather_bulb(count, s, in_frame(s, stage[k].ray.origin), turned(s, stage[k].ray.direction),
-                                stage[k].hit.t, stage[k].ray.active, k * LANES, work->desk);
+            count = gather_bulb(count, s, in_frame(s, stage[k].ray.origin), &stage[k].ray, stage[k].hit.t, k * LANES,
+                                scene, work->desk);
         march_bulb(s, count, &scene->model.march, work->desk);
     }
     for (int k = 0; k < packets; k++)
@@ -482,7 +491,7 @@ static void look_for_bulbs(const struct tile *tile, const struct job *job, struc
             for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
                 struct stage at;
                 look(tile, block_at(tile, row, i), slot, job, desk, &at);
-                count = gather_bulb(count, s, vec_set(eye), turned(s, at.ray.direction), at.hit.t, at.ray.active, slot, desk);
+                count = gather_bulb(count, s, vec_set(eye), &at.ray, at.hit.t, slot, job->prepared, desk);
             }
         march_bulb(s, count, &job->prepared->model.march, desk);
     }

@@ -30,7 +30,7 @@ enum shadow_field {
     S_FIELDS
 };
 // Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
-enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_BEFORE, B_FIELDS };
+enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_BEFORE, B_HEIGHT, B_SLOPE, B_FIELDS };
 enum { BULB_ROOM = TILE_PIXELS + LANES };
 
 // A worker's own.

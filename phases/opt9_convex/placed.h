@@ -48,6 +48,7 @@ struct prepared {
     struct placed *placed; // one per shape
     struct eye *eyes;      // one per shape; of the frame being rendered
     bool solids;           // no shape is repeated: convex.c can have it
+    int plane;             // the first that there is, −1: none
     int bulbs;             // how many of them are Mandelbulbs
     float lit_slope;       // see lit_slope() in render.c
 };

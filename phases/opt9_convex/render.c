@@ -168,12 +168,15 @@ static float lit_slope(double strength) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
+    prepared->plane = -1;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = lit_slope(model->shadow_strength);
     for (int i = 0; i < model->shape_count; i++) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
+        if (p->way == LINEAR && prepared->plane < 0)
+            prepared->plane = i;
         if (p->repeated || p->way == POWER ||
             (p->type == SHAPE_MANDELBULB && model->march.hit_distance > 0.01))
             prepared->solids = false;
