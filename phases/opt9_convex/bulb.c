@@ -71,32 +71,47 @@ static void retire(const struct packet *p, struct lanes *from, struct desk *desk
 
 void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
     desk->shape = s->index;
-    struct lanes one = {.live = 0}, two = {.live = 0};
-    for (int i = 0; i < B_FIELDS; i++)
-        for (int lane = 0; lane < LANES; lane++)
-            one.field[i][lane] = two.field[i][lane] = 2.0f; // a point to work on, and nothing comes of it
+    struct lanes lanes[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        lanes[k].live = 0;
+        for (int i = 0; i < B_FIELDS; i++) // a point to work on, and nothing comes of it
+            unload(set(2.0f), lanes[k].field[i]);
+    }
     // Finer than float tells points of its size apart no march can go.
     real hit_distance = set(fmaxf((float)limits->hit_distance, 0x1p-22f));
     int next = 0;
-    long left = (long)limits->max_steps * (count / LANES + 2);
+    unsigned live;
+    long left = (long)limits->max_steps * (count / LANES + ABREAST);
     do {
-        next = refill(&one, next, count, desk);
-        next = refill(&two, next, count, desk);
-        struct packet a = packet_of(&one), b = packet_of(&two);
-        int enough = next < count ? REFILL : 2 * LANES;
-        int before = __builtin_popcount(~one.live & ((1u << LANES) - 1)) + __builtin_popcount(~two.live & ((1u << LANES) - 1));
-        if (next == count) // until both are empty
-            before = 0;
-        while (count_of(a.done) + count_of(b.done) - before < enough && left-- > 0) {
-            struct vec p = vec_along(a.origin, a.direction, a.t), q = vec_along(b.origin, b.direction, b.t);
-            real h, k;
-            bulbs(s, p, q, a.done, b.done, &h, &k);
-            advance(&a, h, hit_distance);
-            advance(&b, k, hit_distance);
+        struct packet p[ABREAST];
+        mask done[ABREAST];
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill(&lanes[k], next, count, desk);
+            p[k] = packet_of(&lanes[k]);
+            done[k] = p[k].done;
+            ended += count_of(done[k]);
         }
-        if (left <= 0)
-            a.done = b.done = all_lanes();
-        retire(&a, &one, desk);
-        retire(&b, &two, desk);
-    } while (next < count || one.live || two.live);
+        int enough = next < count ? ended + REFILL : ABREAST * LANES;
+        while (ended < enough && left-- > 0) {
+            struct vec at[ABREAST];
+            real h[ABREAST];
+            for (int k = 0; k < ABREAST; k++)
+                at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
+            bulbs(s, at, done, h);
+            ended = 0;
+            for (int k = 0; k < ABREAST; k++) {
+                advance(&p[k], h[k], hit_distance);
+                done[k] = p[k].done;
+                ended += count_of(done[k]);
+            }
+        }
+        live = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            if (left <= 0)
+                p[k].done = all_lanes();
+            retire(&p[k], &lanes[k], desk);
+            live |= lanes[k].live;
+        }
+    } while (next < count || live);
 }

@@ -1,5 +1,6 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "bulb.h"
 #include "convex.h"
 #include "trace.h"
 
@@ -112,7 +113,7 @@ static size_t whole_lines(size_t size) {
 
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + 3 * shapes * sizeof(struct near) +
+    size_t desk = whole_lines(sizeof(struct desk)) + (ABREAST + 1) * shapes * sizeof(struct near) +
                   3 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
@@ -131,7 +132,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     struct desk *desk = own;
     char *behind = (char *)own + whole_lines(sizeof *desk);
     desk->near = (struct near *)behind;
-    behind += 3 * shapes * sizeof(struct near);
+    behind += (ABREAST + 1) * shapes * sizeof(struct near);
     desk->list = (int *)behind;
     desk->casters = (int *)(behind + whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);

@@ -306,22 +306,26 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
 }
 
-// Of all shapes, for both packets: the Mandelbulb's two estimates fill each other's gaps.
-static inline void nearest_bulbs(const struct march *a, const struct march *b, const struct prepared *scene, real *h, real *k) {
-    *h = *k = set(INFINITY);
+// Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
+static inline void nearest_bulbs(const struct march *m, const struct prepared *scene, real *h) {
+    mask done[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        h[k] = set(INFINITY);
+        done[k] = m[k].done;
+    }
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
-        const struct near *one = &a->nears[i], *two = &b->nears[i];
-        real x, y;
-        if (s->type == SHAPE_MANDELBULB)
-            bulbs(s, vec_along(one->origin, one->direction, a->t), vec_along(two->origin, two->direction, b->t),
-                  a->done, b->done, &x, &y);
-        else {
-            x = distance_along(one, a->t, s);
-            y = distance_along(two, b->t, s);
-        }
-        *h = least_of(*h, x);
-        *k = least_of(*k, y);
+        real own[ABREAST];
+        if (s->type == SHAPE_MANDELBULB) {
+            struct vec p[ABREAST];
+            for (int k = 0; k < ABREAST; k++)
+                p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
+            bulbs(s, p, done, own);
+        } else
+            for (int k = 0; k < ABREAST; k++)
+                own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+        for (int k = 0; k < ABREAST; k++)
+            h[k] = least_of(h[k], own[k]);
     }
 }
 
@@ -406,30 +410,37 @@ static void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    struct pool one = {.nears = desk->near}, two = {.nears = desk->near + model->shape_count},
-                ready = {.nears = desk->near + 2 * model->shape_count};
-    memset(desk->near, 0, 3 * (size_t)model->shape_count * sizeof(struct near));
-    one.march.nears = one.nears;
-    two.march.nears = two.nears;
-    long left = (long)model->march.max_steps * (desk->shadows / LANES + 2);
+    struct pool pool[ABREAST] = {0}, ready = {.nears = desk->near + ABREAST * model->shape_count};
+    memset(desk->near, 0, (ABREAST + 1) * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < ABREAST; k++)
+        pool[k].march.nears = pool[k].nears = desk->near + k * model->shape_count;
+    long left = (long)model->march.max_steps * (desk->shadows / LANES + ABREAST);
     for (int next = 0; left > 0;) {
-        next = refill(&one, &ready, next, work);
-        next = refill(&two, &ready, next, work);
-        if (!one.live && !two.live)
-            break;
-        struct march a = one.march, b = two.march;
-        int before = count_of(a.done) + count_of(b.done);
-        int enough = next < desk->shadows || ready.live ? before + LANES / 4 : 2 * LANES;
-        while (count_of(a.done) + count_of(b.done) < enough && left-- > 0) {
-            real h, k;
-            nearest_bulbs(&a, &b, work->scene, &h, &k);
-            step(&a, h, strength, hit, 0x1p-20f); // what is darker than 2^-10 is dark
-            step(&b, k, strength, hit, 0x1p-20f);
+        struct march m[ABREAST];
+        unsigned live = ready.live;
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill(&pool[k], &ready, next, work);
+            live |= pool[k].live;
+            m[k] = pool[k].march;
+            ended += count_of(m[k].done);
         }
-        one.march = a;
-        two.march = b;
-        retire(&one, desk);
-        retire(&two, desk);
+        if (!live)
+            break;
+        int enough = next < desk->shadows || ready.live ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough && left-- > 0) {
+            real h[ABREAST];
+            nearest_bulbs(m, work->scene, h);
+            ended = 0;
+            for (int k = 0; k < ABREAST; k++) {
+                step(&m[k], h[k], strength, hit, 0x1p-20f); // what is darker than 2^-10 is dark
+                ended += count_of(m[k].done);
+            }
+        }
+        for (int k = 0; k < ABREAST; k++) {
+            pool[k].march = m[k];
+            retire(&pool[k], desk);
+        }
     }
     desk->shadows = 0;
 }
