@@ -135,7 +135,7 @@ struct rays {
     real facing, shape;
     real end;           // behind it no term comes below 1
     real alone;         // before it nothing is nearer than the plane that the ray is from
-    mask on_plane;      // and that plane's own terms are all above 1
+    mask on_plane;
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 
@@ -148,7 +148,6 @@ static void look_at_plane(const struct placed *s, int i, struct rays *r, const s
     mask clear = either(own, plane_clears(height, slope, q, work->scene));
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
-    r->on_plane = either(r->on_plane, both(own, not_less(slope, set(q))));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
     if (any(but_not(clear, r->active))) {
         real t = height / (set(0.0f) - slope);
@@ -174,6 +173,13 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)), set(INFINITY));
     if (bulb)
         from = set(BULB_SHARE / (1 + BULB_SHARE)) * (root(c.need + set(s->bound_sq)) - set(s->bound));
+    // From a plane the march is at most at height facing·t: a cone once more, of that slope.
+    real share = set(bulb ? BULB_SHARE : 1.0f), s_slope = r->facing / share;
+    real lean = mul_add(s_slope, set(s->bound), c.along), narrow_part = neg_mul_add(s_slope, s_slope, set(1.0f));
+    real rest = mul_sub(lean, lean, narrow_part * c.need);
+    real meets = c.need / (lean + root(most_of(rest, zero)));
+    meets = choose(both(greater(lean, zero), not_less(rest, zero)), meets, set(INFINITY));
+    from = choose(both(both(r->on_plane, less(s_slope, set(0.99f))), greater(c.need, zero)), meets, from);
     from = drop(own, most_of(from, zero));
     near->from = from;
     r->alone = least_of(r->alone, from);
@@ -192,6 +198,9 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
 static int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work) {
     const struct prepared *scene = work->scene;
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (scene->placed[i].way == LINEAR)
+            r->on_plane = either(r->on_plane, same_shape(r->shape, i));
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         if (s->way == LINEAR)
@@ -240,16 +249,21 @@ __attribute__((always_inline)) static inline real nearest(const struct near *nea
     return least;
 }
 
-// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m.
-static inline real leap(const struct rays *r, real start, real *previous) {
-    real until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
-    mask can = both(r->on_plane, not_less(until, start));
-    if (!any(both(can, r->active)))
+// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
+// first term is strength·facing, all others are the same; least²: of those leapt over.
+static inline real leap(const struct rays *r, real start, real strength, real *previous, real *square) {
+    real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
+    mask can = both(both(r->on_plane, r->active), not_less(until, start));
+    if (!any(can))
         return start;
-    real grow = log_of(set(1.0f) + r->facing);
-    real steps = floor_of(log_of(most_of(until, start) / start) / grow) + set(1.0f);
-    real t = start * exp_of(steps * grow);
-    *previous = choose(can, t * r->facing / (set(1.0f) + r->facing), *previous);
+    real c = r->facing, grow = log_of(one + c);
+    real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
+    real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
+    real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
+    real others = first * first * inside / (beyond * beyond);
+    real least = least_of(first * first, choose(greater(steps, set(1.5f)), others, one));
+    *square = choose(can, least_of(*square, least), *square);
+    *previous = choose(can, t * c / (one + c), *previous);
     return choose(can, t, start);
 }
 
@@ -278,7 +292,8 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
-    m->t = leap(r, set((float)model->march.surface_offset), &m->previous);
+    real strength = set((float)model->shadow_strength);
+    m->t = leap(r, set((float)model->march.surface_offset), strength, &m->previous, &m->square);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
