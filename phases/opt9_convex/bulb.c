@@ -4,7 +4,7 @@
 // Two packets by turns, whose lanes are filled again from the rays
 // that wait as soon as enough of them have ended.
 #include "bulb.h"
-#include "convex.h"
+#include "stage.h"
 
 #include <stdalign.h>
 
@@ -16,7 +16,8 @@ struct lanes {
 };
 
 static int refill(struct lanes *to, int next, int count, const struct desk *desk) {
-    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended && next < count; ended &= ended - 1, next++) {
+    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended && next < count;
+         ended &= ended - 1, next++) {
         int lane = __builtin_ctz(ended);
         for (int i = 0; i < B_FIELDS; i++)
             to->field[i][lane] = desk->bulb[i][next];
@@ -114,4 +115,87 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
             live |= lanes[k].live;
         }
     } while (next < count || live);
+}
+
+int gather_bulb(int count, const struct placed *s, struct vec o, const struct ray *ray, real end,
+                int slot, const struct prepared *scene, struct desk *desk) {
+    struct vec d = turned(s, ray->direction);
+    mask active = ray->active;
+    real height = set(INFINITY), slope = set(0.0f);
+    if (scene->plane >= 0) {
+        const struct placed *plane = &scene->placed[scene->plane];
+        height = height_over(plane, ray->origin);
+        slope = vec_dot(vec_set(plane->normal), ray->direction);
+    }
+    real zero = set(0.0f), before = zero - vec_dot(o, d);
+    struct vec c = vec_along(o, d, before);
+    real square = vec_dot(c, c), half = root(most_of(set(s->bound_sq) - square, zero));
+    // `before`, the way to where the ray is nearest to the centre, is taken off: what is left is exact.
+    real to = least_of(before + half, end);
+    mask near = both(both(active, less(square, set(s->bound_sq))),
+                     both(less(before - half, to), greater(to, zero)));
+    if (!any(near))
+        return count;
+    float (*field)[BULB_ROOM] = desk->bulb;
+    const real values[B_FIELDS] = {c.x,
+                                   c.y,
+                                   c.z,
+                                   d.x,
+                                   d.y,
+                                   d.z,
+                                   zero - before,
+                                   to - before,
+                                   lane_numbers() + set((float)slot),
+                                   before,
+                                   mul_add(before, slope, height),
+                                   slope};
+    for (int i = 0; i < B_FIELDS; i++)
+        pack(near, values[i], field[i] + count);
+    return count + count_of(near);
+}
+
+void take_bulb(struct stage *at, const struct eye *eyes, int slot, const struct convex *work) {
+    const struct desk *desk = work->desk;
+    real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
+    mask met = both(at->ray.active, less(t, at->hit.t));
+    if (!any(met))
+        return;
+    at->hit.found = either(at->hit.found, met);
+    at->hit.t = choose(met, t, at->hit.t);
+    at->hit.shape = choose(met, shape, at->hit.shape);
+    for (int i = 0; i < work->scene->model.shape_count; i++) {
+        const struct placed *s = &work->scene->placed[i];
+        mask here = both(met, same_shape(shape, i));
+        if (s->type != SHAPE_MANDELBULB || !any(here))
+            continue;
+        struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, at->ray.origin),
+                   d = turned(s, at->ray.direction);
+        real before = set(0.0f) - vec_dot(o, d);
+        at->hit.local =
+            vec_choose(here, vec_along(vec_along(o, d, before), d, t - before), at->hit.local);
+    }
+}
+
+void clear_met(struct desk *desk, int slots) {
+    for (int i = 0; i < slots; i += LANES) {
+        unload(set(INFINITY), desk->met + i);
+        unload(set(-1.0f), desk->met_shape + i);
+    }
+}
+
+void meet_bulbs(struct stage *stage, int packets, const struct convex *work) {
+    const struct prepared *scene = work->scene;
+    clear_met(work->desk, packets * LANES);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        if (s->type != SHAPE_MANDELBULB)
+            continue;
+        int count = 0;
+        for (int k = 0; k < packets; k++)
+            count = gather_bulb(count, s, in_frame(s, stage[k].ray.origin), &stage[k].ray,
+                                stage[k].hit.t, k * LANES, scene, work->desk);
+        march_bulb(s, count, &scene->model.march, work->desk);
+    }
+    for (int k = 0; k < packets; k++)
+        take_bulb(&stage[k], NULL, k * LANES, work);
 }

@@ -32,7 +32,8 @@ static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
     real cos2 = (x2 - z2) * per_k3, sin2 = (x + x) * z * per_k3, twice = sin2 + sin2;
     real cos4 = neg_mul_add(twice, sin2, set(1.0f)), sin4 = twice * cos2;
     real k2 = set(8.0f) * y * k4 * k1 * (k3 * per_root), k2_sin4 = k2 * (sin4 + sin4);
-    real m2 = m * m, slope = mul_add(set(8.0f) * (m2 * m2) * inverse_root(most_of(m, set(1e-30f))), b->dz, set(1.0f));
+    real m2 = m * m, slope = mul_add(set(8.0f) * (m2 * m2) * inverse_root(most_of(m, set(1e-30f))),
+                                     b->dz, set(1.0f));
     real nx = mul_add(k2_sin4, cos4, p.x), nz = mul_add(k2_sin4, sin4, p.z - k2);
     real ny = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
     real grown = mul_add(nx, nx, mul_add(ny, ny, nz * nz));
@@ -56,8 +57,8 @@ static inline real bulb_end(const struct bulb *b, struct vec p) {
 
 enum { ABREAST = 3 }; // packets
 
-__attribute__((always_inline)) static inline void bulbs(const struct placed *s, const struct vec *p, const mask *done,
-                                                        real *distance) {
+__attribute__((always_inline)) static inline void bulbs(const struct placed *s, const struct vec *p,
+                                                        const mask *done, real *distance) {
     real bailout = set(s->bailout);
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++)

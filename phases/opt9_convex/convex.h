@@ -7,12 +7,13 @@
 enum {
     TILE_WIDTH = 32,
     TILE_HEIGHT = 8,
-    BULB_TILE_HEIGHT = 64, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
+    BULB_TILE_HEIGHT =
+        64, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
-    GROUP = TILE_WIDTH / BLOCK_WIDTH, // packets that are shaded together
-    QUEUE = 2560, // rays; a full one is worked off
+    GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
+    QUEUE = 2560,                                // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES
 };
 
@@ -30,7 +31,17 @@ enum shadow_field {
     S_FIELDS
 };
 // Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
-enum bulb_field { B_ORIGIN, B_DIRECTION = 3, B_FROM = 6, B_TO, B_SLOT, B_BEFORE, B_HEIGHT, B_SLOPE, B_FIELDS };
+enum bulb_field {
+    B_ORIGIN,
+    B_DIRECTION = 3,
+    B_FROM = 6,
+    B_TO,
+    B_SLOT,
+    B_BEFORE,
+    B_HEIGHT,
+    B_SLOPE,
+    B_FIELDS
+};
 enum { BULB_ROOM = TILE_PIXELS + LANES };
 
 // A worker's own.
@@ -38,10 +49,11 @@ struct desk {
     float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     float bulb[B_FIELDS][BULB_ROOM];
-    float met[TILE_PIXELS], met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
-    float shape; // the Mandelbulb in work
+    float met[TILE_PIXELS],
+        met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
+    float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    int listed; // shapes that the tile's camera rays may meet
+    int listed;        // shapes that the tile's camera rays may meet
     struct near *near; // of the packets of shadow rays in work, one per shape and packet
     int *list;
     int *casters; // shapes that the packet may meet

@@ -160,7 +160,8 @@ static inline void store_block(float *rgb, size_t stride, real r, real g, real b
         __m512i from = _mm512_set1_epi32(4 * row);
         __m512 two = _mm512_permutex2var_ps(r, _mm512_add_epi32(rg, from), g);
         __m512i blue = _mm512_mask_add_epi32(to_b, 0x924, to_b, from);
-        _mm512_mask_storeu_ps(rgb + (size_t)row * stride, 0xfff, _mm512_permutex2var_ps(two, blue, b));
+        _mm512_mask_storeu_ps(rgb + (size_t)row * stride, 0xfff,
+                              _mm512_permutex2var_ps(two, blue, b));
     }
 }
 

@@ -131,7 +131,9 @@ static double bound_of(const struct shape *shape) {
         return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
     case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
     case SHAPE_CONE:
-        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius), shape->cone.half_height) * (1 + 1e-5);
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                     shape->cone.half_height) *
+               (1 + 1e-5);
     case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
     case SHAPE_MANDELBULB: return 1.15; // beyond 2^(1/7) every point escapes; see bulb.h
     default: return INFINITY;
@@ -149,8 +151,8 @@ static void place_solid(struct placed *p, const struct shape *shape, const struc
     p->shininess = (float)m->shininess;
     p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
     if (p->way == LINEAR)
-        p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] + p->row[0][1] * p->centre[1] +
-                       p->row[0][2] * p->centre[2]);
+        p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
+                       p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
 }
 
 // The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
@@ -262,7 +264,9 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->bulbs ? 64 : 8, prepared->solids && set_eyes(prepared, view)}, kept->sixteen};
+    struct frame_job job = {{prepared, view, frame, prepared->bulbs ? 64 : 8,
+                             prepared->solids && set_eyes(prepared, view)},
+                            kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;
 }

@@ -60,14 +60,15 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     // At the cap: is it within the rim?
     mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
     *t = choose(cap, in, side);
-    return both(less(in, out),
-                either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
+    return both(less(in, out), either(cap, both(both(not_less(square, zero), not_less(side, in)),
+                                                less(side, out))));
 }
 
 // Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
 // radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
 // goes too far, and a ray that no longer comes nearer to it has missed.
-static inline mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
+static inline mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near,
+                               real *t) {
     COUNT(enter_torus, call);
     real zero = set(0.0f), bound = set(s->bound), at = *t, tiny = set(1e-30f);
     mask going = near, found = no_lane();
@@ -91,7 +92,8 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
         real ahead = choose(greater(hull, zero), most_of(h, hull_step), h);
         at = choose(going, at + choose(both(close, less(fall, zero)), newton, ahead), at);
         found = either(found, reached);
-        mask gone = either(both(greater(hull, zero), not_less(hull_fall, zero)), greater(at, bound));
+        mask gone =
+            either(both(greater(hull, zero), not_less(hull_fall, zero)), greater(at, bound));
         going = but_not(either(reached, gone), going);
         if (!any(going))
             break;
@@ -109,6 +111,8 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
     struct vec c = vec_along(o, d, before);
     real square = vec_dot(c, c);
     mask near = both(active, less(square, set(s->bound_sq)));
+    *t = set(INFINITY);
+    *point = c;
     if (!any(near))
         return near;
     real in, half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
@@ -131,7 +135,7 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
 // Outward, of unit length, in the shape's frame, at points on its surface.
 static inline struct vec normal_on(struct vec p, const struct placed *s) {
     COUNT(normal_on, call);
-    real zero = set(0.0f), one = set(1.0f);
+    real one = set(1.0f);
     switch (s->type) {
     case SHAPE_SPHERE: return vec_scale(p, set(1.0f / s->a));
     case SHAPE_BOX: {
@@ -147,12 +151,14 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
         float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
         mask cap = greater(absolute(p.y) - set(s->c), side * set(per));
         real out = set(per) / most_of(radius, set(1e-30f));
-        return (struct vec){drop(cap, p.x * out), choose(cap, with_sign_of(p.y, one), k * set(-per)),
+        return (struct vec){drop(cap, p.x * out),
+                            choose(cap, with_sign_of(p.y, one), k * set(-per)),
                             drop(cap, p.z * out)};
     }
     case SHAPE_OCTAHEDRON: {
         real part = set(0.57735026918962576451f);
-        return (struct vec){with_sign_of(p.x, part), with_sign_of(p.y, part), with_sign_of(p.z, part)};
+        return (struct vec){with_sign_of(p.x, part), with_sign_of(p.y, part),
+                            with_sign_of(p.z, part)};
     }
     default: {
         real radius = root(mul_add(p.x, p.x, p.z * p.z));
@@ -161,7 +167,6 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
         return vec_scale(n, one / most_of(vec_norm(n), set(1e-30f)));
     }
     }
-    (void)zero;
 }
 
 #endif

@@ -113,8 +113,7 @@ static void start_workers(struct team *team) {
         pthread_cond_wait(&team->rest, &team->lock);
     pthread_mutex_unlock(&team->lock);
     if (error)
-        fprintf(stderr,
-                "opt9_convex: %d of %d threads could be had (%s); they do the whole work\n",
+        fprintf(stderr, "opt9_convex: %d of %d threads could be had (%s); they do the whole work\n",
                 started, wanted, strerror(error));
 }
 

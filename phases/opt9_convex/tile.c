@@ -6,7 +6,6 @@
 
 #include <stdlib.h>
 
-
 static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
 }

@@ -1,237 +1,14 @@
-// Shadows of solids and planes.
-//
-// The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the steps of a march by the
-// distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape that only touches
-// the march changes it; but most rays can be told without one. NOTES.md has the proofs.
-#include "bulb.h"
-#include "convex.h"
+// Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
+// shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
+// GDC 2018 talk. From a plane the first steps are leapt over.
+#include "cone.h"
 
 #include <string.h>
 
-// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
-struct cone {
-    real along, need, lean; // v·l, |v|² − R², v·l + q·R
-};
-
-static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
-    real along = vec_dot(v, l);
-    return (struct cone){along, vec_dot(v, v) - set(s->bound_sq), along + set(q * s->bound)};
-}
-
-static inline mask cone_misses(struct cone c, float q) {
-    real lean = most_of(c.lean, set(0.0f));
-    return less(lean * lean, set(1.0f - q * q) * c.need);
-}
-
-static inline struct vec to_centre(const struct placed *s, struct vec p) {
-    return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y, set(s->position[2]) - p.z};
-}
-
-// The slope that the cone to a shape needs.
-static inline float slope_to(const struct placed *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
-}
-
-// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
-// and ever faster. So does the torus's, where the point is on its hull.
-static inline mask bulges(const struct placed *s, struct vec local) {
-    if (s->convex)
-        return all_lanes();
-    if (s->type == SHAPE_MANDELBULB)
-        return no_lane();
-    real square = mul_add(local.x, local.x, local.z * local.z);
-    return not_less(square, set(s->a * s->a));
-}
-
-static inline mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
-    real furthest = set(2.0f * (float)scene->model.march.bounds_radius);
-    return either(not_less(slope, set(q)),
-                  both(greater(height, set(0.0f)), greater(mul_add(furthest, slope - set(q), height), set(0.0f))));
-}
-
-mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
-             const struct convex *work) {
-    COUNT(cleared, call);
-    const struct prepared *scene = work->scene;
-    float q = scene->lit_slope;
-    mask clear = active;
-    for (int i = 0; i < scene->model.shape_count && any(clear); i++) {
-        const struct placed *s = &scene->placed[i];
-        mask here;
-        if (s->way == LINEAR)
-            here = either(same_shape(shape, i), plane_clears(height_over(s, point), vec_dot(vec_set(s->normal), to_light), q, scene));
-        else {
-            float slope = slope_to(s, q);
-            here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
-            if (bits(but_not(here, clear)))
-                here = either(here, both(same_shape(shape, i), bulges(s, local)));
-        }
-        clear = both(clear, here);
-    }
-    return clear;
-}
-
-// How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
-static real curvature(struct vec p, struct vec n, struct vec l, real facing, const struct placed *s) {
-    real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
-    if (s->type == SHAPE_SPHERE)
-        return tangent * set(1.0f / s->a);
-    if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
-        return zero;
-    real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
-    real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
-    real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
-    if (s->type == SHAPE_CONE)
-        return ring;
-    return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
-}
-
-real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
-                const struct model *model) {
-    COUNT(own_shadow, call);
-    real one = set(1.0f), strength = set((float)model->shadow_strength);
-    real t = set((float)model->march.surface_offset), hit = set((float)model->march.hit_distance);
-    real half = set(0.0f);
-    if (s->way != LINEAR)
-        half = set(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
-    real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
-    real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
-    real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);
-    real term = strength * v * root(most_of(inside, set(0.0f))) / neg_mul_add(set(0.5f) * ratio, v, one);
-    // A march that is within the hit distance at its first step has no term at all.
-    mask first = not_less(u * t, hit), second = both(first, not_less(v * further, hit));
-    if (model->march.max_steps < 2)
-        second = no_lane();
-    real least = choose(first, least_of(one, strength * u), one);
-    return choose(second, least_of(least, term), least);
-}
-
-mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
-                   const struct convex *work) {
-    COUNT(reaches_light, call);
-    const struct prepared *scene = work->scene;
-    mask open = active;
-    for (int i = 0; i < scene->model.shape_count && any(open); i++) {
-        const struct placed *s = &scene->placed[i];
-        real t;
-        mask met;
-        if (s->way == LINEAR) {
-            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, point);
-            t = height / (set(0.0f) - slope);
-            met = both(less(slope, set(0.0f)), greater(height, set(0.0f)));
-        } else {
-            struct vec at;
-            met = enter(in_frame(s, point), turned(s, to_light), s, open, &t, &at);
-        }
-        open = but_not(both(met, both(less(t, distance), greater(t, set((float)scene->model.march.surface_offset)))), open);
-    }
-    return open;
-}
-
-// The packet in work.
-struct rays {
-    mask active;
-    struct vec point, local, to_light;
-    real facing, shape;
-    real end;           // behind it no term comes below 1
-    real alone;         // before it nothing is nearer than the plane that the ray is from
-    mask on_plane;
-    real first, cosine; // the first entry into a solid, of those that can be met
-};
-
-static void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
-    float q = work->scene->lit_slope;
-    mask own = same_shape(r->shape, i);
-    real height = drop(own, height_over(s, r->point)), slope = vec_dot(vec_set(s->normal), r->to_light);
-    near->origin.x = height;
-    near->direction.x = slope;
-    mask clear = either(own, plane_clears(height, slope, q, work->scene));
-    r->end = choose(clear, r->end, set(INFINITY));
-    near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
-    r->alone = choose(own, r->alone, least_of(r->alone, near->from));
-    if (any(but_not(clear, r->active))) {
-        real t = height / (set(0.0f) - slope);
-        mask met = both(but_not(own, r->active), both(less(slope, set(0.0f)), less(t, r->first)));
-        r->first = choose(met, t, r->first);
-        r->cosine = choose(met, set(0.0f) - slope, r->cosine);
-    }
-}
-
-static void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work, struct near *near) {
-    float q = slope_to(s, work->scene->lit_slope);
-    bool bulb = s->type == SHAPE_MANDELBULB;
-    real zero = set(0.0f);
-    mask own = same_shape(r->shape, i);
-    struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask own_bulge = both(own, bulges(s, r->local));
-    mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
-    real wide = set(fmaxf(1.0f - q * q, 1e-6f));
-    real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
-    r->end = choose(met, most_of(leaves, r->end), r->end);
-    // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
-    real towards = c.along + set(s->bound);
-    real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)), set(INFINITY));
-    if (bulb)
-        from = set(BULB_SHARE / (1 + BULB_SHARE)) * (root(c.need + set(s->bound_sq)) - set(s->bound));
-    // From a plane the march is at most at height facing·t: a cone once more, of that slope.
-    real share = set(bulb ? BULB_SHARE : 1.0f), s_slope = r->facing / share;
-    real lean = mul_add(s_slope, set(s->bound), c.along), narrow_part = neg_mul_add(s_slope, s_slope, set(1.0f));
-    real rest = mul_sub(lean, lean, narrow_part * c.need);
-    real meets = c.need / (lean + root(most_of(rest, zero)));
-    meets = choose(both(greater(lean, zero), not_less(rest, zero)), meets, set(INFINITY));
-    from = choose(both(both(r->on_plane, less(s_slope, set(0.99f))), greater(c.need, zero)), meets, from);
-    from = drop(own, most_of(from, zero));
-    near->from = from;
-    r->alone = least_of(r->alone, from);
-    if (any(met) && !bulb) {
-        struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
-        real t;
-        mask in = enter(o, d, s, but_not(own, met), &t, &at);
-        in = both(in, less(t, r->first));
-        if (any(in)) {
-            r->first = choose(in, t, r->first);
-            r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
-        }
-    }
-}
-
-// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
-static int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work) {
-    const struct prepared *scene = work->scene;
-    for (int i = 0; i < scene->model.shape_count; i++)
-        if (scene->placed[i].way == LINEAR)
-            r->on_plane = either(r->on_plane, same_shape(r->shape, i));
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        if (s->way == LINEAR)
-            look_at_plane(s, i, r, work, &nears[i]);
-        else
-            look_at_solid(s, i, r, work, &nears[i]);
-    }
-    int count = 0;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        struct near *near = &nears[i];
-        if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
-            continue;
-        casters[count++] = i;
-        if (s->way == LINEAR)
-            continue;
-        mask own = same_shape(r->shape, i);
-        near->origin = vec_choose(own, r->local, in_frame(s, r->point));
-        near->direction = turned(s, r->to_light);
-        near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
-        if (near->power) {
-            near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
-            near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
-        }
-    }
-    return count;
-}
-
 // Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
 // power is not.
-__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t, const struct placed *s) {
+__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
+                                                                 const struct placed *s) {
     if (s->way == LINEAR)
         return mul_add(t, near->direction.x, near->origin.x);
     if (near->power) {
@@ -241,8 +18,9 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
     return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
-__attribute__((always_inline)) static inline real nearest(const struct near *nears, const int *casters, int count, real t,
-                           const struct prepared *scene) {
+__attribute__((always_inline)) static inline real nearest(const struct near *nears,
+                                                          const int *casters, int count, real t,
+                                                          const struct prepared *scene) {
     real least = set(INFINITY);
     for (int k = 0; k < count; k++)
         least = least_of(least, distance_along(&nears[casters[k]], t, &scene->placed[casters[k]]));
@@ -251,7 +29,8 @@ __attribute__((always_inline)) static inline real nearest(const struct near *nea
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
-static inline real leap(const struct rays *r, real start, real strength, real *previous, real *square) {
+static inline real leap(const struct rays *r, real start, real strength, real *previous,
+                        real *square) {
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
     if (!any(can))
@@ -282,7 +61,11 @@ enum { MARCH_REALS = 8, NEAR_REALS = 8 };
 static void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
                   struct march *m) {
     const struct model *model = &work->scene->model;
-    *m = (struct march){.nears = nears, .casters = casters, .previous = set(1e9f), .from = set(0.0f), .divisor = set(1.0f)};
+    *m = (struct march){.nears = nears,
+                        .casters = casters,
+                        .previous = set(1e9f),
+                        .from = set(0.0f),
+                        .divisor = set(1.0f)};
     m->count = choose_shapes(r, nears, casters, work);
     m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
@@ -299,11 +82,13 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
-__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength, real hit_distance, float dark) {
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
+                                                       real hit_distance, float dark) {
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
-    real twice = m->previous + m->previous, unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
+    real twice = m->previous + m->previous,
+         unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
     real part = h * unit, square = h * h;
     twice = twice * unit;
     real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
@@ -346,7 +131,9 @@ static inline void nearest_bulbs(const struct march *m, const struct prepared *s
 
 static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
     int left = count - first;
-    return (struct rays){.active = first_lanes(left < 0 ? 0 : left < LANES ? left : LANES),
+    return (struct rays){.active = first_lanes(left < 0       ? 0
+                                               : left < LANES ? left
+                                                              : LANES),
                          .point = load_vec(field + S_POINT, first),
                          .local = load_vec(field + S_LOCAL, first),
                          .to_light = load_vec(field + S_TO_LIGHT, first),
@@ -360,7 +147,7 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
 }
 
 static void add_lane(int i, float lit, struct desk *desk) {
-    float(*field)[QUEUE_ROOM] = desk->shadow;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
     int pixel = (int)field[S_PIXEL][i];
     for (int k = 0; k < 3; k++)
         desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
@@ -463,7 +250,7 @@ static void cast_streams(const struct convex *work) {
 static void cast_pair(int first, const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
-    float(*field)[QUEUE_ROOM] = desk->shadow;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct march a, b;
     struct rays r = waiting(field, first, desk->shadows);
@@ -483,7 +270,8 @@ static void cast_pair(int first, const struct convex *work) {
     }
     add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
               load(&field[S_PIXEL][first]), desk);
-    add_light(active_b, vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
+    add_light(active_b,
+              vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
               load(&field[S_PIXEL][first + LANES]), desk);
 }
 
