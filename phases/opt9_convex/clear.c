@@ -9,7 +9,8 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
     const struct prepared *scene = work->scene;
     float q = scene->lit_slope;
     mask clear = active;
-    for (int i = 0; i < scene->model.shape_count && any(clear); i++) {
+    for (int k = 0; k < work->desk->shadings && any(clear); k++) {
+        int i = work->desk->shading[k];
         const struct placed *s = &scene->placed[i];
         mask here;
         if (s->way == LINEAR)
@@ -69,8 +70,8 @@ mask reaches_light(struct vec point, struct vec to_light, real distance, mask ac
     COUNT(reaches_light, call);
     const struct prepared *scene = work->scene;
     mask open = active;
-    for (int i = 0; i < scene->model.shape_count && any(open); i++) {
-        const struct placed *s = &scene->placed[i];
+    for (int k = 0; k < work->desk->shadings && any(open); k++) {
+        const struct placed *s = &scene->placed[work->desk->shading[k]];
         real t;
         mask met;
         if (s->way == LINEAR) {

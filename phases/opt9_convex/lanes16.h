@@ -93,6 +93,10 @@ static inline real most_of(real a, real b) {
     return _mm512_max_ps(a, b);
 }
 
+static inline float least_lane(real a) {
+    return _mm512_reduce_min_ps(a);
+}
+
 static inline real absolute(real a) {
     return _mm512_andnot_ps(set(-0.0f), a);
 }
