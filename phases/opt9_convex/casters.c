@@ -84,6 +84,7 @@ int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct
         if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
             continue;
         casters[count++] = i;
+        near->wakes = set(-INFINITY);
         if (s->way == LINEAR)
             continue;
         mask own = same_shape(r->shape, i);

@@ -67,6 +67,7 @@ struct near {
     real constant, slope;         // of a sphere that some of the rays are from (power):
     bool power;                   // |p|² − radius² = constant + t·(t + slope)
     real from;                    // before that it is further than any other
+    real wakes;                   // where t + the nearest distance is less, so is that one
 };
 
 struct convex {

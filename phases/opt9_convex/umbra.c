@@ -18,12 +18,21 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
     return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
-__attribute__((always_inline)) static inline real nearest(const struct near *nears,
-                                                          const int *casters, int count, real t,
+// A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
+// distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
+__attribute__((always_inline)) static inline real nearest(struct near *nears, const int *casters,
+                                                          int count, real t, mask done,
                                                           const struct prepared *scene) {
     real least = set(INFINITY);
-    for (int k = 0; k < count; k++)
-        least = least_of(least, distance_along(&nears[casters[k]], t, &scene->placed[casters[k]]));
+    for (int k = 0; k < count; k++) {
+        struct near *near = &nears[casters[k]];
+        mask awake = both(not_less(least + t, near->wakes), not_less(t, near->from));
+        if (!any(but_not(done, awake)))
+            continue;
+        real h = distance_along(near, t, &scene->placed[casters[k]]);
+        near->wakes = (h + t) * set(1.0f - 0x1p-18f);
+        least = least_of(least, h);
+    }
     return least;
 }
 
@@ -48,7 +57,7 @@ static inline real leap(const struct rays *r, real start, real strength, real *p
 
 // One packet's march. Two are marched by turns: the CPU works on one while the other waits for its roots.
 struct march {
-    const struct near *nears;
+    struct near *nears;
     const int *casters;
     int count;
     mask done;
@@ -264,9 +273,9 @@ static void cast_pair(int first, const struct convex *work) {
         if (over && all(b.done))
             break;
         if (!over)
-            step(&a, nearest(a.nears, a.casters, a.count, a.t, work->scene), strength, hit, 0.0f);
+            step(&a, nearest(a.nears, a.casters, a.count, a.t, a.done, work->scene), strength, hit, 0.0f);
         if (!all(b.done))
-            step(&b, nearest(b.nears, b.casters, b.count, b.t, work->scene), strength, hit, 0.0f);
+            step(&b, nearest(b.nears, b.casters, b.count, b.t, b.done, work->scene), strength, hit, 0.0f);
     }
     add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
               load(&field[S_PIXEL][first]), desk);
