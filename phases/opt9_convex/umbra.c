@@ -138,6 +138,28 @@ static inline void nearest_bulbs(const struct march *m, const struct prepared *s
     }
 }
 
+// Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
+// slope q at which no term is less than 0.866·strength·q.
+static inline mask behind_all(const struct march *m, float per_strength, const struct prepared *scene) {
+    real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
+    mask behind = not_in(m->done);
+    for (int i = 0; i < scene->model.shape_count && any(behind); i++) {
+        const struct placed *s = &scene->placed[i];
+        const struct near *near = &m->nears[i];
+        if (s->way == LINEAR) {
+            behind = both(behind, not_less(near->direction.x, q));
+            continue;
+        }
+        real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+        struct vec p = vec_along(near->origin, near->direction, m->t);
+        real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
+        mask away = not_less(share * vec_dot(p, near->direction) * per, q);
+        mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
+        behind = both(behind, both(away, far));
+    }
+    return behind;
+}
+
 static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
     int left = count - first;
     return (struct rays){.active = first_lanes(left < 0       ? 0
@@ -221,6 +243,7 @@ static void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    float per_strength = 1.0f / (float)model->shadow_strength;
     struct pool pool[ABREAST] = {0}, ready = {.nears = desk->near + ABREAST * model->shape_count};
     memset(desk->near, 0, (ABREAST + 1) * (size_t)model->shape_count * sizeof(struct near));
     for (int k = 0; k < ABREAST; k++)
@@ -244,7 +267,9 @@ static void cast_streams(const struct convex *work) {
             nearest_bulbs(m, work->scene, h);
             ended = 0;
             for (int k = 0; k < ABREAST; k++) {
+                mask behind = behind_all(&m[k], per_strength, work->scene);
                 step(&m[k], h[k], strength, hit, 0x1p-20f); // what is darker than 2^-10 is dark
+                m[k].done = either(m[k].done, behind);
                 ended += count_of(m[k].done);
             }
         }
