@@ -268,7 +268,7 @@ static void cast_streams(const struct convex *work) {
             ended = 0;
             for (int k = 0; k < ABREAST; k++) {
                 mask behind = behind_all(&m[k], per_strength, work->scene);
-                step(&m[k], h[k], strength, hit, 0x1p-20f); // what is darker than 2^-10 is dark
+                step(&m[k], h[k], strength, hit, 0x1p-28f); // what is darker than 2^-14 is dark
                 m[k].done = either(m[k].done, behind);
                 ended += count_of(m[k].done);
             }
