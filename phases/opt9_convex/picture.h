@@ -56,7 +56,7 @@ static void fill_background(struct frame *frame, int left, int right, int top, i
             frame->depth[i] = INFINITY;
             frame->id[i] = -1;
             frame->normal[3 * i] = frame->normal[3 * i + 1] = frame->normal[3 * i + 2] = 0;
-            frame->evals[i] = 0;
+            frame->evals[i] = 1;
         }
     }
 }
