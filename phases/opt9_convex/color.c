@@ -6,12 +6,13 @@
 // Forward differences of the estimate, the only normal it has.
 static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, float step) {
     mask done = not_in(found);
-    struct vec px = p, py = p, pz = p;
-    px.x = px.x + set(step);
-    py.y = py.y + set(step);
-    pz.z = pz.z + set(step);
-    real f = sdf_mandelbulb(p, s, done), fx = sdf_mandelbulb(px, s, done);
-    real fy = sdf_mandelbulb(py, s, done), fz = sdf_mandelbulb(pz, s, done);
+    // Along the world's axes, as in every phase: columns of the shape's matrix.
+    struct vec to[3];
+    for (int k = 0; k < 3; k++)
+        to[k] = (struct vec){p.x + set(step * s->turn[0][k]), p.y + set(step * s->turn[1][k]),
+                             p.z + set(step * s->turn[2][k])};
+    real f = sdf_mandelbulb(p, s, done), fx = sdf_mandelbulb(to[0], s, done);
+    real fy = sdf_mandelbulb(to[1], s, done), fz = sdf_mandelbulb(to[2], s, done);
     struct vec n = {fx - f, fy - f, fz - f};
     return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
 }
@@ -30,8 +31,7 @@ static struct surface surface_at(const struct found *hit, struct vec direction,
         rest &= ~bits(same);
         struct vec normal = vec_set(s->normal);
         if (s->type == SHAPE_MANDELBULB)
-            normal = turned_back(
-                s, bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step));
+            normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
         else if (s->way != LINEAR)
             normal = turned_back(s, normal_on(hit->local, s));
         struct surface one = {normal, vec_set(s->color), set(s->share), set(s->shininess),
@@ -190,7 +190,8 @@ struct ball {
     float centre[3], radius, to_light[3], spread;
 };
 
-static bool ball_of(const struct stage *stage, int count, const struct view *view, struct ball *ball) {
+static bool ball_of(const struct stage *stage, int count, const struct view *view,
+                    struct ball *ball) {
     struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
     struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
     for (int i = 0; i < count; i++) {

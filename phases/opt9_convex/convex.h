@@ -56,8 +56,8 @@ struct desk {
     int listed;        // shapes that the tile's camera rays may meet
     struct near *near; // of the packets of shadow rays in work, one per shape and packet
     int *list;
-    int *shading;  // shapes that can matter to the light on the group in work
-    int shadings;  // how many
+    int *shading; // shapes that can matter to the light on the group in work
+    int shadings; // how many
     int *casters; // shapes that the packet may meet
 };
 

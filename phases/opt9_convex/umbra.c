@@ -140,7 +140,8 @@ static inline void nearest_bulbs(const struct march *m, const struct prepared *s
 
 // Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
 // slope q at which no term is less than 0.866·strength·q.
-static inline mask behind_all(const struct march *m, float per_strength, const struct prepared *scene) {
+static inline mask behind_all(const struct march *m, float per_strength,
+                              const struct prepared *scene) {
     real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
     mask behind = not_in(m->done);
     for (int i = 0; i < scene->model.shape_count && any(behind); i++) {
@@ -298,9 +299,11 @@ static void cast_pair(int first, const struct convex *work) {
         if (over && all(b.done))
             break;
         if (!over)
-            step(&a, nearest(a.nears, a.casters, a.count, a.t, a.done, work->scene), strength, hit, 0.0f);
+            step(&a, nearest(a.nears, a.casters, a.count, a.t, a.done, work->scene), strength, hit,
+                 0.0f);
         if (!all(b.done))
-            step(&b, nearest(b.nears, b.casters, b.count, b.t, b.done, work->scene), strength, hit, 0.0f);
+            step(&b, nearest(b.nears, b.casters, b.count, b.t, b.done, work->scene), strength, hit,
+                 0.0f);
     }
     add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
               load(&field[S_PIXEL][first]), desk);
