@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -273,11 +274,11 @@ def convergence(table: dict[str, Any]) -> Figure:
     return made
 
 
-def figures(result: dict[str, Any]) -> dict[str, Figure]:
-    """Name → figure, of what there is."""
-    made = {"accuracy-where": places(result["rows"])} if result["rows"] else {}
+def drawings(result: dict[str, Any]) -> dict[str, Callable[[], Figure]]:
+    """Name → what draws the figure, of what there is."""
+    made = {"accuracy-where": partial(places, result["rows"])} if result["rows"] else {}
     if (result.get("convergence") or {}).get("rows"):
-        made["accuracy-convergence"] = convergence(result["convergence"])
+        made["accuracy-convergence"] = partial(convergence, result["convergence"])
     return made
 
 
