@@ -149,8 +149,8 @@ def drawn(section: Section, folder: Path) -> list[dict[str, str]]:
 
 
 def absent(section: Section) -> list[str]:
-    """Names of the chapter's pictures that are not with its files."""
-    return [path.name for path in section.images if not path.is_file()]
+    """Captions of the chapter's pictures that are not with its files."""
+    return [caption for path, caption in section.images.items() if not path.is_file()]
 
 
 def pictures(data: Data) -> dict[Path, str]:
@@ -175,9 +175,12 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         {
             "scene": scene,
             "size": f"{group['width'].iloc[0]}×{group['height'].iloc[0]}",
-            "parts": [(title, show.table(group.to_dict("records"), part)) for part, title in columns.PARTS],
+            "parts": [
+                (title, show.table(records, columns.sized(part, records))) for part, title in columns.PARTS
+            ],
         }
         for scene, group in ladder.ladders(rows).items()
+        for records in [group.to_dict("records")]
     ]
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),

@@ -29,7 +29,7 @@ def ladder_text(rows: pd.DataFrame) -> str:
         records = group.to_dict("records")
         lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
         for part, title in columns.PARTS:
-            lines += [f"{title}\n", show.markdown(show.table(records, part))]
+            lines += [f"{title}\n", show.markdown(show.table(records, columns.sized(part, records)))]
     return "\n".join(lines)
 
 
@@ -80,11 +80,13 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
-        parts += [title, show.markdown(show.table(records, columns.README))]
+        parts += [title, show.markdown(show.table(records, columns.sized(columns.README, records)))]
+    at = columns.truth_height(rows.to_dict("records"))
+    truth = f", or to truth where the head says so: of pictures{at}, whatever size was timed" if at else ""
     note = (
         f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
-        "speed-ups are ratios of medians of one interleaved run on one thread; errors are against baseline, "
-        "in linear RGB. "
+        "speed-ups are ratios of medians of one interleaved run on one thread; errors are in linear RGB, "
+        f"against baseline{truth}. "
         "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
     )
     block = "\n".join([*parts, note])

@@ -159,8 +159,9 @@ def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Colum
     rows = result["rows"]
     fractal = [row for row in rows if row["converged_only"]]
     converged = (result.get("convergence") or {}).get("rows", [])
+    heights = " and ".join(map(str, sorted({row["height"] for row in rows})))
     made = [
-        ("accuracy", "Error to truth", rows, ERRORS),
+        ("accuracy", f"Error to truth, at n = {heights}", rows, ERRORS),
         (
             "accuracy-averaged",
             "Where truth is converged only: depth and averaged pictures",

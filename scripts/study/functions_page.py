@@ -44,7 +44,7 @@ def fronts(result: Row) -> list[Row]:
                     if row in rows[time] and functions.on_front(row, rows[time], time)
                 ]
                 if on or row["family"] == "libm":
-                    made.append({**row, "fronts": " and ".join(on)})
+                    made.append({**row, "fronts": on})
     return made
 
 
@@ -85,7 +85,15 @@ ENTRIES = [
     Column("error", "largest at", _worst),
     Column("error", "arguments tried", lambda r: f"{r['count']:,}" if r.get("count") else show.NOTHING),
 ]
-ON_FRONTS = [*ENTRIES, Column("", "on the front of", lambda r: r["fronts"] or show.NOTHING)]
+
+
+def _on(front: str) -> Column:
+    return Column(front, "front", lambda r: "✓" if front in r["fronts"] else show.NOTHING)
+
+
+ON_FRONTS = [column for column in ENTRIES if column.name not in ("largest at", "arguments tried")]
+ON_FRONTS.insert(4, _on("throughput"))
+ON_FRONTS.insert(7, _on("latency"))
 NORMALISE = [
     Column("", "vectors", lambda r: f"{r['vectors']:,}"),
     Column("", "kernel", lambda r: r["name"]),

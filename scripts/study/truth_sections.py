@@ -118,9 +118,7 @@ def approximations(path: Path) -> Section:
     with reading(file, f"scripts/functions.py --run {path}"):
         if file.exists():
             result = functions.read(path)
-            caption = (
-                "The fronts of each function: nothing is faster, by throughput or by latency, and nearer"
-            )
+            caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
             parts += part("functions", caption, functions_page.fronts(result), functions_page.ON_FRONTS)
             for name, of in functions_edges_page.TABLES.items():
                 rows = functions_edges_page.rows(result, of)
