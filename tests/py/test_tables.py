@@ -139,6 +139,22 @@ def test_the_error_of_another_size_says_so(run: Path) -> None:
     assert show.gate(row(run, "scene0", "opt4", 90)) == "✓ within (at n = 180)"
 
 
+def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Path) -> None:
+    """Of n = 64, where n = 180 was timed: in the heads of README and ladder, and in README's note."""
+    hits = dict.fromkeys(("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99"), 0.0)
+    psnr = {name: 54.5 for name in ("psnr_db", "psnr_ideal_db", "psnr_none_db")}
+    truth = {"scene": "scene0", "phase": "opt4", "height": 64, "converged_only": False, **hits, **psnr}
+    text = f"{tables.BEGIN}\n{tables.END}\n"
+    before = tables.readme(text, analysis.load(run), rows_of(run))
+    assert "truth" not in before
+    (run / "accuracy.json").write_text(json.dumps({"schema": 1, "rows": [truth], "skipped": []}))
+    data = analysis.load(run)
+    made = tables.readme(text, data, ladder.rows(data))
+    assert "| PSNR to truth at n = 64, dB |" in made and "54.5" in made
+    assert "to truth where the head says so: of pictures at n = 64, whatever size was timed" in made
+    assert "error to truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
+
+
 def test_a_failing_pair_is_shown_failing(run: Path) -> None:
     opt4 = row(run, "mandelbulb", "opt4", 90)
     assert show.gate(opt4) == "✗ OUTSIDE: psnr_db"
