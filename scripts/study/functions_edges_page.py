@@ -83,15 +83,28 @@ def _cell(argument: str):
 
 
 def columns(rows: list[Row]) -> list[Column]:
-    """Function, precision, implementations, and a column for each input at which any of them differs."""
+    """Function and precision, implementations, and a column for each input at which any of them differs."""
     wrong = {argument for row in rows for argument in row["wrong"]}
     arguments = [argument for argument in (rows[0]["values"] if rows else ()) if argument in wrong]
     return [
-        Column("", "function", lambda r: TITLES[r["function"]]),
-        Column("", "precision", lambda r: r["precision"]),
-        Column("", "implementation", lambda r: r["name"]),
-        *(Column("at", a, _cell(a), lambda r, a=a: "bad" if a in r["wrong"] else "") for a in arguments),
+        Column("", "function", lambda r: f"{TITLES[r['function']]}, {r['precision']}"),
+        Column("", "implementations", lambda r: r["name"]),
+        *(
+            Column("at", a, _cell(a), lambda r, a=a: "bad tight" if a in r["wrong"] else "")
+            for a in arguments
+        ),
     ]
+
+
+def caption(result: Row, names: list[str]) -> str:
+    """What the table of these functions is, and how many are not in it."""
+    tried = [row for row in judged(result) if row["function"] in names]
+    good = sum(map(agrees, tried))
+    return (
+        f"At the edges, {', '.join(TITLES[name] for name in names)}: what is given where it is not what C "
+        f"and IEEE 754 ask for; {AGREES} where it is. The other {good} of {len(tried)} entries agree "
+        "throughout"
+    )
 
 
 def remark(result: Row) -> str | None:

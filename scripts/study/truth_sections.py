@@ -108,9 +108,6 @@ def hard(path: Path) -> Section:
     return Section("stability", "Hard cases", "make stability", [], html=html)
 
 
-EDGES = "{}: implementations that differ from C and IEEE 754 at the edges, and what they give there"
-
-
 def approximations(path: Path) -> Section:
     """Functions: ns against ulp, the normalisation of 20 million vectors, the reciprocal root's tables."""
     file = path / functions.FILE
@@ -122,7 +119,7 @@ def approximations(path: Path) -> Section:
             parts += part("functions", caption, functions_page.fronts(result), functions_page.ON_FRONTS)
             for name, of in functions_edges_page.TABLES.items():
                 rows = functions_edges_page.rows(result, of)
-                caption = EDGES.format(", ".join(functions_page.TITLES[one] for one in of))
+                caption = functions_edges_page.caption(result, of)
                 parts += part(name, caption, rows, functions_edges_page.columns(rows))
             vectors = result["normalise"]
             parts += part("normalise", "Vectors normalised", vectors, functions_page.NORMALISE)
