@@ -102,7 +102,7 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     assert made["rows"][0]["changed_fraction"] == 0
     described = documented.keys("toolchains.json")
     assert set(made["rows"][0]) <= described and set(made) - {"schema", "rows"} <= described
-    assert {f"truth_{name}" for name in ("psnr_db", "mask_mismatch_ppm", "id_mismatch_ppm")} <= described
+    assert {f"truth_{name}" for name in ("psnr_db", "rmse", *toolchains.HITS)} <= described
 
 
 def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
