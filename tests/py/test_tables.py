@@ -264,7 +264,7 @@ def test_files_are_complete_and_hold_the_same_rows(run: Path) -> None:
         "runtime",
         "verification",
     }
-    assert len(list(folder.iterdir())) == 12
+    assert len(list(folder.iterdir())) == 15
     from_csv = pd.read_csv(folder / "ladder.csv").set_index(["scene", "phase"])
     from_json = {(r["scene"], r["phase"]): r for r in json.loads((folder / "ladder.json").read_text())}
     assert len(from_csv) == len(from_json) == 12
