@@ -19,7 +19,7 @@ import pandas as pd
 import plots
 import roofline
 import tables
-from study import analysis, chapters, claims, columns, draw, facts, ladder, paper, registry, roof, show, store
+from study import analysis, chapters, columns, draw, facts, ladder, paper, registry, roof, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.sections import Section, reading
@@ -170,7 +170,8 @@ def heatmaps(data: Data) -> dict[Path, str]:
 def page(data: Data, out: Path, height: int | None = None) -> str:
     """The page's HTML; tables and figures go beside `out`."""
     rows = ladder.rows(data, height)
-    tables.write(tables.make(data, rows), out.parent / "tables")
+    made = tables.make(data, rows)
+    tables.write(made, out.parent / "tables")
     ladders = [
         {
             "scene": scene,
@@ -210,7 +211,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         failing=[pair for pair in data.pairs if pair.get("within_tolerance") is False],
         pictures=copied(pictures(data), figures_folder),
         heatmaps=copied(heatmaps(data), figures_folder),
-        claims=claims.check(data, rows),
+        claims=made["claims"][0].astype(object).to_dict("records"),
         paper=show.table(paper.ladder().to_dict("records"), columns.PAPER),
         phases=phases(data),
     )

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's."""
+"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's,
+and what became of the papers' claims."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, columns, ladder, paper, show, store
+from study import analysis, chapters, claims, columns, ladder, paper, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -45,6 +46,8 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
         made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
     for section in chapters.all_of(data):
         made |= {part.name: (part.frame, part.markdown) for part in section.parts}
+    found = claims.check(data, rows)
+    made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
     return made
 
 

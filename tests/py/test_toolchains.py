@@ -63,6 +63,7 @@ def test_what_does_not_build_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_missing_compiler_is_named_and_gcc_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     found, lacking = toolchains.present(["gcc", "no-such-cc"])
     assert found == ["gcc"] and lacking[0]["compiler"] == "no-such-cc"
+    assert toolchains.present(["no-such-cc"])[0] == []  # gcc is there, though nobody asked for it
     monkeypatch.setenv("PATH", os.devnull)
     with pytest.raises(StudyError, match="gcc is missing") as caught:
         toolchains.present(["gcc"])
@@ -159,6 +160,7 @@ def test_non_finite_is_of_the_picture_itself() -> None:
     broken["R"][3, 3] = np.nan
     sound = {name: exact()[name] for name in images.AOVS}
     row = measured(exact(), sound, broken, "two_spheres")
+    assert row["ms"].value == 1 and row["speedup"].value == 2  # it takes 1 ms where gcc as shipped takes 2
     assert row["non_finite"] == 0 and row["truth_psnr_db"] == np.inf
     assert truth_sections._psnr(cli.plain(row)) == "not finite"
     assert measured(exact(), broken, sound, "two_spheres")["non_finite"] == 1
