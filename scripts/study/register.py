@@ -89,12 +89,13 @@ def _flop_ratio(data: Data, claim: Claim) -> Found:
 
 
 def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
-    found, limits, _ = roof.read(data.path, strict=False)
-    table = roof.rows(data, found, limits)
-    if table.empty:
-        return {}
-    rows = roof.headline(table).to_dict("records")
-    return {(row["scene"], row["phase"]): row for row in rows}
+    """Points of the roofline by scene and phase; kept with the run, for six claims ask for them."""
+    if "points" not in data.kept:
+        found, limits, _ = roof.read(data.path, strict=False)
+        table = roof.rows(data, found, limits)
+        rows = [] if table.empty else roof.headline(table).to_dict("records")
+        data.kept["points"] = {(row["scene"], row["phase"]): row for row in rows}
+    return data.kept["points"]
 
 
 PAPERS = "paper_convention_flops_per_core_cycle"
