@@ -1,9 +1,9 @@
 """Power laws y = a·x^b through a series: exponents with intervals, and where the law does not hold.
 
-Least squares in log y over log x through the medians of the launches; the 95 % interval is that of a percentile
-bootstrap (Efron and Tibshirani 1993, chapter 13) which draws the launches of each point anew. It holds the
-noise of the launches and nothing else: whether the points lie on a power law at all is for the residuals to
-say, as no interval of an exponent can.
+Least squares in log y over log x through the medians of the launches; the 95 % interval is that of a
+percentile bootstrap (Efron and Tibshirani 1993, chapter 13) which draws the launches of each point anew. It
+holds the noise of the launches and nothing else: whether the points lie on a power law at all is for the
+residuals to say, as no interval of an exponent can.
 """
 
 from __future__ import annotations

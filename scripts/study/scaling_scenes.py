@@ -1,16 +1,18 @@
 """Scenes made to order for scripts/scaling.py: any number of shapes, the same share of the picture covered.
 
-Spheres, octahedra and cubes by turns, none turned. Where they are is drawn from a seed; how large they are is
-worked out: every shape grows about its own centre by one common factor s, a ray hits shape i from the s on
-that is the least gauge (Minkowski functional) of the shape along it, so the share of rays that hit at s is the
-distribution of the least gauge over all shapes, and the s of a wanted share is one of its quantiles. No search.
+Spheres, octahedra and cubes by turns, none turned. Where they are is drawn from a seed; how large they are
+is worked out: every shape grows about its own centre by one common factor s, a ray hits shape i from the s on
+that is the least gauge (Minkowski functional) of the shape along it, so the share of rays that hit at s is
+the distribution of the least gauge over all shapes, and the s of a wanted share is one of its quantiles: no
+search.
 
 - scattered: centres even over the picture and in depth.
 - clustered: centres normal (sigma CLUSTER_SIGMA) about eight places.
 - overlapping: all centres in a ball that is smaller than the shapes.
-- corridors, the worst case: columns of shapes one behind the other, each as large as it looks from the camera,
-  so that a column is one outline and a ray that misses runs between columns to the end, close to many shapes.
-- hall: two facing mirrors and three spheres, every ray is mirrored as often as it may be.
+- corridors, the worst case: columns of shapes one behind the other, each as large as it looks from the
+  camera, so that a column is one outline and a ray that misses runs between columns to the end, close to many
+  shapes.
+- hall: two facing mirrors and three small spheres; nearly every ray is mirrored as often as it may be.
 """
 
 from __future__ import annotations
