@@ -33,7 +33,7 @@ from study.registry import Spec
 DESCRIPTION = """\
 Each program is rendered over picture height, number of shapes (scenes made to order, the same share of the
 picture covered), step cap, bounces and threads, and timed in interleaved launches. Power laws are fitted and
-set beside the paper's O(K·T·N²). What would not fit the time is left out and said. Peak memory at 3840×2160."""
+set beside the paper's O(K·T·N²). What would not fit the time is left out and said. Peak memory at 4K."""
 SECONDS, FULL_SECONDS = 540, 14400
 HEIGHT, FULL_HEIGHT = 90, 360
 MEMORY_SHARE = 0.1
@@ -131,6 +131,7 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
         "memory": memory,
         "goals": scaling_goals.goals(rows, memory, [str(spec) for spec in specs]),
         "axes": {series.name: series.axis for series in chosen},
+        "titles": {series.name: series.title for series in chosen},
     }
 
 

@@ -58,8 +58,7 @@ def _grown(
 ) -> Figure:
     """A panel per series, log-log: each program's points, its fitted law (dashed) and exponent."""
     rows = [row for row in result["rows"] if value(row)]
-    titles = {fit["series"]: fit["title"] for fit in result["fits"]}
-    named = [row | {"scene": titles.get(row["series"], row["series"])} for row in rows]
+    named = [row | {"scene": result["titles"][row["series"]]} for row in rows]
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in named])
     figure, grid = panels(frame, 3.1, 4.3)
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
@@ -112,10 +111,7 @@ def level(row: Row) -> float | None:
 
 def errors(result: dict[str, Any]) -> Figure | None:
     """A panel per series: PSNR to truth (filled) or to the finest picture there is (hollow)."""
-    titles = {fit["series"]: fit["title"] for fit in result["fits"]}
-    rows = [
-        r | {"scene": titles.get(r["series"], r["series"])} for r in result["rows"] if level(r) is not None
-    ]
+    rows = [r | {"scene": result["titles"][r["series"]]} for r in result["rows"] if level(r) is not None]
     if not rows:
         return None
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
@@ -138,6 +134,8 @@ def errors(result: dict[str, Any]) -> Figure | None:
         )
         axes.title.set_fontsize(10)
         plain_log(axes.xaxis)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, (low + high) / 2 - 2), max(high, (low + high) / 2 + 2))  # 0.01 dB is nothing
     legend(figure, grid)
     return figure
 
