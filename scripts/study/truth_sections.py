@@ -1,5 +1,6 @@
 """What a run was held against truth with, as chapters of its page: speed against error, accuracy, hard cases,
-functions, compilers. Each is made from its one file; a broken file ends in a StudyError that names it.
+functions, growth of cost, compilers. Each is made from its one file; a broken file ends in a StudyError that
+names it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from study import (
     hard_page,
     pareto,
     pareto_page,
+    scaling,
+    scaling_page,
     show,
     toolchains,
 )
@@ -137,6 +140,26 @@ def approximations(path: Path) -> Section:
     about = {"file": file, "script": "scripts/functions.py", "drawn": drawn}
     remarks = [remark for remark in remarks if remark]
     return Section("functions", "Functions: speed against ulp", "make functions", parts, remarks, **about)
+
+
+def growth(path: Path) -> Section:
+    """How cost grows: exponents beside the paper's law, the two goals, the generated scenes."""
+    file = path / scaling.FILE
+    parts, remarks, images = [], [], {}
+    with reading(file, f"scripts/scaling.py --run {path}"):
+        result = scaling.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in scaling_page.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks = [scaling_page.note(result)]
+            captions = {
+                "scaling-time": "Time of a frame against what it depends on, with fitted power laws",
+                "scaling-evals": "Evaluations of a camera ray's march against the same",
+                "scaling-error": "Error against the same",
+                "scaling-scenes": "The generated scenes: the same share of the picture covered by any number",
+            }
+            images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
+    return Section("scaling", "How cost grows", "make scaling", parts, remarks, images=images)
 
 
 def _number(name: str):
