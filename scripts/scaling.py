@@ -110,7 +110,8 @@ def measured(args: argparse.Namespace, folder: Path) -> dict:
     with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
         settings = scaling.Settings(args.launches, args.seed, args.cpu, Path(scratch), folder)
         for number, series in enumerate(chosen):
-            found = scaling.study(series, specs, left / (len(chosen) - number), settings)
+            share = series.weight / sum(one.weight for one in chosen[number:])
+            found = scaling.study(series, specs, left * share, settings)
             left -= found.seconds
             rows, left_out = rows + found.rows, left_out + found.left_out
             thumbnails += found.thumbnails

@@ -1,8 +1,9 @@
 """How cost grows: which points of a series fit its time, their times, evaluations, errors and memory.
 
-Each series has seconds of its own. Its points are taken from the cheapest on, over all programs: each is
-rendered once as a picture (which is also its first time), the next x of that program is foreseen from it, and
-what would not fit is left out and said. Then all that were taken are timed in one interleaved run.
+Each series has seconds of its own. Its points are taken from the cheapest on, over all programs, three of
+each program first, as fewer make no fit: each is rendered once as a picture (which is also its first time),
+the next x of that program is foreseen from it, and what would not fit is left out and said. Then all that
+were taken are timed in one interleaved run.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from study.scaling_series import Picture, Point, Row, Series, foreseen
 FILE = "scaling.json"
 SHORT, LONG = 0.02, 0.25  # s: below, several frames a launch; above, caches settle within a frame
 REPEATED = 5
+EARLY, EARLY_SHARE = 3, 0.6  # points that every program should have, and the share of the time they may take
 OVERHEAD = 0.06  # s of a launch beside its frames: clocks are calibrated
 TRUTH_SHARE = 0.2  # of a series' seconds for truth's pictures
 MOST_JUDGED = 2_100_000  # pixels of a picture that is kept with its planes; larger ones are only timed
@@ -72,8 +74,7 @@ def choose(
     plan = Plan()
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
     # Equal guesses go by the order of the programs; 0 s: nothing is known before a program's first point.
-    queue = [(0.0, 0, number) for number in range(len(specs))]
-    heapq.heapify(queue)
+    queue = [(False, 0.0, 0, number) for number in range(len(specs))]
 
     def leave(point: Point, reason: str, guess: float | None = None) -> None:
         plan.left_out.append(
@@ -87,10 +88,13 @@ def choose(
         )
 
     while queue:
-        guess, step, number = heapq.heappop(queue)
+        late, guess, step, number = heapq.heappop(queue)
         spec = specs[number]
         point = Point(series.name, series.xs[step], spec)
         needed = guess + cost(guess, launches) + OVERHEAD
+        if not late and plan.spent + needed > EARLY_SHARE * seconds:
+            heapq.heappush(queue, (True, guess, step, number))
+            continue
         if plan.spent + needed > seconds:
             what = (
                 f"all its launches would take about {needed:.3g} s, of {seconds:.3g} s for the whole series"
@@ -113,7 +117,7 @@ def choose(
         if step + 1 < len(series.xs):
             before = trail[-2] if len(trail) > 1 else None
             ahead = foreseen(before, trail[-1], series.xs[step + 1], series.grows)
-            heapq.heappush(queue, (ahead, step + 1, number))
+            heapq.heappush(queue, (step + 1 >= EARLY, ahead, step + 1, number))
     return plan
 
 

@@ -85,6 +85,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
         made.append(
             {
                 "phase": phase,
+                "n": many["n"] if ratio else None,
                 "shapes": most if ratio else None,
                 "ratio": ratio,
                 "coverage": [one.get("coverage") for one in (few, many)] if few and many else None,

@@ -243,6 +243,7 @@ GOALS = [
     Column(
         "shapes", "scattered, against 16", lambda r: show.NOTHING if not r["shapes"] else f"{r['shapes']:,}"
     ),
+    Column("shapes", "n", lambda r: show.NOTHING if not r["n"] else str(r["n"])),
     Column("shapes", "time over that of 16 [95 %]", _interval("ratio", "×")),
     Column(
         "shapes",

@@ -15,7 +15,7 @@ from study import registry, run, scaling_scenes
 from study.cli import StudyError
 from study.registry import Scene, Spec
 
-HEIGHTS = (100, 200, 400, 800, 1600, 2400, 4000)
+HEIGHTS = (100, 140, 200, 280, 400, 560, 800, 1120, 1600, 2240, 3200, 4000)
 SHAPES = (1, 4, 16, 64, 256, 1024, 4096)
 STEPS = (4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 BOUNCES = (0, 1, 2, 4, 8, 16)
@@ -70,6 +70,7 @@ class Series:
     scene: Callable[[int], Scene]
     varies: str = ""  # height, threads or max_steps; "": the scene itself
     threads_only: bool = False
+    weight: int = 1  # of its share of the time
 
     @property
     def generated(self) -> bool:
@@ -110,13 +111,12 @@ def series(height: int, seed: int, folder: Path, heights: Sequence[int] = HEIGHT
             f"picture height, {name}",
             "n, pixels",
             tuple(heights),
-            2,
-            2,
-            height,
+            *(2, 2, height),
             known(name),
             "height",
+            weight=weight,
         )
-        for name in ("scene0", "mandelbulb")
+        for name, weight in (("scene0", 2), ("mandelbulb", 1))
     ]
     about = {"corridors": "corridors (worst case)"}
     made += [
@@ -127,6 +127,7 @@ def series(height: int, seed: int, folder: Path, heights: Sequence[int] = HEIGHT
             SHAPES,
             *(1.2, 1, height),
             lambda x, name=name: scaling_scenes.of_shapes(name, x, seed, folder),
+            weight=2 if name == "scattered" else 1,
         )
         for name in scaling_scenes.ARRANGEMENTS
     ]
