@@ -167,6 +167,16 @@ def least_gauge(shapes: Placed, directions: np.ndarray) -> np.ndarray:
     return found
 
 
+def quantile(values: np.ndarray, share: float) -> float:
+    """A number with that share of the values below it, halfway between two that are not nearly equal: at a
+    value itself an outline would go through a pixel's very centre, along an edge through a row of them.
+    """
+    ordered = np.sort(values)
+    gaps = np.flatnonzero(np.diff(ordered) > 1e-6 * ordered[:-1])  # a value below each gap, another above
+    nearest = gaps[np.abs(gaps + 1 - share * len(ordered)).argmin()]
+    return float((ordered[nearest] + ordered[nearest + 1]) / 2)
+
+
 def _materials() -> dict[str, Any]:
     matt = {"reflectivity": 0.0, "shininess": 15.0}
     return {
@@ -199,7 +209,7 @@ def _sizes(kind: str, factor: float) -> dict[str, Any]:
 def data(arrangement: str, count: int, seed: int) -> dict[str, Any]:
     """The scene as JSON has it: `count` shapes that cover COVERAGE of the picture."""
     shapes = placed(arrangement, count, seed)
-    factor = float(np.quantile(least_gauge(shapes, rays(*RAYS)), COVERAGE))
+    factor = quantile(least_gauge(shapes, rays(*RAYS)), COVERAGE)
     names = list(_materials())
     made = [
         {

@@ -157,6 +157,12 @@ def test_the_share_of_rays_that_hit_is_the_stated_one(arrangement: str, count: i
     assert hits(scene, 213, 120).mean() == pytest.approx(scaling_scenes.COVERAGE, abs=0.015)
 
 
+def test_the_factor_lies_between_rays_and_not_on_one() -> None:
+    assert scaling_scenes.quantile(np.array([1.0, 4, 2, 3]), 0.5) == 2.5
+    assert scaling_scenes.quantile(np.array([1, 2, 2, 2 + 1e-9, 5.0]), 0.6) == pytest.approx(3.5)
+    assert scaling_scenes.quantile(np.array([1, 2, 2, 2, 5.0]), 0.3) == 1.5
+
+
 def test_a_rendered_scene_covers_what_it_should(tmp_path: Path) -> None:
     from study import images
 
