@@ -91,6 +91,11 @@ def _grown(
             limits = axes.get_ylim()
             axes.plot(across, start * (across / across[0]) ** paper, **PAPERS, label=f"the paper's {LAW}")
             axes.set_ylim(limits[0], max(limits[1], 2 * max(value(r) for r in mine)))
+        low, high = axes.get_ylim()
+        wide = max(
+            1.0, math.sqrt(4.5 * low / high)
+        )  # at least 4.5 from end to end: a tenth of a step is nothing
+        axes.set_ylim(low / wide, high * wide)
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
         _labels(axes, ends)
