@@ -21,6 +21,7 @@ from study import (
     pareto_page,
     scaling,
     scaling_page,
+    scaling_tables,
     show,
     toolchains,
 )
@@ -149,7 +150,7 @@ def growth(path: Path) -> Section:
     with reading(file, f"scripts/scaling.py --run {path}"):
         result = scaling.read(file)
         if result["rows"]:
-            for name, caption, rows, columns, folded in scaling_page.tables(result):
+            for name, caption, rows, columns, folded in scaling_tables.tables(result):
                 parts += part(name, caption, rows, columns, folded=folded)
             remarks = [scaling_page.note(result)]
             captions = {
