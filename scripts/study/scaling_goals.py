@@ -16,7 +16,7 @@ from study.stats import Interval
 
 FEW, MANY, MOST_TIMES = 16, 4096, 4.0  # shapes, and what the many may cost at most
 MOST_MIB = 64.0  # above the frame
-SIZE_4K = 3840, 2160
+SIZE_4K, SCENES_4K = (3840, 2160), ("scene0", "scattered")
 NEAR = 0.05  # exponents that close are the same
 MET, MISSED, OPEN, UNSURE = "met", "missed", "not measured", "cannot be told apart here"
 
@@ -81,7 +81,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
         most = max(mine, default=0)
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
         ratio = stats.ratio_interval(many["ns"], few["ns"]) if few and many else None
-        here = [r["above_frame_mib"] for r in memory if r["phase"] == phase]
+        here = {(r["scene"], r["threads"]): r["above_frame_mib"] for r in memory if r["phase"] == phase}
         made.append(
             {
                 "phase": phase,
@@ -90,11 +90,21 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
                 "ratio": ratio,
                 "coverage": [one.get("coverage") for one in (few, many)] if few and many else None,
                 "shapes_goal": judged(ratio, MOST_TIMES) if ratio and most == MANY else OPEN,
-                "above_frame_mib": max(here, default=None),
-                "memory_goal": OPEN if not here else MET if max(here) <= MOST_MIB else MISSED,
+                "above_frame_mib": max(here.values(), default=None),
+                "memory_goal": under(here),
             }
         )
     return made
+
+
+def under(here: dict[tuple[str, int], float]) -> str:
+    """Whether every (scene, threads) is under MOST_MIB; which scenes were not measured is said."""
+    if not here:
+        return OPEN
+    if not max(here.values()) < MOST_MIB:
+        return MISSED
+    missing = [scene for scene in SCENES_4K if scene not in {scene for scene, _ in here}]
+    return MET + (f", {' and '.join(missing)} not measured" if missing else "")
 
 
 def memory(

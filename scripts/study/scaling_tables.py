@@ -46,7 +46,7 @@ def _plain(name: str) -> Callable[[Row], str]:
 
 
 def _mark(name: str) -> Callable[[Row], str]:
-    return lambda row: {"met": "good", "missed": "bad"}.get(row[name], "")
+    return lambda row: {"met": "good", "missed": "bad"}.get(row[name].partition(",")[0], "")
 
 
 EXPONENTS = [

@@ -341,7 +341,10 @@ def row(phase: str, x: int, ns: float, name: str = "shapes-scattered", **more: o
 def test_the_goals_are_judged_at_their_size_only() -> None:
     rows = [row("a", 16, 100), row("a", 4096, 399), row("b", 16, 100), row("b", 4096, 401), row("c", 16, 9)]
     rows += [row("c", 1024, 9), row("d", 16, 1)]
-    memory = [{"phase": "a", "above_frame_mib": 63.9}, {"phase": "b", "above_frame_mib": 64.1}]
+    memory = [
+        {"phase": phase, "scene": scene, "threads": 1, "above_frame_mib": mib}
+        for phase, scene, mib in (("a", "scene0", 2.0), ("a", "scattered", 63.9), ("b", "scene0", 64.0))
+    ] + [{"phase": "d", "scene": "scene0", "threads": 2, "above_frame_mib": 3.0}]
     a, b, c, d = scaling_goals.goals(rows, memory, list("abcd"))
     assert (a["shapes_goal"], b["shapes_goal"], c["shapes_goal"], d["shapes_goal"]) == (
         "met",
@@ -351,6 +354,7 @@ def test_the_goals_are_judged_at_their_size_only() -> None:
     )
     assert a["ratio"].value == pytest.approx(3.99) and c["shapes"] == 1024 and d["ratio"] is None
     assert (a["memory_goal"], b["memory_goal"], c["memory_goal"]) == ("met", "missed", "not measured")
+    assert d["memory_goal"] == "met, scattered not measured" and a["above_frame_mib"] == 63.9
     assert scaling_goals.judged(Interval(math.nan, math.nan, math.nan, 0, False), 4) == "not measured"
     assert scaling_goals.judged(Interval(3, 2, 5, 6, True), 4) == "cannot be told apart here"
     assert scaling_goals.judged(Interval(3, math.nan, math.nan, 5, False), 4) == "too few launches"
