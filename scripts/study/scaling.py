@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -133,7 +134,9 @@ def render(point: Point, picture: Picture, folder: Path, cpu: int) -> First:
 
 
 def above_frame(max_rss_kib: float, picture: Picture, planes: int = 3) -> float:
-    """MiB of the process at its peak beyond the frame's float planes."""
+    """MiB of the process at its peak beyond the frame's float planes; NaN where the system does not tell."""
+    if max_rss_kib <= 0:
+        return math.nan
     return max_rss_kib / 1024 - picture.width * picture.height * planes * 4 / 2**20
 
 

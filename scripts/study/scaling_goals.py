@@ -101,7 +101,7 @@ def under(here: dict[tuple[str, int], float]) -> str:
     """Whether every (scene, threads) is under MOST_MIB; which scenes were not measured is said."""
     if not here:
         return OPEN
-    if not max(here.values()) < MOST_MIB:
+    if not all(mib < MOST_MIB for mib in here.values()):
         return MISSED
     missing = [scene for scene in SCENES_4K if scene not in {scene for scene, _ in here}]
     return MET + (f", {' and '.join(missing)} not measured" if missing else "")
