@@ -127,7 +127,11 @@ def errors(result: dict[str, Any]) -> Figure | None:
             style = looks[phase, 1]
             points = [row for row in mine if row["phase"] == phase]
             at = [row["x"] for row in points], [level(row) for row in points]
-            axes.plot(*at, color=style["color"], linewidth=0.8, zorder=2)
+            for one in dict.fromkeys(
+                row["reference"] for row in points
+            ):  # no line from one reference to another
+                same = [(row["x"], level(row)) for row in points if row["reference"] == one]
+                axes.plot(*zip(*same, strict=True), color=style["color"], linewidth=0.8, zorder=2)
             fill = [style["color"] if row["reference"] == "truth" else "white" for row in points]
             marks = {"marker": style["marker"], "s": 24, "edgecolor": style["color"], "zorder": 3}
             axes.scatter(*at, c=fill, **marks)
