@@ -467,6 +467,8 @@ static bool has(const char *feature) {
         return true;
     if (limit && strcmp(limit, "none") == 0)
         return false;
+    if (limit && strcmp(limit, "avx2") == 0 && strncmp(feature, "avx512", 6) == 0)
+        return false;
     __builtin_cpu_init();
     return (strcmp(feature, "avx") == 0 && __builtin_cpu_supports("avx")) ||
            (strcmp(feature, "fma") == 0 && __builtin_cpu_supports("fma")) ||

@@ -16,6 +16,7 @@
 #include "phase.h"
 #include "phase_info.h"
 #include "timer.h"
+#include "variant.h"
 
 #ifdef STEPWISE_COUNT
 // Counts of the exact picture; its times are those of the counting, not of the phase.
@@ -238,22 +239,10 @@ static struct conditions conditions_now(void) {
     return now;
 }
 
-static const char *missing_isa(void) {
-    const char *limit = getenv("STEPWISE_ISA_LIMIT");
-    bool pretend_none = limit && strcmp(limit, "none") == 0;
-    __builtin_cpu_init();
-#define NEED(feature)                                                                              \
-    if (pretend_none || !__builtin_cpu_supports(feature))                                          \
-        return feature;
-    PHASE_NEEDS(NEED)
-#undef NEED
-    (void)pretend_none;
-    return NULL;
-}
-
 static int vector_bits(void) {
-    int bits = PHASE_LANES * (strcmp(PHASE_PRECISION, "float") == 0 ? 32 : 64);
-    return PHASE_LANES == 1 ? 0 : bits > 512 ? 512 : bits;
+    int lanes = variant_here().lanes;
+    int bits = lanes * (strcmp(PHASE_PRECISION, "float") == 0 ? 32 : 64);
+    return lanes == 1 ? 0 : bits > 512 ? 512 : bits;
 }
 
 static int pinned_cpu(void) {
@@ -291,14 +280,15 @@ static const char *in_ascii(const char *text, char ascii[4096]) {
 static json_t *header(const struct session *s) {
     char image[4096];
     const struct limits *march = &s->scene.model.march;
+    const struct variant variant = variant_here();
     const struct scene_overrides *over = &s->options.overrides;
     return json_pack(
         "{s:i, s:s, s:s, s:s, s:s, s:i, s:i, s:i, s:s, s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:b, "
         "s:I, s:I, s:f, s:f, s:i, s:s?}",
         "schema", SCHEMA, "phase", PHASE_NAME, "flags_from", PHASE_FLAGS_FROM, "scene",
         s->scene.name, "scene_hash", s->scene.hash, "width", s->options.width, "height",
-        s->options.height, "threads", s->options.threads, "isa", PHASE_ISA, "precision",
-        PHASE_PRECISION, "lanes", PHASE_LANES, "flags", PHASE_FLAGS, "compiler", PHASE_COMPILER,
+        s->options.height, "threads", s->options.threads, "isa", variant.isa, "precision",
+        PHASE_PRECISION, "lanes", variant.lanes, "flags", variant.flags, "compiler", PHASE_COMPILER,
         "libc", gnu_get_libc_version(), "hit_distance", march->hit_distance, "max_steps",
         march->max_steps, "overridden", over->hit_distance > 0 || over->max_steps > 0, "prepare_ns",
         (json_int_t)s->prepare_ns, "timer_overhead_cycles", (json_int_t)s->overhead, "tsc_hz",
@@ -423,7 +413,7 @@ int main(int argc, char **argv) {
     int status = parse(argc, argv, &s.options);
     if (status != OK)
         return status < 0 ? flush_output() : status;
-    const char *missing = missing_isa();
+    const char *missing = variant_missing();
     if (missing)
         return complain(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);
     if (s.options.threads > 1 && !PHASE_THREADS)

@@ -5,9 +5,10 @@
 #include <string.h>
 
 #include "count.h"
-#include "phase_info.h"
+#include "variant.h"
 
-enum { LANES = PHASE_LANES, CLASSES = 9 };
+// A width of LANES lanes is as many as the variant has that runs.
+enum { LANES = 0, CLASSES = 9 };
 
 static const char *const class_names[CLASSES] = {"add",   "mul",    "fma",     "div", "sqrt",
                                                  "rsqrt", "minmax", "compare", "call"};
@@ -77,7 +78,8 @@ static json_t *child(json_t *object, const char *key) {
 static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[4]) {
     const struct cost *c = &costs[i];
     uint64_t calls = counted[2 * i];
-    uint64_t executed = calls * c->width, useful = c->width == 1 ? calls : counted[2 * i + 1];
+    unsigned width = c->width == LANES ? (unsigned)variant_here().lanes : c->width;
+    uint64_t executed = calls * width, useful = c->width == 1 ? calls : counted[2 * i + 1];
     bool entry = strcmp(c->part, "call") == 0, ok = true;
     total[0] += executed * paper(c);
     total[1] += executed * machine(c);

@@ -3,7 +3,9 @@
 
 Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before
 anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule
-the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py).
+the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with variants
+the files of "each_variant" are built once for each, the variant's own flags last; the widest that the CPU has
+is what runs (variant.h).
 """
 
 import json
@@ -39,9 +41,39 @@ def load(name: str, output: Path) -> dict:
     planes = info.get("planes", [])
     if not isinstance(planes, list) or len(planes) > 32 or not all(isinstance(i, str) for i in planes):
         sys.exit(f"phase_info: {path}: $.planes: a list of at most 32 names of channels required")
+    check_variants(path, info)
     if info["name"] != name:
         sys.exit(f"phase_info: {path}: $.name: {info['name']!r} is not the folder's name")
     return info
+
+
+def check_variants(path: Path, info: dict) -> None:
+    """$.variants and $.each_variant, both or neither."""
+    variants, each = info.get("variants", []), info.get("each_variant", [])
+    good = isinstance(variants, list) and all(
+        isinstance(one, dict)
+        and {key: type(value) for key, value in one.items()} == {"lanes": int, "isa": list, "flags": str}
+        for one in variants
+    )
+    lanes = [one["lanes"] for one in variants] if good else []
+    if not good or lanes != sorted(set(lanes), reverse=True):
+        sys.exit(f"phase_info: {path}: $.variants: a list of {{lanes, isa, flags}}, widest first, required")
+    if not isinstance(each, list) or bool(each) != bool(variants):
+        sys.exit(f"phase_info: {path}: $.each_variant: the files built for each of $.variants required")
+    for name in each:
+        if not isinstance(name, str) or not (path.parent / name).is_file():
+            sys.exit(f"phase_info: {path}: $.each_variant: there is no {name!r} in the phase's folder")
+
+
+def needs(isa: list) -> str:
+    return " ".join(f"need({json.dumps(i)})" for i in isa)
+
+
+def described(one: dict, isa: list, flags: str) -> str:
+    """A variant for variant.c: lanes, all it needs as one word, its flags, what it needs beyond its phase."""
+    whole = json.dumps("+".join(sorted({*isa, *one["isa"]})) or "x86-64")
+    flags = json.dumps(" ".join(filter(None, [flags, one["flags"]])))
+    return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 
 def replace(path: Path, text: str) -> None:
@@ -58,14 +90,26 @@ def main() -> None:
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
-    replace(folder / "flags.mk", f"PHASE_CFLAGS := {cflags}\n")
+    variants = phase.get("variants", [])
+    names = " ".join(f"lanes{one['lanes']}" for one in variants)
+    made = [
+        f"PHASE_CFLAGS := {cflags}",
+        f"PHASE_VARIANTS := {names}",
+        f"PHASE_EACH_VARIANT := {' '.join(phase.get('each_variant', []))}",
+    ]
+    for one in variants:
+        own = f"lanes{one['lanes']}"
+        made.append(f"PHASE_{own} := {one['flags']} -DLANES={one['lanes']} -DVARIANT(a)={own}_##a")
+    replace(folder / "flags.mk", "\n".join(made) + "\n")
+    flags = " ".join(filter(None, [cflags, sanitizers]))
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
-        f"#define PHASE_FLAGS {json.dumps(' '.join(filter(None, [cflags, sanitizers])))}",
+        f"#define PHASE_FLAGS {json.dumps(flags)}",
         f"#define PHASE_COMPILER {json.dumps(compiler)}",
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
-        f"#define PHASE_NEEDS(need) {' '.join(f'need({json.dumps(i)})' for i in isa)}",
+        f"#define PHASE_NEEDS(need) {needs(isa)}",
+        f"#define PHASE_VARIANTS(variant, need) {' '.join(described(one, isa, flags) for one in variants)}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",

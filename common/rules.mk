@@ -60,34 +60,55 @@ FORCE:
 $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
-# Each of a phase's sources with its flags. $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of
-# what is made.
+# What flags.mk says (common/phase_info.py). $(1): its variable.
+flags_mk = sed -n 's/^$(1) := //p' $(BUILD)/$*/flags.mk
+# Each of a phase's sources with its flags, those of "each_variant" once for each variant, as NAME-VARIANT.
+# $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made.
 define compile_each
-@flags="$$(sed -n 's/^PHASE_CFLAGS := //p' $(BUILD)/$*/flags.mk)"; \
+@flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(call flags_mk,PHASE_VARIANTS))"; \
+each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; \
 for source in $(filter %.c,$^); do \
-    set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $(WARNINGS) $(SANITIZERS) -Icommon $(1) $$source \
-        -o $(2)$$(basename $$source .c).$(3); \
-    echo "$$@"; "$$@" || exit 1; \
+    case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=-;; esac; \
+    for version in $$versions; do \
+        made=$$(basename $$source .c); own=; \
+        test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; }; \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZERS) -Icommon $(1) $$source \
+            -o $(2)$$made.$(3); \
+        echo "$$@"; "$$@" || exit 1; \
+    done; \
 done
+endef
+# The objects of a folder $(1) as one. A variant's names are its own, but for its VARIANT_…: the sources need
+# no other names for each.
+define join_objects
+@for variant in $$($(call flags_mk,PHASE_VARIANTS)); do \
+    ld -r -o $(1)/$$variant.o $(1)/*-$$variant.o && rm $(1)/*-$$variant.o && \
+    objcopy -w --keep-global-symbol="$${variant}_*" $(1)/$$variant.o || exit 1; \
+done
+@ld -r -o $@ $(1)/*.o
 endef
 # A phase as one object. $(1): more compiler flags
 define compile_recipe
 @rm -rf $(@D)/objects && mkdir -p $(@D)/objects
 $(call compile_each,$(1) -c,$(@D)/objects/,o)
-@ld -r -o $@ $(@D)/objects/*.o
+$(call join_objects,$(@D)/objects)
 endef
+
+# Which of its variants this CPU runs (variant.h).
+$(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h common/rules.mk
+	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 
 $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,)
 
-$(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
+$(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
-$(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
+$(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # First hits of given rays in proved enclosures, for tests: phases of family truth only (phase.h).
-$(BUILD)/%/rays: $(BUILD)/common/rays.o $(BUILD)/%/phase.o $(COMMON_OBJECTS)
+$(BUILD)/%/rays: $(BUILD)/common/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # The counting build: the same sources with the macros of flops.h switched on.
@@ -103,7 +124,7 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-DSTEPWISE_COUNT -iquote $(call folder_of,$*))
 
-$(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/variant.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
 
 # The shipped code's functions, kept as functions, for profiles by name: the same sources, nothing inlined,
@@ -113,7 +134,7 @@ CALLS_CFLAGS := -g -fno-inline -Dalways_inline=noinline -Wno-attributes \
 $(BUILD)/%/calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,$(CALLS_CFLAGS))
 
-$(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # The shipped code with line tables: not an instruction differs (tests/py/test_hotspots.py), and inlined code
@@ -121,7 +142,7 @@ $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(COMMON_O
 $(BUILD)/%/lines/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-g)
 
-$(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # Counts what a program does under qemu-x86_64 (scripts/study/qemu.py). Loaded by QEMU: no sanitizers.
@@ -144,7 +165,7 @@ define blocks_recipe
 @rm -rf $(@D) && mkdir -p $(@D)
 $(call compile_each,$(1) -S,$(@D)/,s)
 @$(BLOCKS_PYTHON) --cc '$(CC)' $(@D) $(@D)/*.s
-@ld -r -o $@ $(@D)/counted/*.o
+$(call join_objects,$(@D)/counted)
 endef
 
 $(BUILD)/%/blocks/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
@@ -157,10 +178,10 @@ $(BUILD)/%/blocks.o: common/blocks.c common/count.h $(BUILD)/%/phase.o
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
 BLOCKS_LINK = $(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
-$(BUILD)/%/render-blocks: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-blocks: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(BLOCKS_LINK)
 
-$(BUILD)/%/render-blocks-calls: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-blocks-calls: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(BLOCKS_LINK)
 
 # Known work (tests/calibration): plain, and with counted blocks.

@@ -17,7 +17,7 @@ from study import patches
 from study.cli import StudyError
 
 ROOT = Path(__file__).resolve().parents[2]
-OPTIONAL = {"planes"}  # keys of phase.json that may be left out
+OPTIONAL = {"planes", "variants", "each_variant"}  # keys of phase.json that may be left out
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
@@ -42,6 +42,10 @@ class Phase:
     tolerance: dict[str, Any]
     path: Path
     planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
+    # Built for several numbers of lanes (common/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
+    # the widest, `isa` what all need. `each_variant`: the files that are built for each.
+    variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    each_variant: list[str] = dataclasses.field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -178,17 +182,23 @@ def cpu_flags() -> frozenset[str]:
     return frozenset(match[1].split() if match else ())
 
 
+def _limited(limit: str | None) -> frozenset[str]:
+    if limit == "none":
+        return frozenset()
+    return frozenset(flag for flag in cpu_flags() if limit != "avx2" or not flag.startswith("avx512"))
+
+
 def missing_isa(what: Phase | Spec) -> list[str]:
     """Flags that `what` needs and this CPU lacks; a Spec needs those of its flags' phase as well.
 
-    STEPWISE_ISA_LIMIT=none stands for a CPU without any of them, as it does for the driver.
+    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/variant.h).
     """
     need = (
         what.isa
         if isinstance(what, Phase)
         else [flag for name in dict.fromkeys([what.phase, what.flags_from]) for flag in find_phase(name).isa]
     )
-    have = frozenset() if os.environ.get("STEPWISE_ISA_LIMIT") == "none" else cpu_flags()
+    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
     return [flag for flag in dict.fromkeys(need) if flag not in have]
 
 

@@ -1,0 +1,42 @@
+#include "variant.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "phase_info.h"
+
+// __builtin_cpu_supports takes literals only: what it says comes in as `supported`.
+static bool lacks(const char *feature, bool supported) {
+    const char *limit = getenv("STEPWISE_ISA_LIMIT");
+    if (limit && strcmp(limit, "none") == 0)
+        return true;
+    if (limit && strcmp(limit, "avx2") == 0 && strncmp(feature, "avx512", 6) == 0)
+        return true;
+    return !supported;
+}
+
+#define LACKS(feature) lacks(feature, __builtin_cpu_supports(feature))
+
+const char *variant_missing(void) {
+    __builtin_cpu_init();
+#define NEED(feature)                                                                              \
+    if (LACKS(feature))                                                                            \
+        return feature;
+    PHASE_NEEDS(NEED)
+#undef NEED
+    (void)lacks; // a phase may need nothing
+    return NULL;
+}
+
+struct variant variant_here(void) {
+    __builtin_cpu_init();
+#define ALSO_NEED(feature) &&!LACKS(feature)
+#define VARIANT(lanes, isa, flags, needs)                                                          \
+    if (true needs)                                                                                \
+        return (struct variant){lanes, isa, flags};
+    PHASE_VARIANTS(VARIANT, ALSO_NEED)
+#undef VARIANT
+#undef ALSO_NEED
+    return (struct variant){PHASE_LANES, PHASE_ISA, PHASE_FLAGS};
+}
