@@ -12,7 +12,7 @@
 //     scaled(a, n)                  a·2^n for whole n, while it stays a normal number
 //
 //     mask                          which lanes: a type of its own, no real passes for one
-//     less  greater  not_less       false where either is NaN; negative: the sign bit, of −0 and NaN too
+//     less  greater  not_less       false where either is NaN; below: true there; negative: the sign bit, of −0 and NaN too
 //     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
 //     bits(a)                       bit i is lane i; any(a), all(a), count_of(a)

@@ -36,6 +36,10 @@ static inline mask not_less(real a, real b) {
     return (mask){_mm512_cmp_ps_mask(a, b, _CMP_GE_OQ)};
 }
 
+static inline mask below(real a, real b) {
+    return (mask){_mm512_cmp_ps_mask(a, b, _CMP_NGE_UQ)};
+}
+
 static inline mask negative(real a) {
     return (mask){_mm512_movepi32_mask(_mm512_castps_si512(a))};
 }

@@ -36,6 +36,10 @@ static inline mask not_less(real a, real b) {
     return (mask){_mm256_cmp_ps(a, b, _CMP_GE_OQ)};
 }
 
+static inline mask below(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_NGE_UQ)};
+}
+
 static inline mask negative(real a) {
     return (mask){_mm256_castsi256_ps(_mm256_srai_epi32(_mm256_castps_si256(a), 31))};
 }

@@ -42,18 +42,27 @@ static inline real newton(real h, real slope, real way) {
     return keep(own, h / most_of(slope, set(0x1p-9f)));
 }
 
-// Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
-// rounded, would lose what places the hit on the surface.
+// Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
+// sum, rounded, would lose what places the hit on the surface.
 struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
     mask done, found;
+    struct exit exit;
+    int left;  // evaluations that every ray has before its cap
+    mask deep; // a ray that started inside a shape has stepped back out of it
+    real inside;
+    struct nearness near;
 };
 
 // More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
 enum { MOST_STEPS = 1 << 24 };
 
-// Evaluations that every ray still has before its cap. Rays that march on from a hit have had some.
+static int step_cap(const struct model *model) {
+    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
+}
+
+// Rays that march on from a hit have had some of their evaluations.
 static int steps_left(const struct progress *at, int most) {
     float evals[LANES];
     unload(drop(at->done, at->evals), evals);
@@ -63,199 +72,263 @@ static int steps_left(const struct progress *at, int most) {
     return most - had;
 }
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
-static inline void march(struct progress *at, struct vec direction, const struct world *world) {
-    COUNT(march, call);
-    const struct prepared *scene = world->scene;
-    struct exit exit = leaving(at->origin, direction, &scene->model);
+// Whether that was the last step of the packet.
+static inline bool march_step(struct progress *at, int step, struct beam *beam,
+                              const struct prepared *scene) {
+    ACTIVE(LANES - count_of(at->done));
+    COUNT(march, step);
+    mask done = at->done;
+    real t = at->t;
+    real distance = sdf(beam, t, scene, done);
+    at->evals = at->evals + drop(done, set(1.0f));
     real hit_distance = set((float)scene->model.march.hit_distance);
-    mask done = at->done, found = at->found;
-    // What is done stays where it is.
-    real t = keep(done, at->t), last = keep(done, at->last), evals = at->evals;
-    int most = scene->model.march.max_steps;
-    most = most < MOST_STEPS ? most : MOST_STEPS;
-    for (int step = 0, left = steps_left(at, most);; step++) {
-        if (step >= left) { // each ray by its own count, whatever its neighbours had
-            done = either(done, not_less(evals, set((float)most)));
-            if (all(done))
-                break;
-        }
-        ACTIVE(LANES - count_of(done));
-        COUNT(march, step);
-        real distance = sdf(world->approach, t, scene, done, NULL);
-        evals = evals + drop(done, set(1.0f));
-        mask reached = but_not(done, reaches(distance, t, hit_distance));
-        last = choose(reached, distance, last);
-        t = t + drop(either(done, reached), distance);
-        mask ended = either(reached, but_not(done, outside(exit, t)));
-        if (any(ended)) {
-            found = either(found, reached);
-            done = either(done, ended);
-            if (all(done))
-                break;
-        }
+    mask reached = but_not(done, reaches(distance, t, hit_distance));
+    at->t = t = t + drop(either(done, reached), distance);
+    mask ended = either(reached, but_not(done, outside(at->exit, t)));
+    if (any(ended)) {
+        at->last = choose(reached, distance, at->last);
+        at->found = either(at->found, reached);
+        at->done = done = either(done, ended);
     }
-    *at = (struct progress){at->origin, at->before, t, last, evals, done, found};
+    if (step >= at->left) // each ray by its own count, whatever its neighbours had
+        at->done = done = either(done, not_less(at->evals, set((float)step_cap(&scene->model))));
+    return all(done);
+}
+
+// A list of the packets whose bits are set.
+static int listed(unsigned packets, int list[GROUP]) {
+    int count = 0;
+    for (int k = 0; k < GROUP; k++)
+        if (packets >> k & 1)
+            list[count++] = k;
+    return count;
+}
+
+// Until every ray has ended, by the hit test of a float march, which errs with t. The packets take turns.
+static void march(struct progress packets[GROUP], unsigned going, const struct rays *rays,
+                  struct world *world) {
+    const struct prepared *scene = world->scene;
+    int list[GROUP], count = listed(going, list);
+    for (int i = 0; i < count; i++) {
+        COUNT(march, call);
+        struct progress *at = &packets[list[i]];
+        at->exit = leaving(at->origin, rays->direction[list[i]], &scene->model);
+        at->left = steps_left(at, step_cap(&scene->model));
+        at->t = keep(at->done, at->t); // what is done stays where it is
+        at->last = keep(at->done, at->last);
+    }
+    for (int step = 1; count > 0; step++)
+        for (int i = 0; i < count;) {
+            int k = list[i];
+            if (march_step(&packets[k], step, &world->beam[k], scene))
+                list[i] = list[--count];
+            else
+                i++;
+        }
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct world *world,
-                                              real *shape) {
+__attribute__((noinline)) static void stay_in(mask deep, real t, const struct prepared *scene,
+                                              const struct approach *approach, real *shape) {
     ACTIVE(count_of(deep));
     COUNT(stay_in, call);
     real inside = set(-1.0f);
-    sdf(world->approach, t, world->scene, not_in(deep), &inside);
+    nearest_shape(approach, t, scene, not_in(deep), &inside);
     *shape = choose(deep, inside, *shape);
 }
 
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there.
-void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
-               struct hit *hit) {
-    COUNT(ray_march, call);
-    COUNT(ray_march, scalar);
-    const struct prepared *scene = world->scene;
+// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+static bool landed(struct progress *at, mask settled, struct vec direction,
+                   const struct prepared *scene, struct beam *beam) {
+    if (!any(at->found))
+        return false;
+    ACTIVE(count_of(at->found));
+    COUNT(landed, call);
+    COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    real zero = set(0.0f), off_from = set(twice), sunk_from = set(-twice);
-    struct progress at = {.origin = origin,
-                          .before = zero,
-                          .t = zero,
-                          .last = zero,
-                          .evals = zero,
-                          .found = no_lane()};
-    at.done = not_in(active);
-    mask deep = no_lane(); // a ray that started inside a shape has stepped back out of it
-    real inside = set(-1.0f);
-    struct nearness near = {zero, inside, no_lane()};
-    approach_origins(origin, scene, world->approach);
-    approach_directions(direction, scene, world->approach);
-    for (;;) {
-        mask settled = at.found;
-        march(&at, direction, world);
-        if (!any(at.found))
-            break;
-        ACTIVE(count_of(at.found));
-        COUNT(ray_march, landed);
-        mask sunk = both(but_not(settled, at.found), less(at.last, sunk_from));
-        if (any(sunk))
-            stay_in(sunk, at.t, world, &inside);
-        deep = either(deep, sunk);
-        // What has settled stays as it is to the bit, whatever its neighbours do.
-        at.origin = place_choose(settled, at.origin, place_at(at.origin, direction, at.t, at.last));
-        approach_origins(at.origin, scene, world->approach);
-        near = near_hit(at.found, world);
-        mask off = both(at.found, but_not(either(deep, settled), greater(near.distance, off_from)));
-        if (!any(off))
-            break;
-        ACTIVE(count_of(off));
-        COUNT(ray_march, on);
-        // From where it surely was before that surface, be it as thin as an ulp of t.
-        real back = keep(off, at.t * set(-0x1p-22f));
-        at.origin.lo = vec_along(at.origin.lo, direction, back);
-        at.before = choose(off, at.before + (at.t + (at.last + back)), at.before);
-        approach_origins(at.origin, scene, world->approach);
-        approach_directions(direction, scene, world->approach);
-        at.found = but_not(off, at.found);
-        at.done = but_not(off, at.done);
-    }
-    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = at.evals};
-    if (!any(at.found))
-        return;
-    real way = at.before + at.t;
-    mask unmoved = not_less(zero, way); // hits wherever it starts
-    hit->found = both(hit->found, either(within(at.origin, &scene->model), unmoved));
-    if (any(deep)) {
-        COUNT(ray_march, deep);
-        near.contact =
-            either(near.contact, both(deep, not_less(absolute(near.shape - inside), set(0.5f))));
-        near.shape = choose(deep, inside, near.shape);
+    mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
+    if (any(sunk))
+        stay_in(sunk, at->t, scene, beam->approach, &at->inside);
+    at->deep = either(at->deep, sunk);
+    // What has settled stays as it is to the bit, whatever its neighbours do.
+    at->origin =
+        place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
+    approach_origins(at->origin, scene, beam);
+    at->near = near_hit(at->found, scene, beam);
+    mask off =
+        both(at->found, but_not(either(at->deep, settled), greater(at->near.distance, set(twice))));
+    if (!any(off))
+        return false;
+    ACTIVE(count_of(off));
+    COUNT(landed, on);
+    // From where it surely was before that surface, be it as thin as an ulp of t.
+    real back = keep(off, at->t * set(-0x1p-22f));
+    at->origin.lo = vec_along(at->origin.lo, direction, back);
+    at->before = choose(off, at->before + (at->t + (at->last + back)), at->before);
+    approach_origins(at->origin, scene, beam);
+    approach_directions(direction, scene, beam->approach);
+    at->found = but_not(off, at->found);
+    at->done = but_not(off, at->done);
+    return true;
+}
+
+static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,
+                         struct beam *beam) {
+    COUNT(hit_of, call);
+    struct hit hit = {.found = at->found, .shape = set(-1.0f), .evals = at->evals};
+    if (!any(at->found))
+        return hit;
+    real way = at->before + at->t;
+    mask unmoved = not_less(set(0.0f), way); // hits wherever it starts
+    hit.found = both(hit.found, either(within(at->origin, &scene->model), unmoved));
+    struct nearness near = at->near;
+    if (any(at->deep)) {
+        COUNT(hit_of, deep);
+        mask other = not_less(absolute(near.shape - at->inside), set(0.5f));
+        near.contact = either(near.contact, both(at->deep, other));
+        near.shape = choose(at->deep, at->inside, near.shape);
     }
     real slope;
-    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(count_of(hit->found));
-    COUNT(ray_march, end);
-    hit->shape = choose(hit->found, near.shape, hit->shape);
-    real more = drop(deep, newton(near.distance, slope, way));
-    hit->t = at.before + (at.t + (at.last + more));
-    hit->point = at.origin;
-    hit->point.lo = vec_along(hit->point.lo, direction, more);
-    approach_moved(more, scene, world->approach);
+    hit.normal = normal_at(direction, hit.found, &near, scene, beam->approach, &slope);
+    ACTIVE(count_of(hit.found));
+    COUNT(hit_of, end);
+    hit.shape = choose(hit.found, near.shape, hit.shape);
+    real more = drop(at->deep, newton(near.distance, slope, way));
+    hit.t = at->before + (at->t + (at->last + more));
+    hit.point = at->origin;
+    hit.point.lo = vec_along(hit.point.lo, direction, more);
+    approach_moved(more, scene, beam);
+    return hit;
 }
+
+void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+    const struct prepared *scene = world->scene;
+    struct progress packets[GROUP];
+    unsigned going = 0;
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(rays->active[k]));
+        COUNT(ray_march, call);
+        real zero = set(0.0f);
+        packets[k] = (struct progress){.origin = rays->origin[k], .done = not_in(rays->active[k])};
+        packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
+        packets[k].found = packets[k].deep = no_lane();
+        packets[k].inside = set(-1.0f);
+        if (!any(rays->active[k]))
+            continue;
+        going |= 1u << k;
+        approach_origins(rays->origin[k], scene, &world->beam[k]);
+        approach_directions(rays->direction[k], scene, world->beam[k].approach);
+    }
+    while (going) {
+        mask settled[GROUP];
+        for (int k = 0; k < GROUP; k++)
+            settled[k] = packets[k].found;
+        march(packets, going, rays, world);
+        for (int k = 0; k < GROUP; k++)
+            if (going >> k & 1 &&
+                !landed(&packets[k], settled[k], rays->direction[k], scene, &world->beam[k]))
+                going &= ~(1u << k);
+    }
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(packets[k].found));
+        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->beam[k]);
+    }
+}
+
+// Rays to the light.
+struct shade {
+    real t, least, previous;
+    mask done;
+    struct exit exit;
+};
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static real soft_shadow(mask active, struct exit exit, const struct world *world) {
-    COUNT(soft_shadow, call);
-    const struct prepared *scene = world->scene;
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Whether that was the
+// packet's last step.
+static inline bool soft_step(struct shade *ray, struct beam *beam, const struct prepared *scene) {
     const struct model *model = &scene->model;
-    mask done = not_in(active);
-    real hit_distance = set((float)model->march.hit_distance);
-    real strength = set((float)model->shadow_strength), zero = set(0.0f);
-    real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
-    for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
-        COUNT(soft_shadow, eval);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        done = either(done, reaches(h, t, hit_distance));
-        if (all(done))
-            break;
-        ACTIVE(LANES - count_of(done));
-        COUNT(soft_shadow, step);
-        real square = h * h, y = square / (set(2.0f) * previous);
-        real inside = neg_mul_add(y, y, square), beyond = t - y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
-        // strength·√inside/beyond < least, asked without the root: it is seldom so.
-        real scaled = least * beyond;
-        mask darker =
-            but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (any(darker)) {
-            ACTIVE(count_of(darker));
-            COUNT(soft_shadow, darker);
-            least = choose(darker, strength * root(inside) / beyond, least);
+    ACTIVE(LANES - count_of(ray->done));
+    COUNT(soft_shadow, eval);
+    real t = ray->t, zero = set(0.0f);
+    real h = sdf(beam, t, scene, ray->done);
+    mask done = either(ray->done, reaches(h, t, set((float)model->march.hit_distance)));
+    ray->done = done;
+    if (all(done))
+        return true;
+    ACTIVE(LANES - count_of(done));
+    COUNT(soft_shadow, step);
+    real strength = set((float)model->shadow_strength);
+    real square = h * h, y = square / (set(2.0f) * ray->previous);
+    real inside = neg_mul_add(y, y, square), beyond = t - y;
+    // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+    // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+    mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
+    // strength·√inside/beyond < least, asked without the root: it is seldom so.
+    real wanted = ray->least * beyond;
+    mask darker = but_not(done, both(sound, less(strength * strength * inside, wanted * wanted)));
+    if (any(darker)) {
+        ACTIVE(count_of(darker));
+        COUNT(soft_shadow, darker);
+        ray->least = choose(darker, strength * root(inside) / beyond, ray->least);
+    }
+    ray->previous = h;
+    ray->t = t = t + drop(done, h);
+    ray->done = done = either(done, outside(ray->exit, t));
+    return all(done);
+}
+
+static inline bool hard_step(struct shade *ray, real distance, struct beam *beam,
+                             const struct prepared *scene) {
+    ACTIVE(LANES - count_of(ray->done));
+    COUNT(hard_shadow, test);
+    real t = ray->t;
+    mask done = either(ray->done, not_in(less(t, distance)));
+    ray->done = done;
+    if (all(done))
+        return true;
+    ACTIVE(LANES - count_of(done));
+    COUNT(hard_shadow, step);
+    real h = sdf(beam, t, scene, done);
+    mask blocked = but_not(done, reaches(h, t, set((float)scene->model.march.hit_distance)));
+    ray->least = drop(blocked, ray->least);
+    done = either(done, blocked);
+    ray->t = t = t + drop(done, h);
+    ray->done = done = either(done, outside(ray->exit, t));
+    return all(done);
+}
+
+void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
+            real reach[GROUP]) {
+    const struct prepared *scene = world->scene;
+    bool soft = scene->model.shadows == SHADOWS_SOFT;
+    struct shade rays[GROUP];
+    unsigned going = 0;
+    for (int k = 0; k < GROUP; k++) {
+        rays[k].least = set(1.0f);
+        if (scene->model.shadows == SHADOWS_NONE || !any(light[k].lit))
+            continue;
+        ACTIVE(count_of(light[k].lit));
+        COUNT(shadow, call);
+        going |= 1u << k;
+        approach_directions(light[k].to_light, scene, world->beam[k].approach);
+        rays[k].exit = leaving(hit[k].point, light[k].to_light, &scene->model);
+        rays[k].done = not_in(light[k].lit);
+        rays[k].previous = set(1e20f);
+        rays[k].t = set((float)scene->model.march.surface_offset);
+    }
+    int list[GROUP], count = listed(going, list);
+    for (int step = 0; count > 0 && step < scene->model.march.max_steps; step++)
+        for (int i = 0; i < count;) {
+            int k = list[i];
+            struct beam *beam = &world->beam[k];
+            if (soft ? soft_step(&rays[k], beam, scene)
+                     : hard_step(&rays[k], light[k].distance, beam, scene))
+                list[i] = list[--count];
+            else
+                i++;
         }
-        previous = h;
-        t = t + drop(done, h);
-        done = either(done, outside(exit, t));
-    }
-    return least;
-}
-
-static real hard_shadow(real distance, mask active, struct exit exit, const struct world *world) {
-    COUNT(hard_shadow, call);
-    const struct prepared *scene = world->scene;
-    mask done = not_in(active);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    real lit = set(1.0f), t = set((float)scene->model.march.surface_offset);
-    for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
-        COUNT(hard_shadow, test);
-        done = either(done, not_in(less(t, distance)));
-        if (all(done))
-            break;
-        ACTIVE(LANES - count_of(done));
-        COUNT(hard_shadow, step);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        mask blocked = but_not(done, reaches(h, t, hit_distance));
-        lit = drop(blocked, lit);
-        done = either(done, blocked);
-        t = t + drop(done, h);
-        done = either(done, outside(exit, t));
-    }
-    return lit;
-}
-
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world) {
-    COUNT(shadow, call);
-    const struct prepared *scene = world->scene;
-    if (scene->model.shadows == SHADOWS_NONE)
-        return set(1.0f);
-    approach_directions(to_light, scene, world->approach);
-    struct exit exit = leaving(point, to_light, &scene->model);
-    return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
-                                                : hard_shadow(distance, active, exit, world);
+    for (int k = 0; k < GROUP; k++)
+        reach[k] = rays[k].least;
 }

@@ -74,6 +74,21 @@ static enum way way_of(const struct shape *shape, bool repeated, const struct li
     return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
 }
 
+// From a shape's centre to its furthest point; of a plane, which is nowhere near, nothing.
+static float reach_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return (float)shape->sphere.radius;
+    case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
+    case SHAPE_TORUS: return (float)(shape->torus.major_radius + shape->torus.minor_radius);
+    case SHAPE_CONE:
+        return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                            shape->cone.half_height);
+    case SHAPE_OCTAHEDRON: return (float)shape->octahedron.radius;
+    default: return 0.0f;
+    }
+}
+
 static struct placed place_shape(int index, const struct shape *shape,
                                  const struct limits *limits) {
     struct placed p = {.type = shape->type, .index = (float)index};
@@ -119,6 +134,8 @@ static struct placed place_shape(int index, const struct shape *shape,
         p.iterations = shape->mandelbulb.iterations;
         break;
     }
+    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
+    p.slack = 0x1p-18f * reach_of(shape);
     return p;
 }
 

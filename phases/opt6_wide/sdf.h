@@ -18,6 +18,13 @@
 struct approach {
     struct vec origin, direction;
     real power, slope;
+    real wake; // not the nearest as long as this is above (distance to the nearest) + t
+};
+
+// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
+struct beam {
+    struct approach *approach; // one per shape
+    real high;
 };
 
 static inline struct vec turned(const struct placed *placed, struct vec v) {
@@ -78,11 +85,14 @@ static inline real power_at(struct wide_vec from, double square) {
 
 // Fills one approach per shape: where the rays are, and then where they go.
 static inline void approach_origins(struct place origin, const struct prepared *scene,
-                                    struct approach *approach) {
+                                    struct beam *beam) {
     COUNT(approach_origins, call);
+    struct approach *approach = beam->approach;
+    beam->high = set(INFINITY);
     struct wide_vec at = wide_place(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
+        approach[i].wake = set(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
             approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
             continue;
@@ -112,26 +122,6 @@ static inline void approach_directions(struct vec direction, const struct prepar
         if (placed->way == POWER) {
             COUNT(approach_directions, power);
             approach[i].slope = set(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
-        }
-    }
-}
-
-// The origins moved by a little along the rays.
-static inline void approach_moved(real by, const struct prepared *scene,
-                                  struct approach *approach) {
-    COUNT(approach_moved, call);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        struct approach *a = &approach[i];
-        COUNT(approach_moved, first);
-        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == LINEAR)
-            continue;
-        COUNT(approach_moved, others);
-        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
-        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == POWER) {
-            COUNT(approach_moved, power);
-            a->power = mul_add(by, by + a->slope, a->power);
         }
     }
 }
@@ -281,22 +271,76 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
     return distance_at(p, placed, done);
 }
 
-// Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
-// may hold anything. Inlined by force: the march keeps its state in registers.
-__attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
-                                                      const struct prepared *scene, mask done,
-                                                      real *nearest) {
-    COUNT(sdf, call);
+// Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
+static inline real nearest_shape(const struct approach *approach, real t,
+                                 const struct prepared *scene, mask done, real *shape) {
+    COUNT(nearest_shape, call);
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(sdf, shape);
+        COUNT(nearest_shape, shape);
         real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
-        if (nearest) { // known where it is inlined
-            COUNT(sdf, which);
-            *nearest = choose(less(distance, least), set(scene->placed[i].index), *nearest);
-        }
+        *shape = choose(less(distance, least), set(scene->placed[i].index), *shape);
         least = least_of(distance, least);
     }
+    return least;
+}
+
+// The origins moved by a little along the rays.
+static inline void approach_moved(real by, const struct prepared *scene, struct beam *beam) {
+    COUNT(approach_moved, call);
+    beam->high = beam->high + absolute(by);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        struct approach *a = &beam->approach[i];
+        COUNT(approach_moved, first);
+        a->wake = a->wake - absolute(by);
+        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
+        if (scene->placed[i].way == LINEAR)
+            continue;
+        COUNT(approach_moved, others);
+        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
+        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
+        if (scene->placed[i].way == POWER) {
+            COUNT(approach_moved, power);
+            a->power = mul_add(by, by + a->slope, a->power);
+        }
+    }
+}
+
+// From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
+// distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
+// float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
+static inline real wakes_at(real sum, const struct placed *placed) {
+    return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
+}
+
+// Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
+// sleeps until it may be the nearest of some ray under way: what is left out is further than what is
+// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes of `done` may hold
+// anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
+// were: S. Reth's sphere-tracing, a student project, keeps them in a priority queue.)
+__attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
+                                                      const struct prepared *scene, mask done) {
+    COUNT(sdf, call);
+    real least = set(INFINITY), near = least;
+    // distance + t of the nearest is no more than this; a ray that is done wakes nobody.
+    real limit = choose(done, set(-INFINITY), mul_add(set(2.0f), t, beam->high));
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
+        struct approach *a = &beam->approach[i];
+        const struct placed *placed = &scene->placed[i];
+        if (!any(below(a->wake, limit)))
+            continue;
+        COUNT(sdf, awake);
+        real distance = distance_to_shape(a, t, placed, done), sum = distance + t;
+        least = least_of(distance, least);
+        limit = least_of(sum, limit);
+        if (placed->steady) {
+            COUNT(sdf, steady);
+            near = least_of(distance, near);
+            a->wake = wakes_at(sum, placed);
+        }
+    }
+    beam->high = least_of(near - t, beam->high);
     return least;
 }
 

@@ -83,32 +83,46 @@ static int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
+// Blocks of one column after the other, GROUP at a time.
 static void render_tile(const struct job *job, int tile, struct approach *own) {
     COUNT(render_tile, call);
     struct frame *frame = job->frame;
-    struct world world = {job->prepared, job->view, own};
+    struct world world = {.scene = job->prepared, .view = job->view};
+    for (int k = 0; k < GROUP; k++)
+        world.beam[k].approach = own + k * job->prepared->model.shape_count;
     struct place origin = place_of(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
         bottom = lesser(frame->height, top + TILE_HEIGHT);
-    for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
-        for (int column = left; column < right; column += BLOCK_WIDTH) {
-            struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
-                                  lesser(BLOCK_HEIGHT, bottom - row)};
-            ACTIVE(block.across * block.down);
+    int down = (bottom - top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
+    int blocks = (right - left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * down;
+    for (int first = 0; first < blocks; first += GROUP) {
+        struct block block[GROUP];
+        struct rays rays;
+        struct shaded seen[GROUP];
+        for (int k = 0; k < GROUP; k++) {
+            int column = left + (first + k) / down * BLOCK_WIDTH;
+            int row = top + (first + k) % down * BLOCK_HEIGHT;
+            block[k] = (struct block){column, row,
+                                      first + k < blocks ? lesser(BLOCK_WIDTH, right - column) : 0,
+                                      lesser(BLOCK_HEIGHT, bottom - row)};
+            ACTIVE(block[k].across * block[k].down);
             COUNT(render_tile, packet);
-            struct shaded seen;
-            trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
-                  &seen);
-            ACTIVE(block.across * block.down);
-            store(frame, block, &seen);
+            rays.origin[k] = origin;
+            rays.direction[k] = get_direction(block[k], frame, job->view);
+            rays.active[k] = in_picture(block[k]);
+        }
+        trace(&rays, 0, &world, seen);
+        for (int k = 0; k < GROUP; k++) {
+            ACTIVE(block[k].across * block[k].down);
+            store(frame, block[k], &seen[k]);
         }
     }
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
-    return (size_t)model->shape_count * sizeof(struct approach);
+    return GROUP * (size_t)model->shape_count * sizeof(struct approach);
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
@@ -128,9 +142,10 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);
-        approach_origins(place_of(points + 3 * i), prepared, approach);
+        struct beam beam = {.approach = approach};
+        approach_origins(place_of(points + 3 * i), prepared, &beam);
         approach_directions(nowhere, prepared, approach);
-        distance[i] = first_of(sdf(approach, set(0.0f), prepared, no_lane(), &shape));
+        distance[i] = first_of(nearest_shape(approach, set(0.0f), prepared, no_lane(), &shape));
         nearest[i] = (int)first_of(shape);
     }
     free(approach);
