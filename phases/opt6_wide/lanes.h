@@ -15,8 +15,9 @@
 //     less  greater  not_less       false where either is NaN; below: true there; negative: the sign bit, of −0 and NaN too
 //     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
-//     bits(a)                       bit i is lane i; any(a), all(a), count_of(a)
-//     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a
+//     bits(a)                       bit i is lane i; any(a), all(a), same(a, b), count_of(a)
+//     less_in(m, a, b)              of the lanes of m those where a < b; not_less_in, not_greater_in: where not
+//     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a; add_where(m, a, b): a + b or a
 //     negate_where(m, a)
 //
 //     half                          doubles of half of the lanes: what vec.h's wide is made of
@@ -41,14 +42,6 @@
 
 static inline mask not_in(mask a) {
     return but_not(a, all_lanes());
-}
-
-static inline bool any(mask a) {
-    return bits(a) != 0;
-}
-
-static inline bool all(mask a) {
-    return bits(a) == (1u << LANES) - 1;
 }
 
 // Lanes of a mask: what a counting build asks, and a timing build never does.

@@ -53,11 +53,11 @@ static inline mask all_lanes(void) {
 }
 
 static inline mask both(mask a, mask b) {
-    return (mask){a.all & b.all};
+    return (mask){_kand_mask16(a.all, b.all)};
 }
 
 static inline mask either(mask a, mask b) {
-    return (mask){a.all | b.all};
+    return (mask){_kor_mask16(a.all, b.all)};
 }
 
 static inline mask but_not(mask a, mask b) {
@@ -65,7 +65,19 @@ static inline mask but_not(mask a, mask b) {
 }
 
 static inline unsigned bits(mask a) {
-    return a.all;
+    return _cvtmask16_u32(a.all);
+}
+
+static inline bool any(mask a) {
+    return !_kortestz_mask16_u8(a.all, a.all);
+}
+
+static inline bool all(mask a) {
+    return _kortestc_mask16_u8(a.all, a.all);
+}
+
+static inline bool same(mask a, mask b) {
+    return bits(a) == bits(b);
 }
 
 static inline real choose(mask m, real yes, real no) {
@@ -82,6 +94,22 @@ static inline real drop(mask m, real a) {
 
 static inline real negate_where(mask m, real a) {
     return _mm512_mask_xor_ps(a, m.all, a, set(-0.0f));
+}
+
+static inline real add_where(mask m, real a, real b) {
+    return _mm512_mask_add_ps(a, m.all, a, b);
+}
+
+static inline mask less_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_LT_OQ)};
+}
+
+static inline mask not_less_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NLT_UQ)};
+}
+
+static inline mask not_greater_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGT_UQ)};
 }
 
 static inline real least_of(real a, real b) {

@@ -68,6 +68,18 @@ static inline unsigned bits(mask a) {
     return (unsigned)_mm256_movemask_ps(a.all);
 }
 
+static inline bool any(mask a) {
+    return bits(a) != 0;
+}
+
+static inline bool all(mask a) {
+    return bits(a) == 0xff;
+}
+
+static inline bool same(mask a, mask b) {
+    return bits(a) == bits(b);
+}
+
 static inline real choose(mask m, real yes, real no) {
     return _mm256_blendv_ps(no, yes, m.all);
 }
@@ -82,6 +94,22 @@ static inline real drop(mask m, real a) {
 
 static inline real negate_where(mask m, real a) {
     return _mm256_xor_ps(a, _mm256_and_ps(m.all, set(-0.0f)));
+}
+
+static inline real add_where(mask m, real a, real b) {
+    return a + keep(m, b);
+}
+
+static inline mask less_in(mask m, real a, real b) {
+    return both(m, less(a, b));
+}
+
+static inline mask not_less_in(mask m, real a, real b) {
+    return but_not(less(a, b), m);
+}
+
+static inline mask not_greater_in(mask m, real a, real b) {
+    return but_not(greater(a, b), m);
 }
 
 static inline real least_of(real a, real b) {

@@ -24,14 +24,14 @@ static mask within(struct place place, const struct model *model) {
     return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
 }
 
-static inline mask outside(struct exit exit, real t) {
-    return greater(mul_add(t, t + exit.linear, exit.constant), set(0.0f));
+static inline real beyond(struct exit exit, real t) { // > 0: outside
+    return mul_add(t, t + exit.linear, exit.constant);
 }
 
 // The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
 // moves the ray, and it would stall there until the step cap.
-static inline mask reaches(real distance, real t, real hit_distance) {
-    return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
+static inline real least_step(real t, real hit_distance) {
+    return most_of(hit_distance, t * set(0x1p-24f));
 }
 
 // Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
@@ -47,9 +47,9 @@ static inline real newton(real h, real slope, real way) {
 struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
-    mask done, found;
+    mask live, found;
     struct exit exit;
-    int left;  // evaluations that every ray has before its cap
+    int left;  // steps that every ray has before its cap
     mask deep; // a ray that started inside a shape has stepped back out of it
     real inside;
     struct nearness near;
@@ -63,36 +63,45 @@ static int step_cap(const struct model *model) {
 }
 
 // Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct progress *at, int most) {
+static int steps_left(const struct progress *at, int cap) {
     float evals[LANES];
-    unload(drop(at->done, at->evals), evals);
+    unload(keep(at->live, at->evals), evals);
     int had = 0;
     for (int lane = 0; lane < LANES; lane++)
         had = (int)evals[lane] > had ? (int)evals[lane] : had;
-    return most - had;
+    return cap - had;
 }
 
-// Whether that was the last step of the packet.
+// Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
+// neighbours had.
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, real distance,
+                                                 mask going, mask inside, struct beam *beam,
+                                                 int cap) {
+    mask reached = but_not(going, at->live);
+    at->last = choose(reached, distance, at->last);
+    at->found = either(at->found, reached);
+    real evals = at->evals + set((float)step);
+    if (step >= at->left)
+        inside = less_in(inside, evals, set((float)cap));
+    at->evals = choose(but_not(inside, at->live), evals, at->evals);
+    at->live = inside;
+    beam->high = choose(inside, beam->high, set(-INFINITY));
+}
+
+// The step-th step. False after the packet's last.
 static inline bool march_step(struct progress *at, int step, struct beam *beam,
                               const struct prepared *scene) {
-    ACTIVE(LANES - count_of(at->done));
+    ACTIVE(count_of(at->live));
     COUNT(march, step);
-    mask done = at->done;
-    real t = at->t;
-    real distance = sdf(beam, t, scene, done);
-    at->evals = at->evals + drop(done, set(1.0f));
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask reached = but_not(done, reaches(distance, t, hit_distance));
-    at->t = t = t + drop(either(done, reached), distance);
-    mask ended = either(reached, but_not(done, outside(at->exit, t)));
-    if (any(ended)) {
-        at->last = choose(reached, distance, at->last);
-        at->found = either(at->found, reached);
-        at->done = done = either(done, ended);
-    }
-    if (step >= at->left) // each ray by its own count, whatever its neighbours had
-        at->done = done = either(done, not_less(at->evals, set((float)step_cap(&scene->model))));
-    return all(done);
+    real t = at->t, hit_distance = set((float)scene->model.march.hit_distance);
+    real distance = sdf(beam, t, scene, at->live);
+    mask going = not_less_in(at->live, distance, least_step(t, hit_distance));
+    at->t = t = add_where(going, t, distance);
+    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+    if (same(inside, at->live) && step < at->left)
+        return true;
+    march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
+    return any(at->live);
 }
 
 // A list of the packets whose bits are set.
@@ -114,16 +123,18 @@ static void march(struct progress packets[GROUP], unsigned going, const struct r
         struct progress *at = &packets[list[i]];
         at->exit = leaving(at->origin, rays->direction[list[i]], &scene->model);
         at->left = steps_left(at, step_cap(&scene->model));
-        at->t = keep(at->done, at->t); // what is done stays where it is
-        at->last = keep(at->done, at->last);
+        at->t = drop(at->live, at->t); // what is done stays where it is
+        at->last = drop(at->live, at->last);
+        struct beam *beam = &world->beam[list[i]];
+        beam->high = choose(at->live, beam->high, set(-INFINITY));
     }
     for (int step = 1; count > 0; step++)
         for (int i = 0; i < count;) {
             int k = list[i];
             if (march_step(&packets[k], step, &world->beam[k], scene))
-                list[i] = list[--count];
-            else
                 i++;
+            else
+                list[i] = list[--count];
         }
 }
 
@@ -133,7 +144,7 @@ __attribute__((noinline)) static void stay_in(mask deep, real t, const struct pr
     ACTIVE(count_of(deep));
     COUNT(stay_in, call);
     real inside = set(-1.0f);
-    nearest_shape(approach, t, scene, not_in(deep), &inside);
+    nearest_shape(approach, t, scene, deep, &inside);
     *shape = choose(deep, inside, *shape);
 }
 
@@ -170,7 +181,7 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam->approach);
     at->found = but_not(off, at->found);
-    at->done = but_not(off, at->done);
+    at->live = off;
     return true;
 }
 
@@ -211,7 +222,7 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
         ACTIVE(count_of(rays->active[k]));
         COUNT(ray_march, call);
         real zero = set(0.0f);
-        packets[k] = (struct progress){.origin = rays->origin[k], .done = not_in(rays->active[k])};
+        packets[k] = (struct progress){.origin = rays->origin[k], .live = rays->active[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
         packets[k].found = packets[k].deep = no_lane();
         packets[k].inside = set(-1.0f);
@@ -240,63 +251,69 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
 // Rays to the light.
 struct shade {
     real t, least, previous;
-    mask done;
+    mask live;
     struct exit exit;
 };
 
+// The rays that are still under way, after some have ended.
+__attribute__((noinline)) static bool shade_ends(struct shade *ray, mask live, struct beam *beam) {
+    ray->live = live;
+    beam->high = choose(live, beam->high, set(-INFINITY));
+    return any(live);
+}
+
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Whether that was the
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
 static inline bool soft_step(struct shade *ray, struct beam *beam, const struct prepared *scene) {
     const struct model *model = &scene->model;
-    ACTIVE(LANES - count_of(ray->done));
+    ACTIVE(count_of(ray->live));
     COUNT(soft_shadow, eval);
     real t = ray->t, zero = set(0.0f);
-    real h = sdf(beam, t, scene, ray->done);
-    mask done = either(ray->done, reaches(h, t, set((float)model->march.hit_distance)));
-    ray->done = done;
-    if (all(done))
-        return true;
-    ACTIVE(LANES - count_of(done));
+    real h = sdf(beam, t, scene, ray->live);
+    real hit_distance = set((float)model->march.hit_distance);
+    mask going = not_less_in(ray->live, h, least_step(t, hit_distance));
+    if (!any(going))
+        return false;
+    ACTIVE(count_of(going));
     COUNT(soft_shadow, step);
     real strength = set((float)model->shadow_strength);
     real square = h * h, y = square / (set(2.0f) * ray->previous);
-    real inside = neg_mul_add(y, y, square), beyond = t - y;
+    real inside = neg_mul_add(y, y, square), past = t - y;
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-    mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
-    // strength·√inside/beyond < least, asked without the root: it is seldom so.
-    real wanted = ray->least * beyond;
-    mask darker = but_not(done, both(sound, less(strength * strength * inside, wanted * wanted)));
+    mask sound = less_in(less_in(going, square * set(2e-5f), inside), zero, past);
+    // strength·√inside/past < least, asked without the root: it is seldom so.
+    real wanted = ray->least * past;
+    mask darker = less_in(sound, strength * strength * inside, wanted * wanted);
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_shadow, darker);
-        ray->least = choose(darker, strength * root(inside) / beyond, ray->least);
+        ray->least = choose(darker, strength * root(inside) / past, ray->least);
     }
     ray->previous = h;
-    ray->t = t = t + drop(done, h);
-    ray->done = done = either(done, outside(ray->exit, t));
-    return all(done);
+    ray->t = t = add_where(going, t, h);
+    mask on = not_greater_in(going, beyond(ray->exit, t), zero);
+    return same(on, ray->live) || shade_ends(ray, on, beam);
 }
 
 static inline bool hard_step(struct shade *ray, real distance, struct beam *beam,
                              const struct prepared *scene) {
-    ACTIVE(LANES - count_of(ray->done));
+    ACTIVE(count_of(ray->live));
     COUNT(hard_shadow, test);
     real t = ray->t;
-    mask done = either(ray->done, not_in(less(t, distance)));
-    ray->done = done;
-    if (all(done))
-        return true;
-    ACTIVE(LANES - count_of(done));
+    mask before = less_in(ray->live, t, distance);
+    if (!any(before))
+        return false;
+    ACTIVE(count_of(before));
     COUNT(hard_shadow, step);
-    real h = sdf(beam, t, scene, done);
-    mask blocked = but_not(done, reaches(h, t, set((float)scene->model.march.hit_distance)));
-    ray->least = drop(blocked, ray->least);
-    done = either(done, blocked);
-    ray->t = t = t + drop(done, h);
-    ray->done = done = either(done, outside(ray->exit, t));
-    return all(done);
+    real h = sdf(beam, t, scene, before);
+    real hit_distance = set((float)scene->model.march.hit_distance);
+    mask going = not_less_in(before, h, least_step(t, hit_distance));
+    ray->least = drop(but_not(going, before), ray->least);
+    ray->t = t = add_where(going, t, h);
+    mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
+    return same(on, ray->live) || shade_ends(ray, on, beam);
 }
 
 void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
@@ -314,7 +331,9 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
         going |= 1u << k;
         approach_directions(light[k].to_light, scene, world->beam[k].approach);
         rays[k].exit = leaving(hit[k].point, light[k].to_light, &scene->model);
-        rays[k].done = not_in(light[k].lit);
+        rays[k].live = light[k].lit;
+        struct beam *beam = &world->beam[k];
+        beam->high = choose(light[k].lit, beam->high, set(-INFINITY));
         rays[k].previous = set(1e20f);
         rays[k].t = set((float)scene->model.march.surface_offset);
     }
@@ -325,9 +344,9 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
             struct beam *beam = &world->beam[k];
             if (soft ? soft_step(&rays[k], beam, scene)
                      : hard_step(&rays[k], light[k].distance, beam, scene))
-                list[i] = list[--count];
-            else
                 i++;
+            else
+                list[i] = list[--count];
         }
     for (int k = 0; k < GROUP; k++)
         reach[k] = rays[k].least;

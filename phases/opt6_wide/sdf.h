@@ -21,7 +21,8 @@ struct approach {
     real wake; // not the nearest as long as this is above (distance to the nearest) + t
 };
 
-// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
+// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape; −∞ where a ray
+// is done: it wakes no shape.
 struct beam {
     struct approach *approach; // one per shape
     real high;
@@ -197,14 +198,14 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
     COUNT(sdf_mandelbulb, call);
     real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), escaped = either(done, far);
+    mask far = greater(m, set(1024.0f)), inside = but_not(far, live);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - count_of(escaped));
+        ACTIVE(count_of(inside));
         COUNT(sdf_mandelbulb, iteration);
         real x2 = x * x, y2 = y * y, z2 = z * z;
         real k3 = x2 + z2, k4 = k3 - y2;
@@ -219,28 +220,28 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         real slope =
             mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
         real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(escaped, m, grown);
-        dz = choose(escaped, dz, slope);
-        escaped = either(escaped, greater(m, set(s->bailout)));
-        if (all(escaped))
+        m = choose(inside, grown, m);
+        dz = choose(inside, slope, dz);
+        inside = not_greater_in(inside, m, set(s->bailout));
+        if (!any(inside))
             break;
     }
-    ACTIVE(LANES - count_of(either(done, far)));
+    ACTIVE(count_of(but_not(far, live)));
     COUNT(sdf_mandelbulb, estimate);
     real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
     if (any(far)) {
-        ACTIVE(count_of(but_not(done, far)));
+        ACTIVE(count_of(both(live, far)));
         COUNT(sdf_mandelbulb, far);
         real r = root(vec_dot(p, p));
         distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - count_of(done));
+    ACTIVE(count_of(live));
     return keep(greater(m, set(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
 // At a point of the shape's own frame, wrapped if it is repeated.
 __attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask done) {
+distance_at(struct vec p, const struct placed *placed, mask live) {
     switch (placed->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
@@ -248,13 +249,13 @@ distance_at(struct vec p, const struct placed *placed, mask done) {
     case SHAPE_CONE: return sdf_cone(p, placed);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
     case SHAPE_PLANE: return sdf_plane(p, placed);
-    default: return sdf_mandelbulb(p, placed, done);
+    default: return sdf_mandelbulb(p, placed, live);
     }
 }
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask live) {
     COUNT(distance_to_shape, call);
     if (placed->way != AT_POINT) {
         if (placed->way == POWER) {
@@ -268,17 +269,17 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
     struct vec p = vec_along(a->origin, a->direction, t);
     if (placed->repeated)
         p = vec_wrapped(placed, p);
-    return distance_at(p, placed, done);
+    return distance_at(p, placed, live);
 }
 
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
 static inline real nearest_shape(const struct approach *approach, real t,
-                                 const struct prepared *scene, mask done, real *shape) {
+                                 const struct prepared *scene, mask live, real *shape) {
     COUNT(nearest_shape, call);
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(nearest_shape, shape);
-        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
+        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], live);
         *shape = choose(less(distance, least), set(scene->placed[i].index), *shape);
         least = least_of(distance, least);
     }
@@ -315,15 +316,15 @@ static inline real wakes_at(real sum, const struct placed *placed) {
 
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
-// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes of `done` may hold
-// anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
-// were: S. Reth's sphere-tracing, a student project, keeps them in a priority queue.)
+// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
+// `live` may hold anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
+// were: saethrej/sphere-tracing, a student project, keeps them in a priority queue.)
 __attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
-                                                      const struct prepared *scene, mask done) {
+                                                      const struct prepared *scene, mask live) {
     COUNT(sdf, call);
     real least = set(INFINITY), near = least;
-    // distance + t of the nearest is no more than this; a ray that is done wakes nobody.
-    real limit = choose(done, set(-INFINITY), mul_add(set(2.0f), t, beam->high));
+    real limit =
+        mul_add(set(2.0f), t, beam->high); // distance + t of the nearest is no more than this
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
         struct approach *a = &beam->approach[i];
@@ -331,7 +332,7 @@ __attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
         if (!any(below(a->wake, limit)))
             continue;
         COUNT(sdf, awake);
-        real distance = distance_to_shape(a, t, placed, done), sum = distance + t;
+        real distance = distance_to_shape(a, t, placed, live), sum = distance + t;
         least = least_of(distance, least);
         limit = least_of(sum, limit);
         if (placed->steady) {

@@ -108,7 +108,7 @@ static real moved_power(const struct placed *placed, const struct approach *appr
                    approach->power);
 }
 
-static real moved_distance(const struct placed *placed, const struct approach *approach, mask done,
+static real moved_distance(const struct placed *placed, const struct approach *approach, mask live,
                            float step, int axis) {
     COUNT(moved_distance, call);
     if (placed->way == POWER)
@@ -119,22 +119,22 @@ static real moved_distance(const struct placed *placed, const struct approach *a
         COUNT(moved_distance, moved);
         return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+    return distance_at(moved_in(placed, approach, step, axis), placed, live);
 }
 
 static struct vec difference(const struct placed *placed, const struct approach *approach,
-                             mask done, float step) {
+                             mask live, float step) {
     COUNT(difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
+        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
 // Of the whole scene, as in the other phases.
-static struct vec scene_difference(mask done, float step, const struct prepared *scene,
+static struct vec scene_difference(mask live, float step, const struct prepared *scene,
                                    const struct approach *approach) {
-    ACTIVE(LANES - count_of(done));
+    ACTIVE(count_of(live));
     COUNT(scene_difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++) {
@@ -142,7 +142,7 @@ static struct vec scene_difference(mask done, float step, const struct prepared 
         for (int i = 0; i < scene->model.shape_count; i++) {
             COUNT(scene_difference, shape);
             f[axis + 1] = least_of(
-                moved_distance(&scene->placed[i], &approach[i], done, step, axis), f[axis + 1]);
+                moved_distance(&scene->placed[i], &approach[i], live, step, axis), f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
@@ -156,7 +156,7 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(near_hit, shape);
         const struct placed *placed = &scene->placed[i];
-        real distance = moved_distance(placed, &beam->approach[i], not_in(found), 0, -1);
+        real distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
         shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
         second = least_of(second, most_of(distance, least));
         least = least_of(distance, least);
@@ -181,10 +181,9 @@ static struct vec gradient_of(int shape, mask found, mask contact, float step,
     mask near = both(found, contact);
     struct vec p = moved_in(placed, approach, 0, -1), exact = p, rounded = p;
     if (placed->way != LINEAR && any(but_not(contact, found)))
-        rounded = difference(placed, approach, not_in(found), step);
+        rounded = difference(placed, approach, found, step);
     if (any(near))
-        rounded =
-            vec_choose(near, scene_difference(not_in(near), step, scene, approaches), rounded);
+        rounded = vec_choose(near, scene_difference(near, step, scene, approaches), rounded);
     ACTIVE(count_of(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;

@@ -145,7 +145,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
         struct beam beam = {.approach = approach};
         approach_origins(place_of(points + 3 * i), prepared, &beam);
         approach_directions(nowhere, prepared, approach);
-        distance[i] = first_of(nearest_shape(approach, set(0.0f), prepared, no_lane(), &shape));
+        distance[i] = first_of(nearest_shape(approach, set(0.0f), prepared, all_lanes(), &shape));
         nearest[i] = (int)first_of(shape);
     }
     free(approach);
