@@ -47,7 +47,7 @@ static inline real newton(real h, real slope, real way) {
 struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
-    mask live, found;
+    mask found;
     struct exit exit;
     int left;  // steps that every ray has before its cap
     mask deep; // a ray that started inside a shape has stepped back out of it
@@ -63,9 +63,9 @@ static int step_cap(const struct model *model) {
 }
 
 // Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct progress *at, int cap) {
+static int steps_left(const struct progress *at, mask live, int cap) {
     float evals[LANES];
-    unload(keep(at->live, at->evals), evals);
+    unload(keep(live, at->evals), evals);
     int had = 0;
     for (int lane = 0; lane < LANES; lane++)
         had = (int)evals[lane] > had ? (int)evals[lane] : had;
@@ -74,68 +74,72 @@ static int steps_left(const struct progress *at, int cap) {
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
-__attribute__((noinline)) static void march_ends(struct progress *at, int step, real distance,
-                                                 mask going, mask inside, struct beam *beam,
-                                                 int cap) {
-    mask reached = but_not(going, at->live);
-    at->last = choose(reached, distance, at->last);
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
+                                                 mask inside, struct group *group, int cap) {
+    mask live = group->live[k], reached = but_not(going, live);
+    at->last = choose(reached, group->distance[k], at->last);
     at->found = either(at->found, reached);
     real evals = at->evals + set((float)step);
     if (step >= at->left)
         inside = less_in(inside, evals, set((float)cap));
-    at->evals = choose(but_not(inside, at->live), evals, at->evals);
-    at->live = inside;
-    beam->high = choose(inside, beam->high, set(-INFINITY));
+    at->evals = choose(but_not(inside, live), evals, at->evals);
+    group->live[k] = inside;
+    group->beam[k].high = choose(inside, group->beam[k].high, set(-INFINITY));
 }
 
-// The step-th step. False after the packet's last.
-static inline bool march_step(struct progress *at, int step, struct beam *beam,
-                              const struct prepared *scene) {
-    ACTIVE(count_of(at->live));
-    COUNT(march, step);
-    real t = at->t, hit_distance = set((float)scene->model.march.hit_distance);
-    real distance = sdf(beam, t, scene, at->live);
-    mask going = not_less_in(at->live, distance, least_step(t, hit_distance));
-    at->t = t = add_where(going, t, distance);
-    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
-    if (same(inside, at->live) && step < at->left)
-        return true;
-    march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
-    return any(at->live);
-}
-
-// A list of the packets whose bits are set.
-static int listed(unsigned packets, int list[GROUP]) {
-    int count = 0;
+// The packets that have a live ray, and what of a ray that has none would wake a shape.
+static void set_out(struct group *group) {
+    group->count = 0;
     for (int k = 0; k < GROUP; k++)
-        if (packets >> k & 1)
-            list[count++] = k;
-    return count;
+        if (any(group->live[k])) {
+            struct beam *beam = &group->beam[k];
+            beam->high = choose(group->live[k], beam->high, set(-INFINITY));
+            group->list[group->count++] = k;
+        }
 }
 
-// Until every ray has ended, by the hit test of a float march, which errs with t. The packets take turns.
-static void march(struct progress packets[GROUP], unsigned going, const struct rays *rays,
-                  struct world *world) {
+// The step-th step of a packet, its distance known. False after the last.
+static inline bool march_step(struct progress *at, int step, int k, struct group *group,
+                              const struct model *model) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(march, step);
+    real t = group->t[k], distance = group->distance[k];
+    mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
+    group->t[k] = t = add_where(going, t, distance);
+    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+    if (same(inside, live) && step < at->left)
+        return true;
+    march_ends(at, step, k, going, inside, group, step_cap(model));
+    return any(group->live[k]);
+}
+
+// Until every ray has ended, by the hit test of a float march, which errs with t.
+static void march(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
     const struct prepared *scene = world->scene;
-    int list[GROUP], count = listed(going, list);
-    for (int i = 0; i < count; i++) {
+    struct group *group = &world->group;
+    set_out(group);
+    for (int i = 0; i < group->count; i++) {
         COUNT(march, call);
-        struct progress *at = &packets[list[i]];
-        at->exit = leaving(at->origin, rays->direction[list[i]], &scene->model);
-        at->left = steps_left(at, step_cap(&scene->model));
-        at->t = drop(at->live, at->t); // what is done stays where it is
-        at->last = drop(at->live, at->last);
-        struct beam *beam = &world->beam[list[i]];
-        beam->high = choose(at->live, beam->high, set(-INFINITY));
+        int k = group->list[i];
+        struct progress *at = &packets[k];
+        at->exit = leaving(at->origin, rays->direction[k], &scene->model);
+        at->left = steps_left(at, group->live[k], step_cap(&scene->model));
+        group->t[k] = drop(group->live[k], at->t); // what is done stays where it is
+        at->last = drop(group->live[k], at->last);
     }
-    for (int step = 1; count > 0; step++)
-        for (int i = 0; i < count;) {
-            int k = list[i];
-            if (march_step(&packets[k], step, &world->beam[k], scene))
+    for (int step = 1; group->count > 0; step++) {
+        sdf(group, scene);
+        for (int i = 0; i < group->count;) {
+            int k = group->list[i];
+            if (march_step(&packets[k], step, k, group, &scene->model)) {
                 i++;
-            else
-                list[i] = list[--count];
+                continue;
+            }
+            packets[k].t = group->t[k];
+            group->list[i] = group->list[--group->count];
         }
+    }
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
@@ -152,7 +156,7 @@ __attribute__((noinline)) static void stay_in(mask deep, real t, const struct pr
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool landed(struct progress *at, mask settled, struct vec direction,
-                   const struct prepared *scene, struct beam *beam) {
+                   const struct prepared *scene, struct beam *beam, mask *live) {
     if (!any(at->found))
         return false;
     ACTIVE(count_of(at->found));
@@ -181,7 +185,7 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam->approach);
     at->found = but_not(off, at->found);
-    at->live = off;
+    *live = off;
     return true;
 }
 
@@ -222,57 +226,56 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
         ACTIVE(count_of(rays->active[k]));
         COUNT(ray_march, call);
         real zero = set(0.0f);
-        packets[k] = (struct progress){.origin = rays->origin[k], .live = rays->active[k]};
+        packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
         packets[k].found = packets[k].deep = no_lane();
         packets[k].inside = set(-1.0f);
+        world->group.live[k] = rays->active[k];
         if (!any(rays->active[k]))
             continue;
         going |= 1u << k;
-        approach_origins(rays->origin[k], scene, &world->beam[k]);
-        approach_directions(rays->direction[k], scene, world->beam[k].approach);
+        approach_origins(rays->origin[k], scene, &world->group.beam[k]);
+        approach_directions(rays->direction[k], scene, world->group.beam[k].approach);
     }
     while (going) {
         mask settled[GROUP];
         for (int k = 0; k < GROUP; k++)
             settled[k] = packets[k].found;
-        march(packets, going, rays, world);
+        march(packets, rays, world);
         for (int k = 0; k < GROUP; k++)
-            if (going >> k & 1 &&
-                !landed(&packets[k], settled[k], rays->direction[k], scene, &world->beam[k]))
+            if (going >> k & 1 && !landed(&packets[k], settled[k], rays->direction[k], scene,
+                                          &world->group.beam[k], &world->group.live[k]))
                 going &= ~(1u << k);
     }
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(packets[k].found));
-        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->beam[k]);
+        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
     }
 }
 
 // Rays to the light.
 struct shade {
-    real t, least, previous;
-    mask live;
+    real least, previous;
     struct exit exit;
 };
 
 // The rays that are still under way, after some have ended.
-__attribute__((noinline)) static bool shade_ends(struct shade *ray, mask live, struct beam *beam) {
-    ray->live = live;
-    beam->high = choose(live, beam->high, set(-INFINITY));
+__attribute__((noinline)) static bool shade_ends(int k, mask live, struct group *group) {
+    group->live[k] = live;
+    group->beam[k].high = choose(live, group->beam[k].high, set(-INFINITY));
     return any(live);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
-static inline bool soft_step(struct shade *ray, struct beam *beam, const struct prepared *scene) {
-    const struct model *model = &scene->model;
-    ACTIVE(count_of(ray->live));
+static inline bool soft_step(struct shade *ray, int k, struct group *group,
+                             const struct model *model) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
     COUNT(soft_shadow, eval);
-    real t = ray->t, zero = set(0.0f);
-    real h = sdf(beam, t, scene, ray->live);
-    real hit_distance = set((float)model->march.hit_distance);
-    mask going = not_less_in(ray->live, h, least_step(t, hit_distance));
+    real t = group->t[k], h = group->distance[k], zero = set(0.0f);
+    mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
     if (!any(going))
         return false;
     ACTIVE(count_of(going));
@@ -292,62 +295,56 @@ static inline bool soft_step(struct shade *ray, struct beam *beam, const struct 
         ray->least = choose(darker, strength * root(inside) / past, ray->least);
     }
     ray->previous = h;
-    ray->t = t = add_where(going, t, h);
+    group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), zero);
-    return same(on, ray->live) || shade_ends(ray, on, beam);
+    return same(on, live) || shade_ends(k, on, group);
 }
 
-static inline bool hard_step(struct shade *ray, real distance, struct beam *beam,
-                             const struct prepared *scene) {
-    ACTIVE(count_of(ray->live));
-    COUNT(hard_shadow, test);
-    real t = ray->t;
-    mask before = less_in(ray->live, t, distance);
-    if (!any(before))
-        return false;
-    ACTIVE(count_of(before));
+static inline bool hard_step(struct shade *ray, real distance, int k, struct group *group,
+                             const struct model *model) {
+    // Past the light a ray is lit, and has taken one evaluation too many.
+    ACTIVE(count_of(group->live[k]));
     COUNT(hard_shadow, step);
-    real h = sdf(beam, t, scene, before);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask going = not_less_in(before, h, least_step(t, hit_distance));
+    real t = group->t[k], h = group->distance[k];
+    mask live = group->live[k], before = less_in(live, t, distance);
+    mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
     ray->least = drop(but_not(going, before), ray->least);
-    ray->t = t = add_where(going, t, h);
+    group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
-    return same(on, ray->live) || shade_ends(ray, on, beam);
+    return same(on, live) || shade_ends(k, on, group);
 }
 
 void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
             real reach[GROUP]) {
-    const struct prepared *scene = world->scene;
-    bool soft = scene->model.shadows == SHADOWS_SOFT;
+    const struct model *model = &world->scene->model;
+    struct group *group = &world->group;
+    bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
-    unsigned going = 0;
     for (int k = 0; k < GROUP; k++) {
         rays[k].least = set(1.0f);
-        if (scene->model.shadows == SHADOWS_NONE || !any(light[k].lit))
-            continue;
+        group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
+    }
+    set_out(group);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
         ACTIVE(count_of(light[k].lit));
         COUNT(shadow, call);
-        going |= 1u << k;
-        approach_directions(light[k].to_light, scene, world->beam[k].approach);
-        rays[k].exit = leaving(hit[k].point, light[k].to_light, &scene->model);
-        rays[k].live = light[k].lit;
-        struct beam *beam = &world->beam[k];
-        beam->high = choose(light[k].lit, beam->high, set(-INFINITY));
+        approach_directions(light[k].to_light, world->scene, group->beam[k].approach);
+        rays[k].exit = leaving(hit[k].point, light[k].to_light, model);
         rays[k].previous = set(1e20f);
-        rays[k].t = set((float)scene->model.march.surface_offset);
+        group->t[k] = set((float)model->march.surface_offset);
     }
-    int list[GROUP], count = listed(going, list);
-    for (int step = 0; count > 0 && step < scene->model.march.max_steps; step++)
-        for (int i = 0; i < count;) {
-            int k = list[i];
-            struct beam *beam = &world->beam[k];
-            if (soft ? soft_step(&rays[k], beam, scene)
-                     : hard_step(&rays[k], light[k].distance, beam, scene))
+    for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
+        sdf(group, world->scene);
+        for (int i = 0; i < group->count;) {
+            int k = group->list[i];
+            if (soft ? soft_step(&rays[k], k, group, model)
+                     : hard_step(&rays[k], light[k].distance, k, group, model))
                 i++;
             else
-                list[i] = list[--count];
+                group->list[i] = group->list[--group->count];
         }
+    }
     for (int k = 0; k < GROUP; k++)
         reach[k] = rays[k].least;
 }

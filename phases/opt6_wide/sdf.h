@@ -239,10 +239,11 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask liv
     return keep(greater(m, set(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated.
+// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
+// is inlined in sdf().
 __attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask live) {
-    switch (placed->type) {
+distance_at(struct vec p, const struct placed *placed, enum shape_type type, mask live) {
+    switch (type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
     case SHAPE_TORUS: return sdf_torus(p, placed);
@@ -255,13 +256,14 @@ distance_at(struct vec p, const struct placed *placed, mask live) {
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask live) {
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, enum way way,
+                  enum shape_type type, mask live) {
     COUNT(distance_to_shape, call);
-    if (placed->way != AT_POINT) {
-        if (placed->way == POWER) {
-            COUNT(distance_to_shape, power);
-            return sdf_power(mul_add(t, t + a->slope, a->power), placed);
-        }
+    if (way == POWER) {
+        COUNT(distance_to_shape, power);
+        return sdf_power(mul_add(t, t + a->slope, a->power), placed);
+    }
+    if (way == LINEAR) {
         COUNT(distance_to_shape, linear);
         return mul_add(t, a->direction.x, a->origin.x);
     }
@@ -269,7 +271,7 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
     struct vec p = vec_along(a->origin, a->direction, t);
     if (placed->repeated)
         p = vec_wrapped(placed, p);
-    return distance_at(p, placed, live);
+    return distance_at(p, placed, type, live);
 }
 
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
@@ -279,8 +281,9 @@ static inline real nearest_shape(const struct approach *approach, real t,
     real least = set(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(nearest_shape, shape);
-        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], live);
-        *shape = choose(less(distance, least), set(scene->placed[i].index), *shape);
+        const struct placed *placed = &scene->placed[i];
+        real distance = distance_to_shape(&approach[i], t, placed, placed->way, placed->type, live);
+        *shape = choose(less(distance, least), set(placed->index), *shape);
         least = least_of(distance, least);
     }
     return least;
@@ -314,35 +317,98 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
-// Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
-// sleeps until it may be the nearest of some ray under way: what is left out is further than what is
-// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
-// `live` may hold anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
-// were: saethrej/sphere-tracing, a student project, keeps them in a priority queue.)
-__attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
-                                                      const struct prepared *scene, mask live) {
-    COUNT(sdf, call);
-    real least = set(INFINITY), near = least;
-    real limit =
-        mul_add(set(2.0f), t, beam->high); // distance + t of the nearest is no more than this
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(sdf, shape);
-        struct approach *a = &beam->approach[i];
-        const struct placed *placed = &scene->placed[i];
-        if (!any(below(a->wake, limit)))
-            continue;
-        COUNT(sdf, awake);
-        real distance = distance_to_shape(a, t, placed, live), sum = distance + t;
-        least = least_of(distance, least);
-        limit = least_of(sum, limit);
+// Packets under way together, one instruction of each after the other: the chain of operations through a step
+// is several times as long as it takes to issue them. They share the questions, too: a shape that one of
+// them needs is evaluated for all.
+enum { GROUP = 4 };
+
+struct group {
+    struct beam beam[GROUP];
+    real t[GROUP], distance[GROUP]; // of the last step
+    mask live[GROUP];
+    int list[GROUP], count; // of the packets that have a live ray
+};
+
+// What sdf() has found so far of each packet of the list. `limit`: distance + t of the nearest is no more.
+struct found {
+    real least[GROUP], near[GROUP], limit[GROUP];
+};
+
+__attribute__((always_inline)) static inline void all_distances(struct group *group, int shape,
+                                                                const struct placed *placed,
+                                                                enum way way, enum shape_type type,
+                                                                struct found *found) {
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(all_distances, packet);
+        struct approach *a = &group->beam[k].approach[shape];
+        real t = group->t[k];
+        real distance = distance_to_shape(a, t, placed, way, type, group->live[k]),
+             sum = distance + t;
+        found->least[i] = least_of(distance, found->least[i]);
+        found->limit[i] = least_of(sum, found->limit[i]);
         if (placed->steady) {
-            COUNT(sdf, steady);
-            near = least_of(distance, near);
+            COUNT(all_distances, steady);
+            found->near[i] = least_of(distance, found->near[i]);
             a->wake = wakes_at(sum, placed);
         }
     }
-    beam->high = least_of(near - t, beam->high);
-    return least;
+}
+
+static inline bool sleeps(const struct group *group, int shape, const struct found *found) {
+    mask awake = no_lane();
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(sleeps, packet);
+        awake = either(awake, below(group->beam[k].approach[shape].wake, found->limit[i]));
+    }
+    return !any(awake);
+}
+
+// Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
+// sleeps until it may be the nearest of some ray under way: what is left out is further than what is
+// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
+// `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
+// project, keeps them in a priority queue.)
+static inline void sdf(struct group *group, const struct prepared *scene) {
+    struct found found;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(sdf, packet);
+        found.least[i] = found.near[i] = set(INFINITY);
+        found.limit[i] = mul_add(set(2.0f), group->t[k], group->beam[k].high);
+    }
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *placed = &scene->placed[i];
+        if (sleeps(group, i, &found))
+            continue;
+#define EACH(way, type) all_distances(group, i, placed, way, type, &found)
+        if (placed->way != AT_POINT) {
+            if (placed->way == POWER)
+                EACH(POWER, SHAPE_SPHERE);
+            else
+                EACH(LINEAR, SHAPE_PLANE);
+            continue;
+        }
+        switch (placed->type) { // once for all packets
+        case SHAPE_SPHERE: EACH(AT_POINT, SHAPE_SPHERE); break;
+        case SHAPE_BOX: EACH(AT_POINT, SHAPE_BOX); break;
+        case SHAPE_TORUS: EACH(AT_POINT, SHAPE_TORUS); break;
+        case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
+        case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
+        case SHAPE_PLANE: EACH(AT_POINT, SHAPE_PLANE); break;
+        default: EACH(AT_POINT, SHAPE_MANDELBULB); break;
+        }
+#undef EACH
+    }
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        group->distance[k] = found.least[i];
+        group->beam[k].high = least_of(found.near[i] - group->t[k], group->beam[k].high);
+    }
 }
 
 #endif

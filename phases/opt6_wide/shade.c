@@ -119,7 +119,7 @@ static real moved_distance(const struct placed *placed, const struct approach *a
         COUNT(moved_distance, moved);
         return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, live);
+    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
 }
 
 static struct vec difference(const struct placed *placed, const struct approach *approach,
@@ -323,13 +323,12 @@ void trace(const struct rays *rays, int bounce, struct world *world, struct shad
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
     struct hit hit[GROUP];
     struct lighting light[GROUP];
-    struct surfaces surface[GROUP];
+    struct surfaces surface[GROUP] = {0};
     real reach[GROUP];
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(hit[k].found));
         light[k].lit = no_lane();
-        surface[k].reflectivity = set(0.0f);
         if (!any(hit[k].found))
             continue;
         surface[k] = gather(hit[k].shape, hit[k].found, model);

@@ -89,7 +89,7 @@ static void render_tile(const struct job *job, int tile, struct approach *own) {
     struct frame *frame = job->frame;
     struct world world = {.scene = job->prepared, .view = job->view};
     for (int k = 0; k < GROUP; k++)
-        world.beam[k].approach = own + k * job->prepared->model.shape_count;
+        world.group.beam[k].approach = own + k * job->prepared->model.shape_count;
     struct place origin = place_of(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
