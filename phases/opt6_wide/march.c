@@ -84,18 +84,19 @@ __attribute__((noinline)) static void march_ends(struct progress *at, int step, 
         inside = less_in(inside, evals, set((float)cap));
     at->evals = choose(but_not(inside, live), evals, at->evals);
     group->live[k] = inside;
-    group->beam[k].high = choose(inside, group->beam[k].high, set(-INFINITY));
+    group->high[k] = choose(inside, group->high[k], set(-INFINITY));
 }
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.
 static void set_out(struct group *group) {
     group->count = 0;
-    for (int k = 0; k < GROUP; k++)
-        if (any(group->live[k])) {
-            struct beam *beam = &group->beam[k];
-            beam->high = choose(group->live[k], beam->high, set(-INFINITY));
+    for (int k = 0; k < GROUP; k++) {
+        group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
+        if (any(group->live[k]))
             group->list[group->count++] = k;
-        }
+        else
+            group->t[k] = set(0.0f);
+    }
 }
 
 // The step-th step of a packet, its distance known. False after the last.
@@ -262,7 +263,7 @@ struct shade {
 // The rays that are still under way, after some have ended.
 __attribute__((noinline)) static bool shade_ends(int k, mask live, struct group *group) {
     group->live[k] = live;
-    group->beam[k].high = choose(live, group->beam[k].high, set(-INFINITY));
+    group->high[k] = choose(live, group->high[k], set(-INFINITY));
     return any(live);
 }
 
@@ -277,7 +278,7 @@ static inline bool soft_step(struct shade *ray, int k, struct group *group,
     real t = group->t[k], h = group->distance[k], zero = set(0.0f);
     mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
     if (!any(going))
-        return false;
+        return shade_ends(k, going, group);
     ACTIVE(count_of(going));
     COUNT(soft_shadow, step);
     real strength = set((float)model->shadow_strength);

@@ -18,13 +18,19 @@
 struct approach {
     struct vec origin, direction;
     real power, slope;
-    real wake; // not the nearest as long as this is above (distance to the nearest) + t
 };
 
-// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape; −∞ where a ray
-// is done: it wakes no shape.
+// Packets under way together, one instruction of each after the other: the chain of operations through a step
+// is several times as long as it takes to issue them. They share the questions, too: a shape that one of
+// them needs is evaluated for all.
+enum { GROUP = 4 };
+
+// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
 struct beam {
     struct approach *approach; // one per shape
+    // One per shape, GROUP apart: the shape is not the nearest as long as this is above (distance to the
+    // nearest) + t.
+    real *wake;
     real high;
 };
 
@@ -93,7 +99,7 @@ static inline void approach_origins(struct place origin, const struct prepared *
     struct wide_vec at = wide_place(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
-        approach[i].wake = set(-INFINITY);
+        beam->wake[i * GROUP] = set(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
             approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
             continue;
@@ -296,7 +302,7 @@ static inline void approach_moved(real by, const struct prepared *scene, struct 
     for (int i = 0; i < scene->model.shape_count; i++) {
         struct approach *a = &beam->approach[i];
         COUNT(approach_moved, first);
-        a->wake = a->wake - absolute(by);
+        beam->wake[i * GROUP] = beam->wake[i * GROUP] - absolute(by);
         a->origin.x = mul_add(a->direction.x, by, a->origin.x);
         if (scene->placed[i].way == LINEAR)
             continue;
@@ -317,14 +323,10 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
-// Packets under way together, one instruction of each after the other: the chain of operations through a step
-// is several times as long as it takes to issue them. They share the questions, too: a shape that one of
-// them needs is evaluated for all.
-enum { GROUP = 4 };
-
 struct group {
     struct beam beam[GROUP];
     real t[GROUP], distance[GROUP]; // of the last step
+    real high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
     mask live[GROUP];
     int list[GROUP], count; // of the packets that have a live ray
 };
@@ -346,23 +348,21 @@ __attribute__((always_inline)) static inline void all_distances(struct group *gr
         real t = group->t[k];
         real distance = distance_to_shape(a, t, placed, way, type, group->live[k]),
              sum = distance + t;
-        found->least[i] = least_of(distance, found->least[i]);
-        found->limit[i] = least_of(sum, found->limit[i]);
+        found->least[k] = least_of(distance, found->least[k]);
+        found->limit[k] = least_of(sum, found->limit[k]);
         if (placed->steady) {
             COUNT(all_distances, steady);
-            found->near[i] = least_of(distance, found->near[i]);
-            a->wake = wakes_at(sum, placed);
+            found->near[k] = least_of(distance, found->near[k]);
+            group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
         }
     }
 }
 
-static inline bool sleeps(const struct group *group, int shape, const struct found *found) {
-    mask awake = no_lane();
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+static inline bool sleeps(const real *wake, const struct found *found) {
+    mask awake = below(wake[0], found->limit[0]);
+    for (int k = 1; k < GROUP; k++) {
         COUNT(sleeps, packet);
-        awake = either(awake, below(group->beam[k].approach[shape].wake, found->limit[i]));
+        awake = either(awake, below(wake[k], found->limit[k]));
     }
     return !any(awake);
 }
@@ -374,16 +374,14 @@ static inline bool sleeps(const struct group *group, int shape, const struct fou
 // project, keeps them in a priority queue.)
 static inline void sdf(struct group *group, const struct prepared *scene) {
     struct found found;
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+    for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
         COUNT(sdf, packet);
-        found.least[i] = found.near[i] = set(INFINITY);
-        found.limit[i] = mul_add(set(2.0f), group->t[k], group->beam[k].high);
+        found.least[k] = found.near[k] = set(INFINITY);
+        found.limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
     }
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
-        if (sleeps(group, i, &found))
+        if (sleeps(&group->beam[0].wake[i * GROUP], &found))
             continue;
 #define EACH(way, type) all_distances(group, i, placed, way, type, &found)
         if (placed->way != AT_POINT) {
@@ -404,10 +402,9 @@ static inline void sdf(struct group *group, const struct prepared *scene) {
         }
 #undef EACH
     }
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        group->distance[k] = found.least[i];
-        group->beam[k].high = least_of(found.near[i] - group->t[k], group->beam[k].high);
+    for (int k = 0; k < GROUP; k++) {
+        group->distance[k] = found.least[k];
+        group->high[k] = least_of(found.near[k] - group->t[k], group->high[k]);
     }
 }
 

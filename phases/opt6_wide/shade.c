@@ -162,7 +162,7 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
         least = least_of(distance, least);
         if (placed->steady) {
             COUNT(near_hit, steady);
-            beam->approach[i].wake = wakes_at(distance, placed);
+            beam->wake[i * GROUP] = wakes_at(distance, placed);
             beam->high = least_of(distance, beam->high);
         }
     }

@@ -83,13 +83,22 @@ static int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
+// In a worker's own memory.
+static void place_beams(struct group *group, void *own, int shapes) {
+    real *wake = own;
+    struct approach *approach = (struct approach *)(wake + shapes * GROUP);
+    for (int i = 0; i < shapes * GROUP; i++)
+        wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+    for (int k = 0; k < GROUP; k++)
+        group->beam[k] = (struct beam){.approach = approach + k * shapes, .wake = wake + k};
+}
+
 // Blocks of one column after the other, GROUP at a time.
-static void render_tile(const struct job *job, int tile, struct approach *own) {
+static void render_tile(const struct job *job, int tile, void *own) {
     COUNT(render_tile, call);
     struct frame *frame = job->frame;
     struct world world = {.scene = job->prepared, .view = job->view};
-    for (int k = 0; k < GROUP; k++)
-        world.group.beam[k].approach = own + k * job->prepared->model.shape_count;
+    place_beams(&world.group, own, job->prepared->model.shape_count);
     struct place origin = place_of(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
@@ -122,7 +131,7 @@ static void render_tile(const struct job *job, int tile, struct approach *own) {
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
-    return GROUP * (size_t)model->shape_count * sizeof(struct approach);
+    return GROUP * (size_t)model->shape_count * (sizeof(real) + sizeof(struct approach));
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
@@ -136,18 +145,21 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
     size_t size = VARIANT(own_size)(&prepared->model);
-    struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!approach)
+    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!own)
         return false;
+    struct group group;
+    place_beams(&group, own, prepared->model.shape_count);
+    struct beam *beam = &group.beam[0];
     struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);
-        struct beam beam = {.approach = approach};
-        approach_origins(place_of(points + 3 * i), prepared, &beam);
-        approach_directions(nowhere, prepared, approach);
-        distance[i] = first_of(nearest_shape(approach, set(0.0f), prepared, all_lanes(), &shape));
+        approach_origins(place_of(points + 3 * i), prepared, beam);
+        approach_directions(nowhere, prepared, beam->approach);
+        distance[i] =
+            first_of(nearest_shape(beam->approach, set(0.0f), prepared, all_lanes(), &shape));
         nearest[i] = (int)first_of(shape);
     }
-    free(approach);
+    free(own);
     return true;
 }
