@@ -256,7 +256,7 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
 
 // Rays to the light.
 struct shade {
-    real least, previous;
+    real least, twice_previous;
     struct exit exit;
 };
 
@@ -281,21 +281,22 @@ static inline bool soft_step(struct shade *ray, int k, struct group *group,
         return shade_ends(k, going, group);
     ACTIVE(count_of(going));
     COUNT(soft_shadow, step);
-    real strength = set((float)model->shadow_strength);
-    real square = h * h, y = square / (set(2.0f) * ray->previous);
-    real inside = neg_mul_add(y, y, square), past = t - y;
+    // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
+    real strength = set((float)model->shadow_strength), twice = ray->twice_previous;
+    real square = h * h, scale = twice * twice, inside = scale - square;
+    real past = mul_sub(twice, t, square);
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-    mask sound = less_in(less_in(going, square * set(2e-5f), inside), zero, past);
+    mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
     // strength·√inside/past < least, asked without the root: it is seldom so.
     real wanted = ray->least * past;
-    mask darker = less_in(sound, strength * strength * inside, wanted * wanted);
+    mask darker = less_in(sound, strength * strength * square * inside, wanted * wanted);
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_shadow, darker);
-        ray->least = choose(darker, strength * root(inside) / past, ray->least);
+        ray->least = choose(darker, strength * h * root(inside) / past, ray->least);
     }
-    ray->previous = h;
+    ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), zero);
     return same(on, live) || shade_ends(k, on, group);
@@ -332,7 +333,7 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
         COUNT(shadow, call);
         approach_directions(light[k].to_light, world->scene, group->beam[k].approach);
         rays[k].exit = leaving(hit[k].point, light[k].to_light, model);
-        rays[k].previous = set(1e20f);
+        rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = set((float)model->march.surface_offset);
     }
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {

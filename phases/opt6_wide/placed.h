@@ -43,6 +43,7 @@ struct placed {
 struct prepared {
     struct model model;
     struct placed *placed; // one per shape
+    int *order;            // of evaluation: steady shapes first, then by type
 };
 
 // One frame's work for all workers.

@@ -141,25 +141,34 @@ static struct placed place_shape(int index, const struct shape *shape,
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
+    int next = 0;
     for (int i = 0; i < model->shape_count; i++)
         prepared->placed[i] = place_shape(i, &model->shapes[i], &model->march);
+    for (int steady = 1; steady >= 0; steady--)
+        for (int type = 0; type < SHAPE_TYPES; type++)
+            for (int i = 0; i < model->shape_count; i++)
+                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type)
+                    prepared->order[next++] = i;
     return true;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct kept *kept = calloc(1, sizeof *kept);
     struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    if (kept && placed) {
+    int *order = calloc((size_t)model->shape_count, sizeof *order);
+    if (kept && placed && order) {
         kept->sixteen = variant_here().lanes == 16;
         kept->team =
             team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
     }
-    if (!kept || !placed || !kept->team) {
+    if (!kept || !placed || !order || !kept->team) {
         free(kept);
         free(placed);
+        free(order);
         return NULL;
     }
     kept->prepared.placed = placed;
+    kept->prepared.order = order;
     phase_update(&kept->prepared, model);
     return &kept->prepared;
 }
@@ -168,6 +177,7 @@ void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
     team_end(kept->team);
     free(prepared->placed);
+    free(prepared->order);
     free(kept);
 }
 
