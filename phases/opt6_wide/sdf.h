@@ -204,39 +204,60 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
-    COUNT(sdf_mandelbulb, call);
-    real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
+struct bulb {
+    struct vec p, w;
+    real m, dz;
+    mask far, inside;
+};
+
+static inline struct bulb bulb_start(struct vec p, mask live) {
+    COUNT(bulb_start, call);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), inside = but_not(far, live);
+    real m = vec_dot(p, p);
+    mask far = greater(m, set(1024.0f));
+    return (struct bulb){p, p, m, set(1.5f), far, but_not(far, live)};
+}
+
+static inline void bulb_iterate(struct bulb *b, real bailout) {
+    ACTIVE(count_of(b->inside));
+    COUNT(bulb_iterate, call);
+    real x = b->w.x, y = b->w.y, z = b->w.z, m = b->m;
+    real x2 = x * x, y2 = y * y, z2 = z * z;
+    real k3 = x2 + z2, k4 = k3 - y2;
+    real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
+    real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
+    real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
+    real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
+    real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
+    x = mul_add(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
+    z = mul_add(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
+    y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, b->p.y));
+    real slope = mul_add(set(8.0f) * (m * m * m * root(m)), b->dz, set(1.0f));
+    real grown = mul_add(x, x, mul_add(y, y, z * z));
+    b->w = (struct vec){x, y, z};
+    b->m = choose(b->inside, grown, m);
+    b->dz = choose(b->inside, slope, b->dz);
+    b->inside = not_greater_in(b->inside, b->m, bailout);
+}
+
+static inline real bulb_estimate(const struct bulb *b) {
+    COUNT(bulb_estimate, call);
+    // r·ln(r)/3 is √m·ln(m)/6.
+    real per = choose(b->far, set(1.0f / 6.0f), set(0.25f) / b->dz);
+    real distance = root(b->m) * per * log_of(b->m);
+    return keep(greater(b->m, set(0.0f)), distance); // √m·ln m → 0 at the centre
+}
+
+static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
+    struct bulb bulb = bulb_start(p, live);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(count_of(inside));
-        COUNT(sdf_mandelbulb, iteration);
-        real x2 = x * x, y2 = y * y, z2 = z * z;
-        real k3 = x2 + z2, k4 = k3 - y2;
-        real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
-        real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
-        real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
-        real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
-        x = mul_add(k2_sin4, cos4, p.x);      // p.x + k2·sin8
-        z = mul_add(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
-        y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
-        real slope =
-            mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
-        real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(inside, grown, m);
-        dz = choose(inside, slope, dz);
-        inside = not_greater_in(inside, m, set(s->bailout));
-        if (!any(inside))
+        bulb_iterate(&bulb, set(s->bailout));
+        if (!any(bulb.inside))
             break;
     }
     ACTIVE(count_of(live));
-    COUNT(sdf_mandelbulb, estimate);
-    // r·ln(r)/3 is √m·ln(m)/6.
-    real per = choose(far, set(1.0f / 6.0f), set(0.25f) / dz); // beside the root and the logarithm
-    return keep(greater(m, set(0.0f)), root(m) * per * log_of(m)); // √m·ln m → 0 at the centre
+    return bulb_estimate(&bulb);
 }
 
 // What the estimate is not less than from a place at distance √square from the centre on, as long as that
@@ -354,15 +375,44 @@ __attribute__((always_inline)) static inline void all_distances(struct group *gr
         real sum = distance + t, *wake = &group->beam[k].wake[shape * GROUP];
         found->least[k] = least_of(distance, found->least[k]);
         found->limit[k] = least_of(sum, found->limit[k]);
-        if (type == SHAPE_MANDELBULB) {
-            if (!placed->repeated) {
-                struct vec p = vec_along(a->origin, a->direction, t);
-                *wake = bulb_wakes_at(vec_dot(p, p), t);
-            }
-        } else if (placed->steady) {
+        if (placed->steady) {
             COUNT(all_distances, steady);
             *wake = wakes_at(sum, placed);
         }
+    }
+}
+
+// An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
+// processor to look beyond it to the next packet.
+static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
+                                  struct found *found) {
+    struct bulb bulb[GROUP];
+    int count = group->count;
+    for (int i = 0; i < count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(bulb_distances, packet);
+        const struct approach *a = &group->beam[k].approach[shape];
+        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
+        bulb[i] = bulb_start(placed->repeated ? vec_wrapped(placed, p) : p, group->live[k]);
+        if (!placed->repeated)
+            group->beam[k].wake[shape * GROUP] = bulb_wakes_at(bulb[i].m, group->t[k]);
+    }
+    for (int n = 0; n < placed->iterations; n++) {
+        mask inside = no_lane();
+        for (int i = 0; i < count; i++) {
+            bulb_iterate(&bulb[i], set(placed->bailout));
+            inside = either(inside, bulb[i].inside);
+        }
+        if (!any(inside))
+            break;
+    }
+    for (int i = 0; i < count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        real distance = bulb_estimate(&bulb[i]);
+        found->least[k] = least_of(distance, found->least[k]);
+        found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
     }
 }
 
@@ -420,7 +470,7 @@ static inline void sdf(struct group *group, const struct prepared *scene) {
         case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
         case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
         case SHAPE_PLANE: EACH(AT_POINT, SHAPE_PLANE); break;
-        default: EACH(AT_POINT, SHAPE_MANDELBULB); break;
+        default: bulb_distances(group, i, placed, &found); break;
         }
 #undef EACH
     }
