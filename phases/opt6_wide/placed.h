@@ -44,6 +44,7 @@ struct prepared {
     struct model model;
     struct placed *placed; // one per shape
     int *order;            // of evaluation: steady shapes first, then by type
+    int steady_count;
 };
 
 // One frame's work for all workers.

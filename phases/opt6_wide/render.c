@@ -142,13 +142,16 @@ static struct placed place_shape(int index, const struct shape *shape,
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0;
+    prepared->steady_count = 0;
     for (int i = 0; i < model->shape_count; i++)
         prepared->placed[i] = place_shape(i, &model->shapes[i], &model->march);
     for (int steady = 1; steady >= 0; steady--)
         for (int type = 0; type < SHAPE_TYPES; type++)
             for (int i = 0; i < model->shape_count; i++)
-                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type)
+                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
                     prepared->order[next++] = i;
+                    prepared->steady_count += steady;
+                }
     return true;
 }
 

@@ -287,8 +287,8 @@ distance_at(struct vec p, const struct placed *placed, enum shape_type type, mas
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, enum way way,
-                  enum shape_type type, mask live) {
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, bool repeated,
+                  enum way way, enum shape_type type, mask live) {
     COUNT(distance_to_shape, call);
     if (way == POWER) {
         COUNT(distance_to_shape, power);
@@ -300,7 +300,7 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (placed->repeated)
+    if (repeated)
         p = vec_wrapped(placed, p);
     return distance_at(p, placed, type, live);
 }
@@ -313,7 +313,8 @@ static inline real nearest_shape(const struct approach *approach, real t,
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(nearest_shape, shape);
         const struct placed *placed = &scene->placed[i];
-        real distance = distance_to_shape(&approach[i], t, placed, placed->way, placed->type, live);
+        real distance = distance_to_shape(&approach[i], t, placed, placed->repeated, placed->way,
+                                          placed->type, live);
         *shape = choose(less(distance, least), set(placed->index), *shape);
         least = least_of(distance, least);
     }
@@ -361,23 +362,23 @@ struct found {
     real least[GROUP], limit[GROUP];
 };
 
-__attribute__((always_inline)) static inline void all_distances(struct group *group, int shape,
-                                                                const struct placed *placed,
-                                                                enum way way, enum shape_type type,
-                                                                struct found *found) {
+// `steady`, `way` and `type` are known where it is inlined.
+__attribute__((always_inline)) static inline void
+all_distances(struct group *group, int shape, const struct placed *placed, bool steady,
+              enum way way, enum shape_type type, struct found *found) {
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(count_of(group->live[k]));
         COUNT(all_distances, packet);
-        struct approach *a = &group->beam[k].approach[shape];
+        const struct approach *a = &group->beam[k].approach[shape];
         real t = group->t[k];
-        real distance = distance_to_shape(a, t, placed, way, type, group->live[k]);
-        real sum = distance + t, *wake = &group->beam[k].wake[shape * GROUP];
+        real distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+        real sum = distance + t;
         found->least[k] = least_of(distance, found->least[k]);
         found->limit[k] = least_of(sum, found->limit[k]);
-        if (placed->steady) {
+        if (steady) {
             COUNT(all_distances, steady);
-            *wake = wakes_at(sum, placed);
+            group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
         }
     }
 }
@@ -417,20 +418,44 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
 }
 
 static inline bool sleeps(const real *wake, const struct found *found) {
+    COUNT(sleeps, call);
     mask awake = below(wake[0], found->limit[0]);
-    for (int k = 1; k < GROUP; k++) {
-        COUNT(sleeps, packet);
+    for (int k = 1; k < GROUP; k++)
         awake = either(awake, below(wake[k], found->limit[k]));
-    }
     return !any(awake);
+}
+
+// The types told apart once for all packets.
+__attribute__((always_inline)) static inline void shape_distances(struct group *group, int shape,
+                                                                  const struct placed *placed,
+                                                                  bool steady,
+                                                                  struct found *found) {
+#define EACH(way, type) all_distances(group, shape, placed, steady, way, type, found)
+    if (steady && placed->way == LINEAR) {
+        EACH(LINEAR, SHAPE_PLANE);
+        return;
+    }
+    switch (placed->type) {
+    case SHAPE_SPHERE:
+        if (steady && placed->way == POWER)
+            EACH(POWER, SHAPE_SPHERE);
+        else
+            EACH(AT_POINT, SHAPE_SPHERE);
+        break;
+    case SHAPE_BOX: EACH(AT_POINT, SHAPE_BOX); break;
+    case SHAPE_TORUS: EACH(AT_POINT, SHAPE_TORUS); break;
+    case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
+    case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
+    default: EACH(AT_POINT, SHAPE_PLANE); break;
+    }
+#undef EACH
 }
 
 // Steady shapes are no further than this in the next steps.
 static inline void keep_high(struct group *group, const struct found *found) {
-    for (int k = 0; k < GROUP; k++) {
-        COUNT(keep_high, packet);
+    COUNT(keep_high, call);
+    for (int k = 0; k < GROUP; k++)
         group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
-    }
 }
 
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
@@ -439,42 +464,27 @@ static inline void keep_high(struct group *group, const struct found *found) {
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.)
 static inline void sdf(struct group *group, const struct prepared *scene) {
+    COUNT(sdf, call);
     struct found found;
     for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
-        COUNT(sdf, packet);
         found.least[k] = set(INFINITY);
         found.limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
     }
-    bool steady = true;
     for (int n = 0; n < scene->model.shape_count; n++) {
         int i = scene->order[n];
-        const struct placed *placed = &scene->placed[i];
-        if (steady && !placed->steady) {
+        if (n == scene->steady_count)
             keep_high(group, &found);
-            steady = false;
-        }
         if (sleeps(&group->beam[0].wake[i * GROUP], &found))
             continue;
-#define EACH(way, type) all_distances(group, i, placed, way, type, &found)
-        if (placed->way != AT_POINT) {
-            if (placed->way == POWER)
-                EACH(POWER, SHAPE_SPHERE);
-            else
-                EACH(LINEAR, SHAPE_PLANE);
-            continue;
-        }
-        switch (placed->type) { // once for all packets
-        case SHAPE_SPHERE: EACH(AT_POINT, SHAPE_SPHERE); break;
-        case SHAPE_BOX: EACH(AT_POINT, SHAPE_BOX); break;
-        case SHAPE_TORUS: EACH(AT_POINT, SHAPE_TORUS); break;
-        case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
-        case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
-        case SHAPE_PLANE: EACH(AT_POINT, SHAPE_PLANE); break;
-        default: bulb_distances(group, i, placed, &found); break;
-        }
-#undef EACH
+        const struct placed *placed = &scene->placed[i];
+        if (n < scene->steady_count)
+            shape_distances(group, i, placed, true, &found);
+        else if (placed->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, placed, &found);
+        else
+            shape_distances(group, i, placed, false, &found);
     }
-    if (steady)
+    if (scene->steady_count == scene->model.shape_count)
         keep_high(group, &found);
     for (int k = 0; k < GROUP; k++)
         group->distance[k] = found.least[k];
