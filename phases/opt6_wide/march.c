@@ -76,12 +76,15 @@ static int steps_left(const struct progress *at, mask live, int cap) {
 // neighbours had.
 __attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
                                                  mask inside, struct group *group, int cap) {
+    COUNT(march_ends, call);
     mask live = group->live[k], reached = but_not(going, live);
     at->last = choose(reached, group->distance[k], at->last);
     at->found = either(at->found, reached);
     real evals = at->evals + set((float)step);
-    if (step >= at->left)
+    if (step >= at->left) {
+        COUNT(march_ends, cap);
         inside = less_in(inside, evals, set((float)cap));
+    }
     at->evals = choose(but_not(inside, live), evals, at->evals);
     group->live[k] = inside;
     group->high[k] = choose(inside, group->high[k], set(-INFINITY));
@@ -104,7 +107,7 @@ static inline bool march_step(struct progress *at, int step, int k, struct group
                               const struct model *model) {
     mask live = group->live[k];
     ACTIVE(count_of(live));
-    COUNT(march, step);
+    COUNT(march_step, call);
     real t = group->t[k], distance = group->distance[k];
     mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
     group->t[k] = t = add_where(going, t, distance);
@@ -117,12 +120,13 @@ static inline bool march_step(struct progress *at, int step, int k, struct group
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
 static void march(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct group *group = &world->group;
     set_out(group);
     for (int i = 0; i < group->count; i++) {
-        COUNT(march, call);
         int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
         struct progress *at = &packets[k];
         at->exit = leaving(at->origin, rays->direction[k], &scene->model);
         at->left = steps_left(at, group->live[k], step_cap(&scene->model));
@@ -158,10 +162,11 @@ __attribute__((noinline)) static void stay_in(mask deep, real t, const struct pr
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool landed(struct progress *at, mask settled, struct vec direction,
                    const struct prepared *scene, struct beam *beam, mask *live) {
-    if (!any(at->found))
-        return false;
     ACTIVE(count_of(at->found));
     COUNT(landed, call);
+    if (!any(at->found))
+        return false;
+    COUNT(landed, point);
     COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
@@ -220,12 +225,12 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
 }
 
 void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+    COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     struct progress packets[GROUP];
     unsigned going = 0;
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(rays->active[k]));
-        COUNT(ray_march, call);
         real zero = set(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
@@ -270,19 +275,19 @@ __attribute__((noinline)) static bool shade_ends(int k, mask live, struct group 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
-static inline bool soft_step(struct shade *ray, int k, struct group *group,
+static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct group *group,
                              const struct model *model) {
     mask live = group->live[k];
     ACTIVE(count_of(live));
-    COUNT(soft_shadow, eval);
+    COUNT(soft_step, call);
     real t = group->t[k], h = group->distance[k], zero = set(0.0f);
     mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
     if (!any(going))
         return shade_ends(k, going, group);
     ACTIVE(count_of(going));
-    COUNT(soft_shadow, step);
+    COUNT(soft_step, step);
     // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
-    real strength = set((float)model->shadow_strength), twice = ray->twice_previous;
+    real twice = ray->twice_previous;
     real square = h * h, scale = twice * twice, inside = scale - square;
     real past = mul_sub(twice, t, square);
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
@@ -290,11 +295,12 @@ static inline bool soft_step(struct shade *ray, int k, struct group *group,
     mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
     // strength·√inside/past < least, asked without the root: it is seldom so.
     real wanted = ray->least * past;
-    mask darker = less_in(sound, strength * strength * square * inside, wanted * wanted);
+    mask darker = less_in(sound, set(strength_sq) * square * inside, wanted * wanted);
     if (any(darker)) {
         ACTIVE(count_of(darker));
-        COUNT(soft_shadow, darker);
-        ray->least = choose(darker, strength * h * root(inside) / past, ray->least);
+        COUNT(soft_step, darker);
+        ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
+                            ray->least);
     }
     ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
@@ -306,7 +312,7 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
                              const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(count_of(group->live[k]));
-    COUNT(hard_shadow, step);
+    COUNT(hard_step, call);
     real t = group->t[k], h = group->distance[k];
     mask live = group->live[k], before = less_in(live, t, distance);
     mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
@@ -318,7 +324,10 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
 
 void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
             real reach[GROUP]) {
+    COUNT(shadow, call);
+    COUNT(shadow, scalar);
     const struct model *model = &world->scene->model;
+    float strength = (float)model->shadow_strength, strength_sq = strength * strength;
     struct group *group = &world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
@@ -330,7 +339,6 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(count_of(light[k].lit));
-        COUNT(shadow, call);
         approach_directions(light[k].to_light, world->scene, group->beam[k].approach);
         rays[k].exit = leaving(hit[k].point, light[k].to_light, model);
         rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
@@ -340,7 +348,7 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
         sdf(group, world->scene);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
-            if (soft ? soft_step(&rays[k], k, group, model)
+            if (soft ? soft_step(&rays[k], k, strength_sq, group, model)
                      : hard_step(&rays[k], light[k].distance, k, group, model))
                 i++;
             else

@@ -250,6 +250,7 @@ static inline real bulb_estimate(const struct bulb *b) {
 }
 
 static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
+    COUNT(sdf_mandelbulb, call);
     struct bulb bulb = bulb_start(p, live);
     for (int i = 0; i < s->iterations; i++) {
         bulb_iterate(&bulb, set(s->bailout));
@@ -366,6 +367,7 @@ struct found {
 __attribute__((always_inline)) static inline void
 all_distances(struct group *group, int shape, const struct placed *placed, bool steady,
               enum way way, enum shape_type type, struct found *found) {
+    COUNT(all_distances, call);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(count_of(group->live[k]));
@@ -387,6 +389,7 @@ all_distances(struct group *group, int shape, const struct placed *placed, bool 
 // processor to look beyond it to the next packet.
 static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
                                   struct found *found) {
+    COUNT(bulb_distances, call);
     struct bulb bulb[GROUP];
     int count = group->count;
     for (int i = 0; i < count; i++) {

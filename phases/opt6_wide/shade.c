@@ -284,12 +284,13 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
 // are masked out of it and of their colour.
 static void mirror(const struct rays *rays, int bounce, struct world *world,
                    const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
+    COUNT(mirror, call);
     struct rays mirrored;
     bool one = false;
     for (int k = 0; k < GROUP; k++) {
         const struct hit *hit = &result[k].hit;
         ACTIVE(count_of(hit->found));
-        COUNT(mirror, call);
+        COUNT(mirror, packet);
         mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
         mirrored.active[k] = active;
         if (!any(active))
@@ -318,6 +319,7 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
 }
 
 void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]) {
+    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
@@ -337,7 +339,6 @@ void trace(const struct rays *rays, int bounce, struct world *world, struct shad
     shadow(hit, light, world, reach);
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(hit[k].found));
-        COUNT(trace, call);
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
         if (any(hit[k].found))
             result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],

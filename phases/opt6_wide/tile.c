@@ -25,22 +25,26 @@ struct block {
 };
 
 static mask in_picture(struct block block) {
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    real right = lane_numbers() - below * set(BLOCK_WIDTH);
-    return both(less(right, set((float)block.across)), less(below, set((float)block.down)));
+    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+    return both(less(load(right), set((float)block.across)),
+                less(load(below), set((float)block.down)));
 }
 
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
-    double per_height = view->tan_half_fov / frame->height;
+    COUNT(get_direction, scalar);
+    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
     float columns[LANES], rows[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_direction, scalar);
-        int row = block.row + lane / BLOCK_WIDTH;
-        columns[lane] =
-            (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
-        rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
+    for (int i = 0; i < BLOCK_HEIGHT; i++) {
+        COUNT(get_direction, row);
+        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
+        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
+            int column = block.column + lane % BLOCK_WIDTH;
+            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
+            rows[lane] = y;
+        }
     }
     real x = load(columns) * set((float)per_height), y = load(rows);
     struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
@@ -96,6 +100,7 @@ static void place_beams(struct group *group, void *own, int shapes) {
 // Blocks of one column after the other, GROUP at a time.
 static void render_tile(const struct job *job, int tile, void *own) {
     COUNT(render_tile, call);
+    COUNT(render_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {.scene = job->prepared, .view = job->view};
     place_beams(&world.group, own, job->prepared->model.shape_count);
