@@ -98,9 +98,9 @@ static void place_beams(struct group *group, void *own, int shapes) {
 }
 
 // Blocks of one column after the other, GROUP at a time.
-static void render_tile(const struct job *job, int tile, void *own) {
-    COUNT(render_tile, call);
-    COUNT(render_tile, scalar);
+static void draw_tile(const struct job *job, int tile, void *own) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {.scene = job->prepared, .view = job->view};
     place_beams(&world.group, own, job->prepared->model.shape_count);
@@ -122,7 +122,7 @@ static void render_tile(const struct job *job, int tile, void *own) {
                                       first + k < blocks ? lesser(BLOCK_WIDTH, right - column) : 0,
                                       lesser(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block[k].across * block[k].down);
-            COUNT(render_tile, packet);
+            COUNT(draw_tile, packet);
             rays.origin[k] = origin;
             rays.direction[k] = get_direction(block[k], frame, job->view);
             rays.active[k] = in_picture(block[k]);
@@ -144,7 +144,7 @@ int VARIANT(tiles)(const struct frame *frame) {
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    render_tile(job, tile, own);
+    draw_tile(job, tile, own);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

@@ -56,7 +56,7 @@ def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, th
     wide, high = scene.size(height, width)
     made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count")
     about = {key: made[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
-    about |= {key: made.get(key) for key in ("compiler", "flags")}
+    about |= {key: made.get(key) for key in ("compiler", "flags", "lanes")}
     return {**about, "threads": threads, **{key: made[key] for key in KEYS}}
 
 
@@ -89,12 +89,17 @@ def fold(measured: Measured, named: Collection[str]) -> dict[str, Counts]:
 Range = tuple[int, int]
 
 
+def lanes_of(stated: Row) -> int:
+    """Of the variant that was counted; counts of older runs do not say."""
+    return stated.get("lanes") or registry.find_phase(stated["phase"]).lanes
+
+
 def by_kind(stated: Row) -> dict[str, dict[str, int]]:
     """Function → kind → FLOPs (machine): costs.def times the parts that were executed."""
     phase = registry.find_phase(stated["phase"])
     found: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
     for cost in costs.read(phase.path / "costs.def"):
-        width = phase.lanes if cost.width == "LANES" else 1
+        width = lanes_of(stated) if cost.width == "LANES" else 1
         times = stated["by_function"][cost.function]["parts"][cost.part] * width
         for kind, flop in FLOPS.items():
             found[cost.function][kind] += cost.per_lane.get(kind, 0) * flop * times
@@ -110,7 +115,7 @@ def explained(stated: Row, variant: str) -> dict[str, dict[str, Range]]:
     found: dict[str, dict[str, Range]] = defaultdict(dict)
     for residue in costs.residues(phase.path / "residues.def", lines.values()):
         if residue.build in (variant, "both") and residue.kind != "call":
-            width = phase.lanes if lines[residue.function, residue.part].width == "LANES" else 1
+            width = lanes_of(stated) if lines[residue.function, residue.part].width == "LANES" else 1
             times = stated["by_function"][residue.function]["parts"][residue.part] * width
             times *= FLOPS[residue.kind]
             low, high = found[residue.function].get(residue.kind, (0, 0))
