@@ -191,8 +191,8 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam->approach);
     at->found = but_not(off, at->found);
-    *live = off;
-    return true;
+    *live = less_in(off, at->evals, set((float)step_cap(&scene->model)));
+    return any(*live);
 }
 
 static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,

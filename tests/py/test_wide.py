@@ -1,0 +1,173 @@
+"""opt6_wide: one picture, whatever the lanes, the threads and the packets; its parent's within a few ulp."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import FEATURES
+from study import images, registry
+from study.build import build
+from study.registry import ROOT
+
+PHASE, PARENT = "opt6_wide", "opt5_threads"
+SIZES = [(61, 33), (1, 1), (5, 300), (257, 3)]  # part of a block, of a tile, of nothing
+NAMES = ["everything", "shapes_64_turned", "camera_within_a_shape", "nothing_to_see", "mirrors_facing_6"]
+WIDEST = registry.cpu_flags() >= {"avx512f", "avx512dq"}
+
+pytestmark = pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt6_wide needs"
+)
+wide_only = pytest.mark.skipif(not WIDEST, reason="no AVX-512 here: 16 lanes are not held against 8")
+
+
+def scene(name: str, folder: Path) -> Path:
+    if name in registry.scenes():
+        return registry.scenes()[name].path
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps(FEATURES[name]))
+    return path
+
+
+def call(program: Path, *arguments: object, limit: str = "") -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"STEPWISE_ISA_LIMIT": limit}
+    return subprocess.run(
+        [program, *map(str, arguments)], capture_output=True, text=True, env=environment, timeout=300
+    )
+
+
+def picture(program: Path, path: Path, folder: Path, *arguments: object, limit: str = "") -> dict:
+    """Every plane, and the record's first lines as `record`."""
+    out = folder / "picture.exr"
+    done = call(program, path, "--aov", "--json", "-o", out, *arguments, limit=limit)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    return {**images.read(out), "record": json.loads(done.stdout)}
+
+
+def check_same(mine: dict, other: dict, where: object) -> None:
+    assert mine.keys() == other.keys()
+    for name in mine.keys() - {"record"}:
+        assert np.array_equal(mine[name].view(np.uint32), other[name].view(np.uint32)), f"{where}: {name}"
+
+
+def test_the_record_says_which_lanes_ran(tmp_path) -> None:
+    path = scene("trio", tmp_path)
+    for limit, lanes in [("avx2", 8), ("", 16 if WIDEST else 8)]:
+        record = picture(build(PHASE), path, tmp_path, "-n", 8, limit=limit)["record"]
+        assert record["lanes"] == lanes
+        assert ("avx512f" in record["isa"]) == (lanes == 16)
+        assert ("-mavx512f" in record["flags"]) == (lanes == 16)
+
+
+def test_without_avx2_it_says_so(tmp_path) -> None:
+    done = call(build(PHASE), scene("trio", tmp_path), "-n", 8, limit="none")
+    assert (done.returncode, done.stderr) == (3, "render: opt6_wide needs avx2, which this CPU lacks\n")
+
+
+@wide_only
+@pytest.mark.parametrize("name", [*registry.scenes(), *NAMES])
+def test_sixteen_lanes_draw_what_eight_draw(name, tmp_path) -> None:
+    path = scene(name, tmp_path)
+    for width, height in SIZES:
+        size = ("-w", width, "-n", height)
+        eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
+        check_same(picture(build(PHASE), path, tmp_path, *size), eight, (name, width, height))
+
+
+@wide_only
+@pytest.mark.parametrize("steps", [1, 7, 40])
+def test_the_step_cap_is_each_rays_own(steps, tmp_path) -> None:
+    """Rays that march on from a hit count on, whatever their neighbours had."""
+    size = ("-w", 61, "-n", 33, "--max-steps", steps)
+    for name in ("cubes", "mandelbulb"):
+        path = scene(name, tmp_path)
+        eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
+        sixteen = picture(build(PHASE), path, tmp_path, *size)
+        check_same(sixteen, eight, (name, steps))
+        assert np.nanmax(sixteen["evals"]) == steps
+
+
+@pytest.mark.parametrize("limit", ["", "avx2"])
+def test_any_number_of_threads_draws_the_same(limit, tmp_path) -> None:
+    path = scene("everything", tmp_path)
+    one = picture(build(PHASE), path, tmp_path, "-w", 97, "-n", 41, limit=limit)
+    for threads in (2, 7, 64):
+        size = ("-w", 97, "-n", 41, "--threads", threads)
+        mine = picture(build(PHASE), path, tmp_path, *size, limit=limit)
+        check_same({**mine, "record": one["record"]}, one, threads)
+
+
+@pytest.mark.parametrize("limit", ["", "avx2"])
+@pytest.mark.parametrize(
+    "name", ["scene0", "trio", "mandelbulb", "spheres40", "everything", "shapes_64_turned"]
+)
+def test_a_sleeping_shape_changes_not_one_bit(name, limit, tmp_path) -> None:
+    """Against the same source with every shape evaluated at every step."""
+    path, size = scene(name, tmp_path), ("-w", 61, "-n", 33)
+    every = picture(build(f"{PHASE}+awake"), path, tmp_path, *size, limit=limit)
+    check_same(
+        {**picture(build(PHASE), path, tmp_path, *size, limit=limit), "record": every["record"]}, every, name
+    )
+
+
+@pytest.mark.parametrize("name", ["scene0", "scene0_plain", "trio", "cubes", "spheres40", "two_spheres"])
+def test_it_draws_its_parents_picture(name, tmp_path) -> None:
+    """Same hits and evaluations; t and the shadow's terms are rounded in another order."""
+    path, size = scene(name, tmp_path), ("-w", 160, "-n", 90)
+    mine, parents = (picture(build(phase), path, tmp_path, *size) for phase in (PHASE, PARENT))
+    for plane in ("id", "evals", "N.x", "N.y", "N.z"):
+        assert np.array_equal(mine[plane], parents[plane]), plane
+    hit = parents["id"] >= 0
+    t, other = mine["Z"][hit].astype(float), parents["Z"][hit].astype(float)
+    assert (abs(t - other) <= 2.0**-22 * other).all()
+    for plane in "RGB":
+        off = abs(mine[plane].astype(float) - parents[plane])
+        assert (off <= 2e-6 + 2e-5 * abs(parents[plane])).all(), (plane, off.max())
+
+
+def test_the_idea_is_in_the_lanes_and_not_in_the_threads() -> None:
+    for name in ("threads.h", "threads.c"):
+        mine, parents = ((ROOT / "phases" / phase / name).read_text() for phase in (PHASE, PARENT))
+        assert (
+            mine.replace("OPT6", "OPT5").replace(PHASE, PARENT).split()
+            == parents.replace("OPT5_THREADS_THREADS_H", "OPT5_THREADS_H").split()
+        ), name
+
+
+def test_the_bulbs_estimate_is_above_what_lets_it_sleep() -> None:
+    """sdf.h's bound, 0.18 + (r − 3/2)/2 beyond r = 3/2, held against the map in polar form (r⁸, 8θ, 8φ), in
+    double, for 1 to 8 iterations."""
+    random = np.random.default_rng(6)
+    direction = random.normal(size=(20_000, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    radius = np.concatenate([np.linspace(1.5, 3, 15_000), np.geomspace(3, 32, 5_000)])
+    p = direction * radius[:, None]
+    bound = np.minimum(radius - 1.5, 0.18 + (radius - 1.5) / 2)
+    for iterations in (1, 2, 4, 8):
+        w, dz, escaped = p.copy(), np.full(len(p), 1.5), np.zeros(len(p), bool)
+        for _ in range(iterations):
+            r = np.linalg.norm(w, axis=1)
+            theta, phi = np.arccos(np.clip(w[:, 1] / r, -1, 1)), np.arctan2(w[:, 0], w[:, 2])
+            to = (
+                r[:, None] ** 8
+                * np.stack(
+                    [
+                        np.sin(8 * theta) * np.sin(8 * phi),
+                        np.cos(8 * theta),
+                        np.sin(8 * theta) * np.cos(8 * phi),
+                    ],
+                    1,
+                )
+                + p
+            )
+            dz = np.where(escaped, dz, 8 * r**7 * dz + 1)
+            w = np.where(escaped[:, None], w, to)
+            escaped |= (w**2).sum(1) > 256
+        m = (w**2).sum(1)
+        estimate = 0.25 * np.sqrt(m) / dz * np.log(m)
+        assert (estimate > bound * (1 + 2**-10)).all()
