@@ -202,6 +202,13 @@ def missing_isa(what: Phase | Spec) -> list[str]:
     return [flag for flag in dict.fromkeys(need) if flag not in have]
 
 
+def variant_here(phase: Phase) -> dict[str, Any]:
+    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (common/variant.h)."""
+    have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
+    alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
+    return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
+
+
 def cpu_supports(what: Phase | Spec) -> bool:
     """Whether this CPU has every instruction set that the phase (or spec) needs."""
     return not missing_isa(what)

@@ -313,18 +313,20 @@ def test_record(phase: str) -> None:
         assert keys == documented_keys(), f"{run}: keys {sorted(keys ^ documented_keys())} on one side only"
     assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"
     expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": "scene0", "width": 16, "height": 9}
-    expected |= {"threads": 1, "precision": declared.precision, "lanes": declared.lanes, "image": None}
+    here = registry.variant_here(declared)
+    expected |= {"threads": 1, "precision": declared.precision, "lanes": here["lanes"], "image": None}
     expected |= {
-        "isa": "+".join(sorted(declared.isa)) or "x86-64",
+        "isa": "+".join(sorted({*declared.isa, *here["isa"]})) or "x86-64",
         "overridden": False,
     }
+    flags = " ".join(filter(None, [declared.cflags, here["flags"]]))
     for key, value in expected.items():
         assert record[key] == value and lines[0][key] == value, (
             f"{run}: {key} is {record[key]!r}, not {value!r}"
         )
     # a sanitised build says so in its flags, after the phase's own
     assert record["flags"].startswith(declared.cflags), f"{run}: flags are {record['flags']!r}"
-    assert REDUCED or record["flags"] == declared.cflags, f"{run}: flags are {record['flags']!r}"
+    assert REDUCED or record["flags"] == flags, f"{run}: flags are {record['flags']!r}"
     assert [frame["warmup"] for frame in frames] == [line["warmup"] for line in lines] == [True, False, False]
     assert [frame["frame"] for frame in frames if not frame["warmup"]] == [0, 1], f"{run}: numbers of frames"
     assert record["timer_overhead_cycles"] > 0 and record["prepare_ns"] >= 0 and record["cpu"] >= -1, f"{run}"
