@@ -400,3 +400,10 @@ def test_the_fixture_is_what_its_maker_makes(tmp_path: Path) -> None:
     subprocess.run([sys.executable, maker], check=True)
     for path in (ROOT / "tests" / "fixtures" / "run").iterdir():
         assert (tmp_path / "run" / path.name).read_bytes() == path.read_bytes()
+
+
+def test_intervals_are_columns_of_their_own_in_csv(tmp_path):
+    rows = pd.DataFrame([{"a": 1, "ms": {"value": 2.5, "low": 2}}, {"a": 3, "ms": None}])
+    tables.write({"some": (rows, "text")}, tmp_path)
+    assert (tmp_path / "some.csv").read_text() == "a,ms.value,ms.low\n1,2.5,2.0\n3,,\n"
+    assert json.loads((tmp_path / "some.json").read_text())[0]["ms"] == {"value": 2.5, "low": 2}
