@@ -28,7 +28,7 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask own_bulge = both(own, bulges(s, r->local));
+    mask own_bulge = both(own, bulges(s, r->local, r->facing, work->scene));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
     real wide = set(fmaxf(1.0f - q * q, 1e-6f));
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;

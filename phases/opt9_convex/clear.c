@@ -3,8 +3,8 @@
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
 #include "cone.h"
 
-mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
-             const struct convex *work) {
+mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+             mask active, const struct convex *work) {
     COUNT(cleared, call);
     const struct prepared *scene = work->scene;
     float q = scene->lit_slope;
@@ -21,7 +21,7 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
             float slope = slope_to(s, q);
             here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
             if (bits(but_not(here, clear)))
-                here = either(here, both(same_shape(shape, i), bulges(s, local)));
+                here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
         }
         clear = both(clear, here);
     }
@@ -65,26 +65,41 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
     return choose(second, least_of(least, term), least);
 }
 
-mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
-                   const struct convex *work) {
+mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                   real distance, mask active, const struct convex *work) {
     COUNT(reaches_light, call);
     const struct prepared *scene = work->scene;
+    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
+    float radius = (float)scene->model.march.bounds_radius;
+    // From where a march would begin to the light, or to the bounds.
+    struct vec start = vec_along(point, to_light, offset);
+    real along = vec_dot(start, to_light);
+    real leaves =
+        root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
+    real way = least_of(distance - offset, leaves - along);
     mask open = active;
     for (int k = 0; k < work->desk->shadings && any(open); k++) {
-        const struct placed *s = &scene->placed[work->desk->shading[k]];
-        real t;
-        mask met;
+        int i = work->desk->shading[k];
+        const struct placed *s = &scene->placed[i];
+        mask own = same_shape(shape, i), blocked;
         if (s->way == LINEAR) {
-            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, point);
-            t = height / (set(0.0f) - slope);
-            met = both(less(slope, set(0.0f)), greater(height, set(0.0f)));
+            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, start);
+            blocked = but_not(own, less(mul_add(way, slope, height), zero));
+            blocked = either(blocked, but_not(own, less(height, zero)));
         } else {
-            struct vec at;
-            met = enter(in_frame(s, point), turned(s, to_light), s, open, &t, &at);
+            struct vec at, d = turned(s, to_light),
+                           o = vec_choose(own, vec_along(local, d, offset), in_frame(s, start));
+            mask asked = s->convex ? but_not(own, open) : open;
+            real t;
+            blocked = enter(o, d, s, asked, &t, &at);
+            blocked = both(blocked, less(t, way));
+            mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+            if (any(within)) {
+                COUNT(reaches_light, within);
+                blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));
+            }
         }
-        open = but_not(both(met, both(less(t, distance),
-                                      greater(t, set((float)scene->model.march.surface_offset)))),
-                       open);
+        open = but_not(both(blocked, greater(way, zero)), open);
     }
     return open;
 }

@@ -70,7 +70,7 @@ static void queue_shadow(mask m, struct vec p, const struct found *hit, struct v
 }
 
 static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight,
-                         const struct convex *work) {
+                         real shape, const struct convex *work) {
     struct desk *desk = work->desk;
     int at = desk->mirrors;
     float (*field)[QUEUE_ROOM] = desk->mirror;
@@ -80,6 +80,7 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     pack(m, weight, &field[M_WEIGHT][at]);
     pack(m, ray->pixel, &field[M_PIXEL][at]);
     pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
+    pack(m, shape, &field[M_LEAVES][at]);
     desk->mirrors += count_of(m);
 }
 
@@ -150,12 +151,14 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
     if (!any(at->lit))
         return;
     if (model->shadows == SHADOWS_SOFT)
-        at->open = cleared(at->point, at->hit.local, at->to_light, at->hit.shape, at->lit, work);
+        at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                           at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
         struct vec to = {set((float)work->view->light_position[0]) - at->point.x,
                          set((float)work->view->light_position[1]) - at->point.y,
                          set((float)work->view->light_position[2]) - at->point.z};
-        at->open = reaches_light(at->point, at->to_light, vec_norm(to), at->lit, work);
+        at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
+                                 vec_norm(to), at->lit, work);
     }
 }
 
@@ -181,7 +184,7 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
                            less(at->ray.bounce, set((float)model->march.max_bounces)));
         if (any(mirror))
             queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
-                         at->weight * at->surface.share, work);
+                         at->weight * at->surface.share, at->hit.shape, work);
     }
 }
 

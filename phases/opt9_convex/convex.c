@@ -3,13 +3,23 @@
 // there are enough of them to fill all lanes.
 #include "picture.h"
 
-// `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
-static void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
-                      const int *list, int count, const struct prepared *scene, struct found *hit) {
+static inline void take(mask met, real t, struct vec local, const struct placed *s,
+                        struct found *hit) {
+    if (!any(met))
+        return;
+    hit->found = either(hit->found, met);
+    hit->t = choose(met, t, hit->t);
+    hit->shape = choose(met, set(s->index), hit->shape);
+    hit->local = vec_choose(met, local, hit->local);
+}
+
+// Camera rays. Where the camera is inside of a shape, march.c has the frame.
+static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
+                      int count, const struct prepared *scene, struct found *hit) {
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
     for (int k = 0; k < count; k++) {
-        int i = list ? list[k] : k;
+        int i = list[k];
         const struct placed *s = &scene->placed[i];
         real t;
         mask met;
@@ -18,20 +28,54 @@ static void first_hit(struct vec origin, struct vec direction, mask active, cons
             continue;
         if (s->way == LINEAR) {
             real slope = vec_dot(vec_set(s->normal), direction);
-            real height = eyes ? set(eyes[i].height) : height_over(s, origin);
-            t = height / (zero - slope);
-            met = both(both(active, less(slope, zero)), greater(height, zero));
+            t = set(eyes[i].height) / (zero - slope);
+            met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
         } else
-            met = enter(eyes ? vec_set(eyes[i].at) : in_frame(s, origin), turned(s, direction), s,
-                        active, &t, &local);
-        met = both(met, less(t, hit->t));
-        if (!any(met))
+            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+        take(both(met, less(t, hit->t)), t, local, s, hit);
+    }
+}
+
+// Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
+// then hit it at once, at the distance that they are at, which is negative.
+static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask active, mask own,
+                      real *t, struct vec *local) {
+    COUNT(meet_from, call);
+    if (s->convex)
+        active = but_not(own, active); // what it leaves, it does not meet again
+    mask met = enter(o, d, s, active, t, local);
+    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    if (!any(within))
+        return met;
+    COUNT(meet_from, within);
+    real h = distance_at(o, s, no_lane());
+    mask inside = both(within, less(h, set(0.0f)));
+    *t = choose(inside, h, *t);
+    *local = vec_choose(inside, vec_along(o, d, h), *local);
+    return either(met, inside);
+}
+
+static void mirror_hit(const struct ray *ray, const struct prepared *scene, struct found *hit) {
+    real zero = set(0.0f);
+    *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        mask own = same_shape(ray->leaves, i), met;
+        real t;
+        struct vec local = hit->local;
+        if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
-        hit->found = either(hit->found, met);
-        hit->t = choose(met, t, hit->t);
-        hit->shape = choose(met, set(s->index), hit->shape);
-        hit->local = vec_choose(met, local, hit->local);
+        if (s->way == LINEAR) {
+            real slope = vec_dot(vec_set(s->normal), ray->direction);
+            real height = height_over(s, ray->origin);
+            mask under = less(height, zero);
+            t = choose(under, height, height / (zero - slope));
+            met = both(but_not(own, ray->active), either(under, less(slope, zero)));
+        } else
+            met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active,
+                            own, &t, &local);
+        take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
 
@@ -46,14 +90,16 @@ static void follow_mirrors(const struct convex *work) {
             int count = desk->mirrors < LANES ? desk->mirrors : LANES,
                 first = desk->mirrors -= count;
             struct stage *at = &stage[packets];
-            at->ray = (struct ray){
-                load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
-                load(&field[M_WEIGHT][first]),     load(&field[M_PIXEL][first]),
-                load(&field[M_BOUNCE][first]),     first_lanes(count)};
+            at->ray = (struct ray){load_vec(field + M_ORIGIN, first),
+                                   load_vec(field + M_DIRECTION, first),
+                                   load(&field[M_WEIGHT][first]),
+                                   load(&field[M_PIXEL][first]),
+                                   load(&field[M_BOUNCE][first]),
+                                   load(&field[M_LEAVES][first]),
+                                   first_lanes(count)};
         }
         for (int i = 0; i < packets; i++)
-            first_hit(stage[i].ray.origin, stage[i].ray.direction, stage[i].ray.active, NULL, NULL,
-                      work->scene->model.shape_count, work->scene, &stage[i].hit);
+            mirror_hit(&stage[i].ray, work->scene, &stage[i].hit);
         if (work->scene->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
@@ -132,10 +178,11 @@ static inline void look(const struct tile *tile, struct block block, int slot,
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
     d = vec_scale(d, set(1.0f) / vec_norm(d));
-    at->ray = (struct ray){
-        tile->eye, d, set(1.0f), lane_numbers() + set((float)slot), set(0.0f), in_picture(block)};
-    first_hit(tile->eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed,
-              job->prepared, &at->hit);
+    at->ray =
+        (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
+                     set(0.0f), set(-1.0f), in_picture(block)};
+    first_hit(d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
+              &at->hit);
 }
 
 static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {

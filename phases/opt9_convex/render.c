@@ -180,7 +180,8 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         if (p->way == LINEAR && prepared->plane < 0)
             prepared->plane = i;
         if (p->repeated || p->way == POWER ||
-            (p->type == SHAPE_MANDELBULB && model->march.hit_distance > 0.01))
+            (p->type == SHAPE_MANDELBULB &&
+             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD)))
             prepared->solids = false;
     }
     return true;

@@ -38,10 +38,12 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears, co
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
-static inline real leap(const struct rays *r, real start, real strength, real *previous,
-                        real *square) {
+static inline real leap(const struct rays *r, real start, real strength, real hit_distance,
+                        real *previous, real *square) {
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
+    // A march that is within the hit distance at its first step has no term at all.
+    can = both(can, not_less(start * r->facing, hit_distance));
     if (!any(can))
         return start;
     real c = r->facing, grow = log_of(one + c);
@@ -66,6 +68,7 @@ struct march {
     real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
 };
 enum { MARCH_REALS = 8, NEAR_REALS = 8 };
+enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
 
 static void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
                   struct march *m) {
@@ -78,14 +81,21 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     m->count = choose_shapes(r, nears, casters, work);
     m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
-    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it.
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
+    // steps to come there (e^-23 is 1e-10), and takes the first.
     real room = r->first * (set(1.0f) - r->cosine);
     float least_room = (float)(1e5 * model->march.hit_distance * model->shadow_strength);
+    real offset = set((float)model->march.surface_offset),
+         hit = set((float)model->march.hit_distance);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
+    dark = both(dark, both(greater(r->cosine, set(23.0f / (float)model->march.max_steps)),
+                           not_less(r->facing * offset, hit)));
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);
-    m->t = leap(r, set((float)model->march.surface_offset), strength, &m->previous, &m->square);
+    m->t = offset;
+    if (model->march.max_steps >= MANY_STEPS)
+        m->t = leap(r, offset, strength, hit, &m->previous, &m->square);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
