@@ -1,7 +1,9 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "crowd.h"
 #include "picture.h"
+#include "window.h"
 
 static inline void take(mask met, real t, struct vec local, const struct placed *s,
                         struct found *hit) {
@@ -56,10 +58,15 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
     return either(met, inside);
 }
 
-static void mirror_hit(const struct ray *ray, const struct prepared *scene, struct found *hit) {
+static void mirror_hit(const struct ray *ray, const struct convex *work, struct found *hit) {
+    const struct prepared *scene = work->scene;
+    int *list = scene->tree.levels ? work->desk->mirrored : NULL, count = scene->model.shape_count;
+    if (list)
+        count = crowd_along(ray->origin, ray->direction, ray->active, work, list);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
-    for (int i = 0; i < scene->model.shape_count; i++) {
+    for (int k = 0; k < count; k++) {
+        int i = list ? list[k] : k;
         const struct placed *s = &scene->placed[i];
         mask own = same_shape(ray->leaves, i), met;
         real t;
@@ -99,7 +106,7 @@ static void follow_mirrors(const struct convex *work) {
                                    first_lanes(count)};
         }
         for (int i = 0; i < packets; i++)
-            mirror_hit(&stage[i].ray, work->scene, &stage[i].hit);
+            mirror_hit(&stage[i].ray, work, &stage[i].hit);
         if (work->scene->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
@@ -107,11 +114,6 @@ static void follow_mirrors(const struct convex *work) {
             add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
     }
 }
-
-// The part of the picture's plane at distance 1 that the tile's rays go through.
-struct window {
-    float left, right, bottom, top;
-};
 
 // The shapes that lie across it, at least with their bounding spheres.
 static int shapes_in(const struct window *w, const struct job *job, int *list) {
@@ -121,10 +123,8 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
     for (int i = 0; i < job->prepared->model.shape_count; i++) {
         const struct placed *s = &job->prepared->placed[i];
         const float *c = job->prepared->eyes[i].centre;
-        if (s->way ==
-            LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
-            float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
-            if (c[0] * x + c[1] * y + c[2] < 1e-6f)
+        if (s->way == LINEAR) { // centre: its normal
+            if (plane_in_window(w, c))
                 list[count++] = i;
             continue;
         }
@@ -226,7 +226,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
                             (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
                             (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
                             (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
-    desk->listed = shapes_in(&window, job, desk->list);
+    desk->listed = job->prepared->tree.levels ? crowd_in_window(&window, job, desk, desk->list)
+                                              : shapes_in(&window, job, desk->list);
     if (desk->listed == 0) {
         fill_background(frame, tile.left, tile.right, tile.top, tile.bottom, &job->prepared->model);
         return;

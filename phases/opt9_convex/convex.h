@@ -67,6 +67,10 @@ struct desk {
     int *shading; // shapes that can matter to the light on the group in work
     int shadings; // how many
     int *casters; // shapes that the packet may meet
+    // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
+    int *mirrored, *vicinity;
+    unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
+    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };
 
 // What a shape is to a packet of shadow rays.

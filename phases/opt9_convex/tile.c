@@ -113,7 +113,7 @@ static size_t whole_lines(size_t size) {
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
     size_t desk = whole_lines(sizeof(struct desk)) + (ABREAST + 1) * shapes * sizeof(struct near) +
-                  4 * whole_lines(shapes * sizeof(int));
+                  6 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
 
@@ -135,6 +135,8 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     desk->list = (int *)behind;
     desk->shading = (int *)(behind + whole_lines(shapes * sizeof(int)));
     desk->casters = (int *)(behind + 2 * whole_lines(shapes * sizeof(int)));
+    desk->mirrored = (int *)(behind + 4 * whole_lines(shapes * sizeof(int)));
+    desk->vicinity = (int *)(behind + 5 * whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);
 }
 

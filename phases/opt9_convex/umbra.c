@@ -1,7 +1,7 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "cone.h"
+#include "crowd.h"
 
 #include <string.h>
 
@@ -78,7 +78,10 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
                         .previous = set(1e9f),
                         .from = set(0.0f),
                         .divisor = set(1.0f)};
-    m->count = choose_shapes(r, nears, casters, work);
+    if (work->scene->tree.levels)
+        crowd_ahead(r, nears, work);
+    else
+        m->count = choose_shapes(r, nears, casters, work);
     m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
@@ -181,6 +184,33 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .to_light = load_vec(field + S_TO_LIGHT, first),
                          .facing = load(&field[S_FACING][first]),
                          .shape = load(&field[S_SHAPE][first]),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
+static real gathered(const float *field, const unsigned short *order, int count) {
+    float lanes[LANES];
+    for (int i = 0; i < LANES; i++)
+        lanes[i] = field[order[i < count ? i : 0]];
+    return load(lanes);
+}
+
+static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
+                        gathered(field[2], order, count)};
+}
+
+// The same of rays that have been sorted; of a packet that has none, the first ray's.
+static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    return (struct rays){.active = first_lanes(count),
+                         .point = gathered_vec(field + S_POINT, order, count),
+                         .local = gathered_vec(field + S_LOCAL, order, count),
+                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
+                         .facing = gathered(field[S_FACING], order, count),
+                         .shape = gathered(field[S_SHAPE], order, count),
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
@@ -292,6 +322,73 @@ static void cast_streams(const struct convex *work) {
     desk->shadows = 0;
 }
 
+// A packet's march through a crowd. The rays of a packet come apart, so only those near the one that is furthest
+// behind are marched, until all of them have left its vicinity; the others wait.
+struct walk {
+    struct march march;
+    struct rays rays;
+    struct vicinity near;
+    mask waits;
+};
+
+static void look_around(struct walk *w, const struct convex *work) {
+    struct march *m = &w->march;
+    real q = root(m->square / m->divisor) *
+             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    m->done = either(m->done, crowd_behind(&w->rays, m->t, q, m->done, work));
+    if (all(m->done))
+        return;
+    real rear = set(least_lane(choose(m->done, set(INFINITY), m->t)));
+    mask last = but_not(m->done, not_less(rear, m->t));
+    // Its own shape is no further than t, and no distance grows faster than a ray goes.
+    real h = least_of(m->t, m->previous + m->previous);
+    crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    w->waits = not_less(distance_between(p, w->near.centre), set(0.5f * w->near.within));
+}
+
+static void advance(struct walk *w, real strength, real hit, const struct convex *work) {
+    struct march *m = &w->march;
+    mask done = m->done;
+    if (all(either(done, w->waits))) {
+        look_around(w, work);
+        done = m->done;
+        if (all(done))
+            return;
+    }
+    mask still = either(done, w->waits);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    real h = nearest(m->nears, w->near.list, w->near.count, m->t, still, work->scene);
+    // What is not in the vicinity could be nearer.
+    mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
+    w->waits = either(w->waits, not_in(sure));
+    still = either(done, w->waits);
+    real previous = m->previous, from = m->from;
+    m->done = still;
+    step(m, h, strength, hit, 0.0f);
+    m->previous = choose(still, previous, m->previous);
+    m->from = choose(still, from, m->from);
+    m->done = either(done, but_not(still, m->done));
+}
+
+static void cast_crowd(int first, const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    int count = desk->shadows - first < LANES ? desk->shadows - first : LANES;
+    const unsigned short *order = desk->order[0] + first;
+    struct walk w = {
+        .rays = sorted(field, order, count), .near = {.list = desk->casters}, .waits = all_lanes()};
+    begin(&w.rays, desk->near, desk->casters, work, &w.march);
+    for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
+        advance(&w, strength, hit, work);
+    add_light(w.rays.active,
+              vec_scale(gathered_vec(field + S_LIGHT, order, count),
+                        root(w.march.square / w.march.divisor)),
+              gathered(field[S_PIXEL], order, count), desk);
+}
+
 static void cast_pair(int first, const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
@@ -325,6 +422,13 @@ static void cast_pair(int first, const struct convex *work) {
 void cast_shadows(const struct convex *work) {
     if (work->scene->bulbs) {
         cast_streams(work);
+        return;
+    }
+    if (work->scene->tree.levels) {
+        crowd_sort(work->desk);
+        for (int first = 0; first < work->desk->shadows; first += LANES)
+            cast_crowd(first, work);
+        work->desk->shadows = 0;
         return;
     }
     for (int first = 0; first < work->desk->shadows; first += 2 * LANES)
