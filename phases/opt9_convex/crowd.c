@@ -254,6 +254,9 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
         follow(&scene->tree, stops_sooner, stop_at, &l);
 }
 
+#ifndef VICINITY
+#define VICINITY 0.4f
+#endif
 struct around {
     struct vec centre;
     real within;
@@ -277,16 +280,20 @@ void crowd_about(const struct rays *r, real t, real h, mask last, struct near *n
     unsigned lane = bits(last) & (0u - bits(last)); // one of them
     mask one = lanes_of(lane);
     v->centre = (struct vec){set(picked(one, p.x)), set(picked(one, p.y)), set(picked(one, p.z))};
-    v->within = fmaxf(1.5f * picked(one, h), scene->tree.spacing);
+    v->within = fmaxf(1.5f * picked(one, h), VICINITY * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
     struct around around = {v->centre, set(v->within * (1 + 1e-4f) + slack)};
     find(&scene->tree, within_reach, &around, work->desk);
     mark_planes(work->desk, scene);
     v->count = take_marked(work->desk, scene, v->list);
     for (int k = 0; k < v->count; k++) {
-        struct near *near = &nears[v->list[k]];
-        near->from = set(0.0f);
-        see_along(r, v->list[k], near, work);
+        const struct placed *s = &scene->placed[v->list[k]];
+        if (s->way == LINEAR) {
+            nears[k].origin.x = drop(same_shape(r->shape, v->list[k]), height_over(s, r->point));
+            nears[k].direction.x = vec_dot(vec_set(s->normal), r->to_light);
+        } else
+            see_along(r, v->list[k], &nears[k], work);
+        v->wakes[k] = set(-INFINITY);
     }
 }
 
@@ -295,10 +302,12 @@ struct cones {
     const struct rays *rays;
     real t, q, narrow;
     mask asked, blocked;
+    real until; // where the last that blocks them is left
     const struct prepared *scene;
 };
 
-static inline mask cone_meets(const float centre[3], float radius, const struct cones *c) {
+static inline mask cone_meets(const float centre[3], float radius, const struct cones *c,
+                              real *leaves) {
     struct vec v = {set(centre[0]) - c->rays->point.x, set(centre[1]) - c->rays->point.y,
                     set(centre[2]) - c->rays->point.z};
     real zero = set(0.0f), square = vec_dot(v, v);
@@ -306,32 +315,39 @@ static inline mask cone_meets(const float centre[3], float radius, const struct 
     real lean = mul_add(c->q, set(radius), vec_dot(v, c->rays->to_light));
     real rest = mul_sub(lean, lean, c->narrow * need);
     mask meets = either(less(need, zero), both(greater(lean, zero), not_less(rest, zero)));
-    real leaves = (lean + root(most_of(rest, zero))) / c->narrow;
-    return both(meets, not_less(leaves, c->t));
+    *leaves = (lean + root(most_of(rest, zero))) / c->narrow;
+    return both(meets, not_less(*leaves, c->t));
 }
 
 static inline bool in_a_cone(const float centre[3], float radius, void *with) {
     struct cones *c = with;
-    return any(but_not(c->blocked, both(c->asked, cone_meets(centre, radius, c))));
+    real leaves;
+    return any(but_not(c->blocked, both(c->asked, cone_meets(centre, radius, c, &leaves))));
 }
 
 static inline void block(int shape, void *with) {
     struct cones *c = with;
     const struct placed *s = &c->scene->placed[shape];
-    c->blocked = either(c->blocked, cone_meets(s->position, s->bound, c));
+    real leaves;
+    mask meets = cone_meets(s->position, s->bound, c, &leaves);
+    c->until = choose(meets, most_of(c->until, leaves), c->until);
+    c->blocked = either(c->blocked, meets);
 }
 
-mask crowd_behind(const struct rays *r, real t, real q, mask done, const struct convex *work) {
+mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
+                  const struct convex *work) {
     const struct prepared *scene = work->scene;
     q = least_of(q, set(0.99f));
-    struct cones c = {r, t, q, neg_mul_add(q, q, set(1.0f)), not_in(done), no_lane(), scene};
+    struct cones c = {r, t, q, neg_mul_add(q, q, set(1.0f)), asked, no_lane(), set(0.0f), scene};
     for (int k = 0; k < scene->plane_count; k++) {
         const struct placed *s = &scene->placed[scene->planes[k]];
         real slope = vec_dot(vec_set(s->normal), r->to_light);
         c.blocked = either(c.blocked, less(slope, q));
     }
+    c.until = choose(c.blocked, set(INFINITY), c.until);
     if (any(but_not(c.blocked, c.asked)))
         follow(&scene->tree, in_a_cone, block, &c);
+    *until = c.until;
     return but_not(c.blocked, c.asked);
 }
 

@@ -29,14 +29,17 @@ struct vicinity {
     float within;
     int count;
     int *list;
+    real *wakes; // of the list: where t + the nearest distance is less, so is that one
 };
 
 // Sorts the shadow rays that wait, so that those of a packet are near each other: desk->order[0].
 void crowd_sort(struct desk *desk);
 // Sets the rays' end, their first entry into a solid and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
-// Which rays, at t, will have nothing nearer than q·t to the end.
-mask crowd_behind(const struct rays *r, real t, real q, mask done, const struct convex *work);
+// Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the
+// way ends.
+mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
+                  const struct convex *work);
 // Of one of the lanes in `last`, at t, where the nearest shape is no further than h.
 void crowd_about(const struct rays *r, real t, real h, mask last, struct near *nears,
                  struct vicinity *v, const struct convex *work);

@@ -329,13 +329,23 @@ struct walk {
     struct rays rays;
     struct vicinity near;
     mask waits;
+    real until, asked; // where what is in the way ends, of the cones of slope `asked`
 };
 
 static void look_around(struct walk *w, const struct convex *work) {
     struct march *m = &w->march;
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
-    m->done = either(m->done, crowd_behind(&w->rays, m->t, q, m->done, work));
+    // The term of the step that led here is one of those that q bounds only if that step was as long. What was in the
+    // way the last time still is, unless it is behind or q is less.
+    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
+    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
+    if (any(asked)) {
+        real until = set(0.0f);
+        m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
+        w->until = choose(asked, until, w->until);
+        w->asked = choose(asked, q, w->asked);
+    }
     if (all(m->done))
         return;
     real rear = set(least_lane(choose(m->done, set(INFINITY), m->t)));
@@ -345,6 +355,20 @@ static void look_around(struct walk *w, const struct convex *work) {
     crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
     struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
     w->waits = not_less(distance_between(p, w->near.centre), set(0.5f * w->near.within));
+}
+
+// See nearest(); what is known of the list's shapes is packed.
+static real nearest_about(const struct vicinity *v, const struct near *nears, real t, mask still,
+                          const struct prepared *scene) {
+    real least = set(INFINITY);
+    for (int k = 0; k < v->count; k++) {
+        if (!any(but_not(still, not_less(least + t, v->wakes[k]))))
+            continue;
+        real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
+        v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
+        least = least_of(least, h);
+    }
+    return least;
 }
 
 static void advance(struct walk *w, real strength, real hit, const struct convex *work) {
@@ -358,7 +382,7 @@ static void advance(struct walk *w, real strength, real hit, const struct convex
     }
     mask still = either(done, w->waits);
     struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
-    real h = nearest(m->nears, w->near.list, w->near.count, m->t, still, work->scene);
+    real h = nearest_about(&w->near, m->nears, m->t, still, work->scene);
     // What is not in the vicinity could be nearer.
     mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
     w->waits = either(w->waits, not_in(sure));
@@ -379,7 +403,11 @@ static void cast_crowd(int first, const struct convex *work) {
     int count = desk->shadows - first < LANES ? desk->shadows - first : LANES;
     const unsigned short *order = desk->order[0] + first;
     struct walk w = {
-        .rays = sorted(field, order, count), .near = {.list = desk->casters}, .waits = all_lanes()};
+        .rays = sorted(field, order, count),
+        .near = {.list = desk->casters, .wakes = (real *)(desk->near + model->shape_count)},
+        .waits = all_lanes(),
+        .until = set(0.0f),
+        .asked = set(INFINITY)};
     begin(&w.rays, desk->near, desk->casters, work, &w.march);
     for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
         advance(&w, strength, hit, work);
