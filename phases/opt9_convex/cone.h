@@ -53,6 +53,7 @@ static inline real flat_within(struct vec p, const struct placed *s) {
         return set(SHARP) * least_of(absolute(p.x), least_of(absolute(p.y), absolute(p.z)));
     case SHAPE_CONE: {
         COUNT(flat_within, cone);
+        COUNT(flat_within, cone_scalar);
         real radius = root(mul_add(p.x, p.x, p.z * p.z));
         real below = most_of(absolute(radius - set(s->a)), absolute(p.y + set(s->c)));
         real above = most_of(absolute(radius - set(s->b)), absolute(p.y - set(s->c)));
@@ -70,14 +71,19 @@ static inline mask bulges(const struct placed *s, struct vec local, real facing,
                           const struct prepared *scene) {
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
+    COUNT(bulges, call);
     mask may = all_lanes();
     if (!s->convex) {
+        COUNT(bulges, torus);
+        COUNT(bulges, torus_scalar);
         real square = mul_add(local.x, local.x, local.z * local.z);
         may = not_less(square, set(s->a * s->a));
     }
     mask grazes = less(facing, set(scene->lit_slope));
     if (!any(grazes))
         return may;
+    COUNT(bulges, grazes);
+    COUNT(bulges, grazes_scalar);
     float short_of = FLAT * (float)scene->model.march.surface_offset;
     return both(may, either(not_in(grazes), not_less(flat_within(local, s), set(short_of))));
 }

@@ -16,6 +16,7 @@ static inline void take(mask met, real t, struct vec local, const struct placed 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
 static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
                       int count, const struct prepared *scene, struct found *hit) {
+    COUNT(first_hit, call);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
     for (int k = 0; k < count; k++) {
@@ -26,13 +27,17 @@ static void first_hit(struct vec direction, mask active, const struct eye *eyes,
         struct vec local;
         if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
+        ACTIVE(count_of(active));
         if (s->way == LINEAR) {
+            COUNT(first_hit, plane);
             real slope = vec_dot(vec_set(s->normal), direction);
             t = set(eyes[i].height) / (zero - slope);
             met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
-        } else
+        } else {
+            COUNT(first_hit, solid);
             met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+        }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
@@ -57,24 +62,30 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
 }
 
 static void mirror_hit(const struct ray *ray, const struct prepared *scene, struct found *hit) {
+    COUNT(mirror_hit, call);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
+        ACTIVE(count_of(ray->active));
         mask own = same_shape(ray->leaves, i), met;
         real t;
         struct vec local = hit->local;
         if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
+        COUNT(mirror_hit, shape);
         if (s->way == LINEAR) {
+            COUNT(mirror_hit, plane);
             real slope = vec_dot(vec_set(s->normal), ray->direction);
             real height = height_over(s, ray->origin);
             mask under = less(height, zero);
             t = choose(under, height, height / (zero - slope));
             met = both(but_not(own, ray->active), either(under, less(slope, zero)));
-        } else
+        } else {
+            COUNT(mirror_hit, solid);
             met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active,
                             own, &t, &local);
+        }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
@@ -115,6 +126,7 @@ struct window {
 
 // The shapes that lie across it, at least with their bounding spheres.
 static int shapes_in(const struct window *w, const struct job *job, int *list) {
+    COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     int count = 0;
@@ -123,11 +135,13 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
         const float *c = job->prepared->eyes[i].centre;
         if (s->way ==
             LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+            COUNT(shapes_in, plane);
             float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
             if (c[0] * x + c[1] * y + c[2] < 1e-6f)
                 list[count++] = i;
             continue;
         }
+        COUNT(shapes_in, solid);
         float r = s->bound * (1 + 1e-5f);
         if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
             c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
@@ -171,6 +185,8 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
 static inline void look(const struct tile *tile, struct block block, int slot,
                         const struct job *job, const struct desk *desk, struct stage *at) {
     const struct frame *frame = job->frame;
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
@@ -209,6 +225,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     const struct view *view = job->view;
     struct convex work = {job->prepared, view, desk};
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    COUNT(convex_tile, call);
+    COUNT(convex_tile, scalar);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,
