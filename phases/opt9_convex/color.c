@@ -267,7 +267,10 @@ static bool ball_clears(const struct ball *ball, const struct placed *s, float q
         need += v * v;
     }
     float lean = along + q * radius;
-    return need > 0 && q < 1 && (lean <= 0 || lean * lean * (1 + 1e-4f) < (1 - q * q) * need);
+    if (!(need > 0 && q < 1) || lean <= 0)
+        return need > 0 && q < 1;
+    COUNT(ball_clears, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
 // Which shapes can come between the group and the light.
