@@ -181,19 +181,25 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
                           lesser(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
-static inline void look(const struct tile *tile, struct block block, int slot,
-                        const struct job *job, const struct desk *desk, struct stage *at) {
-    const struct frame *frame = job->frame;
-    ACTIVE(block.across * block.down);
-    COUNT(look, call);
+static inline struct vec get_direction(const struct tile *tile, struct block block,
+                                       const struct frame *frame) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, tile);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
     real y =
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
-    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot,
+                        const struct job *job, const struct desk *desk, struct stage *at) {
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
+    struct vec d = get_direction(tile, block, job->frame);
     at->ray =
         (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
                      set(0.0f), set(-1.0f), in_picture(block)};

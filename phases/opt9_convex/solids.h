@@ -13,7 +13,8 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
 }
 
-// What is between two planes at distance `half` from the origin, of rays that are at c and go d.
+// What is between two planes at distance `half` from the origin, of rays that are at c and go d. Be they so near that
+// rounding makes both the same: in is no more than out.
 static inline void slab(real c, real d, float half, real *in, real *out) {
     real per = inverse_of(d), middle = c * per, width = set(half) * absolute(per);
     *in = most_of(*in, set(0.0f) - middle - width);
@@ -27,7 +28,7 @@ static inline mask enter_box(struct vec c, struct vec d, const struct placed *s,
     slab(c.x, d.x, s->size[0], t, &out);
     slab(c.y, d.y, s->size[1], t, &out);
     slab(c.z, d.z, s->size[2], t, &out);
-    return less(*t, out);
+    return not_less(out, *t);
 }
 
 static inline mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
@@ -39,7 +40,7 @@ static inline mask enter_octahedron(struct vec c, struct vec d, const struct pla
     slab(sum - c.z, d_sum - d.z, s->a, t, &out);
     slab(apart + c.z, d_apart + d.z, s->a, t, &out);
     slab(apart - c.z, d_apart - d.z, s->a, t, &out);
-    return less(*t, out);
+    return not_less(out, *t);
 }
 
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
@@ -61,8 +62,9 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     // At the cap: is it within the rim?
     mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
     *t = choose(cap, in, side);
-    return both(less(in, out), either(cap, both(both(not_less(square, zero), not_less(side, in)),
-                                                less(side, out))));
+    return both(
+        not_less(out, in),
+        either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
 }
 
 // Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's

@@ -31,6 +31,7 @@ static mask in_picture(struct block block) {
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
+    COUNT(get_direction, packet);
     COUNT(get_direction, divide);
     double per_height = view->tan_half_fov / frame->height;
     float columns[LANES], rows[LANES];
