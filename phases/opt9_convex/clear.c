@@ -87,7 +87,8 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
     COUNT(reaches_light, call);
     COUNT(reaches_light, scalar);
     const struct prepared *scene = work->scene;
-    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
+    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset),
+         hit = set((float)scene->model.march.hit_distance);
     float radius = (float)scene->model.march.bounds_radius;
     // From where a march would begin to the light, or to the bounds.
     struct vec start = vec_along(point, to_light, offset);
@@ -113,7 +114,8 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
             mask asked = s->convex ? but_not(own, open) : open;
             real t;
             blocked = enter(o, d, s, asked, &t, &at);
-            blocked = both(blocked, less(t, way));
+            blocked =
+                both(blocked, less(t, way + hit)); // a light may be in it by less than float tells
             mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
             if (any(within)) {
                 COUNT(reaches_light, within);

@@ -109,9 +109,38 @@ static struct vec grazed(struct vec light, mask grazes, const struct found *hit,
     return light;
 }
 
-static inline mask in_bounds(struct vec p, const struct model *model) {
-    float radius = (float)model->march.bounds_radius;
-    return not_less(set(radius * radius), vec_dot(p, p));
+// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has.
+static mask in_bounds_nearly(const struct ray *ray, real t, double radius) {
+    float at[7][LANES];
+    const real parts[7] = {ray->origin.x,
+                           ray->origin.y,
+                           ray->origin.z,
+                           ray->direction.x,
+                           ray->direction.y,
+                           ray->direction.z,
+                           t};
+    for (int i = 0; i < 7; i++)
+        unload(parts[i], at[i]);
+    unsigned in = 0;
+    for (int lane = 0; lane < LANES; lane++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++) {
+            double x = at[k][lane] + (double)at[3 + k][lane] * at[6][lane];
+            square += x * x;
+        }
+        in |= (unsigned)(square <= radius * radius) << lane;
+    }
+    return lanes_of(in);
+}
+
+static inline mask in_bounds(const struct stage *at, const struct model *model) {
+    double radius = model->march.bounds_radius;
+    real square = vec_dot(at->point, at->point), bound = set((float)(radius * radius));
+    mask near = less(absolute(square - bound), bound * set(0x1p-16f));
+    if (any(both(near, at->hit.found)))
+        return either(both(near, in_bounds_nearly(&at->ray, at->hit.t, radius)),
+                      but_not(near, not_less(bound, square)));
+    return not_less(bound, square);
 }
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
@@ -120,7 +149,7 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     COUNT(stage_surface, call);
     COUNT(stage_surface, scalar);
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
-    at->hit.found = both(at->hit.found, in_bounds(at->point, &scene->model));
+    at->hit.found = both(at->hit.found, in_bounds(at, &scene->model));
     at->lit = no_lane();
     if (any(at->hit.found))
         at->surface = surface_at(&at->hit, ray->direction, scene);

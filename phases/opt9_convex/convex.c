@@ -156,8 +156,10 @@ static int lesser(int a, int b) {
 }
 
 static inline mask in_picture(struct block block) {
+    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return all_lanes();
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));
