@@ -27,7 +27,9 @@ static inline struct vec to_centre(const struct placed *s, struct vec p) {
 
 // The slope that the cone to a shape needs.
 static inline float slope_to(const struct placed *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
+    if (s->type != SHAPE_MANDELBULB)
+        return q;
+    return q < BULB_SHARE ? q / BULB_SHARE : 1.0f;
 }
 
 // Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
@@ -53,6 +55,7 @@ static inline real flat_within(struct vec p, const struct placed *s) {
         return set(SHARP) * least_of(absolute(p.x), least_of(absolute(p.y), absolute(p.z)));
     case SHAPE_CONE: {
         COUNT(flat_within, cone);
+        COUNT(flat_within, cone_scalar);
         real radius = root(mul_add(p.x, p.x, p.z * p.z));
         real below = most_of(absolute(radius - set(s->a)), absolute(p.y + set(s->c)));
         real above = most_of(absolute(radius - set(s->b)), absolute(p.y - set(s->c)));
@@ -68,16 +71,22 @@ static inline real flat_within(struct vec p, const struct placed *s) {
 // first two steps of a march tell the shadow (clear.c), if they are short beside what the shape curves by.
 static inline mask bulges(const struct placed *s, struct vec local, real facing,
                           const struct prepared *scene) {
+    COUNT(bulges, call);
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
+    COUNT(bulges, solid);
     mask may = all_lanes();
     if (!s->convex) {
+        COUNT(bulges, torus);
+        COUNT(bulges, torus_scalar);
         real square = mul_add(local.x, local.x, local.z * local.z);
         may = not_less(square, set(s->a * s->a));
     }
     mask grazes = less(facing, set(scene->lit_slope));
     if (!any(grazes))
         return may;
+    COUNT(bulges, grazes);
+    COUNT(bulges, grazes_scalar);
     float short_of = FLAT * (float)scene->model.march.surface_offset;
     return both(may, either(not_in(grazes), not_less(flat_within(local, s), set(short_of))));
 }

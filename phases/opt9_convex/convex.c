@@ -18,6 +18,7 @@ static inline void take(mask met, real t, struct vec local, const struct placed 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
 static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
                       int count, const struct prepared *scene, struct found *hit) {
+    COUNT(first_hit, call);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
     for (int k = 0; k < count; k++) {
@@ -28,13 +29,17 @@ static void first_hit(struct vec direction, mask active, const struct eye *eyes,
         struct vec local;
         if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
+        ACTIVE(count_of(active));
         if (s->way == LINEAR) {
+            COUNT(first_hit, plane);
             real slope = vec_dot(vec_set(s->normal), direction);
             t = set(eyes[i].height) / (zero - slope);
             met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
-        } else
+        } else {
+            COUNT(first_hit, solid);
             met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+        }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
@@ -59,6 +64,7 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
 }
 
 static void mirror_hit(const struct ray *ray, const struct convex *work, struct found *hit) {
+    COUNT(mirror_hit, call);
     const struct prepared *scene = work->scene;
     int *list = scene->tree.levels ? work->desk->mirrored : NULL, count = scene->model.shape_count;
     if (list)
@@ -68,20 +74,25 @@ static void mirror_hit(const struct ray *ray, const struct convex *work, struct 
     for (int k = 0; k < count; k++) {
         int i = list ? list[k] : k;
         const struct placed *s = &scene->placed[i];
+        ACTIVE(count_of(ray->active));
         mask own = same_shape(ray->leaves, i), met;
         real t;
         struct vec local = hit->local;
         if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
+        COUNT(mirror_hit, shape);
         if (s->way == LINEAR) {
+            COUNT(mirror_hit, plane);
             real slope = vec_dot(vec_set(s->normal), ray->direction);
             real height = height_over(s, ray->origin);
             mask under = less(height, zero);
             t = choose(under, height, height / (zero - slope));
             met = both(but_not(own, ray->active), either(under, less(slope, zero)));
-        } else
+        } else {
+            COUNT(mirror_hit, solid);
             met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active,
                             own, &t, &local);
+        }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
@@ -117,6 +128,7 @@ static void follow_mirrors(const struct convex *work) {
 
 // The shapes that lie across it, at least with their bounding spheres.
 static int shapes_in(const struct window *w, const struct job *job, int *list) {
+    COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     int count = 0;
@@ -124,10 +136,12 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
         const struct placed *s = &job->prepared->placed[i];
         const float *c = job->prepared->eyes[i].centre;
         if (s->way == LINEAR) { // centre: its normal
+            COUNT(shapes_in, plane);
             if (plane_in_window(w, c))
                 list[count++] = i;
             continue;
         }
+        COUNT(shapes_in, solid);
         float r = s->bound * (1 + 1e-5f);
         if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
             c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
@@ -142,8 +156,10 @@ static int lesser(int a, int b) {
 }
 
 static inline mask in_picture(struct block block) {
+    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return all_lanes();
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));
@@ -167,17 +183,25 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
                           lesser(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
-static inline void look(const struct tile *tile, struct block block, int slot,
-                        const struct job *job, const struct desk *desk, struct stage *at) {
-    const struct frame *frame = job->frame;
+static inline struct vec get_direction(const struct tile *tile, struct block block,
+                                       const struct frame *frame) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, tile);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
     real y =
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
-    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot,
+                        const struct job *job, const struct desk *desk, struct stage *at) {
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
+    struct vec d = get_direction(tile, block, job->frame);
     at->ray =
         (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
                      set(0.0f), set(-1.0f), in_picture(block)};
@@ -209,6 +233,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     const struct view *view = job->view;
     struct convex work = {job->prepared, view, desk};
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    COUNT(convex_tile, call);
+    COUNT(convex_tile, scalar);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,

@@ -125,12 +125,14 @@ static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    COUNT(add_light, call);
     float red[LANES], green[LANES], blue[LANES], at[LANES];
     unload(light.x, red);
     unload(light.y, green);
     unload(light.z, blue);
     unload(pixel, at);
     for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        COUNT(add_light, lane);
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         desk->color[i] += red[lane];
         desk->color[TILE_PIXELS + i] += green[lane];

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "flops.h"
 #include "placed.h"
 #include "threads.h"
 #include "variant.h"
@@ -301,6 +302,7 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {{prepared, view, frame,
                              prepared->bulbs || prepared->tree.levels ? 64 : 8,
