@@ -300,15 +300,24 @@ def documented_keys() -> set[str]:
     return keys - {"config", "launch", "env_bytes", "time"} | {"image"}
 
 
+CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")
+
+
 def test_record(phase: str) -> None:
     """--json and --jsonl say the same, with exactly the documented keys and plausible values."""
     declared = registry.phases()[phase]
-    run = call(phase, SCENES["scene0"], "-n", 9, "--reps", 2, "--warmup", 1, "--json")
+    arguments = [phase, SCENES["scene0"], "-n", 9, "--reps", 2, "--warmup", 1]
+    run = call(*arguments, "--json", timed=True)
     assert run.status == 0, f"{run}"
     record = run.record
     frames = record.pop("frames")
-    lines = call(phase, SCENES["scene0"], "-n", 9, "--reps", 2, "--warmup", 1, "--jsonl").stdout.splitlines()
+    lines = call(*arguments, "--jsonl", timed=True).stdout.splitlines()
     lines = [json.loads(line) for line in lines]
+    untimed = call(*arguments, "--json").record
+    assert untimed.keys() - {"frames"} == record.keys(), f"{run}: other keys where clocks are not measured"
+    clocks = [untimed[key] for key in ("tsc_hz", "core_hz_load")]
+    clocks += [one[key] for one in untimed["frames"] for key in CLOCKS]
+    assert clocks == [0] * (2 + len(CLOCKS) * 3), f"{run}: STEPWISE_UNTIMED, and clocks are {clocks}"
     for keys in [record.keys() | frames[0].keys(), *(line.keys() for line in lines)]:
         assert keys == documented_keys(), f"{run}: keys {sorted(keys ^ documented_keys())} on one side only"
     assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"

@@ -37,7 +37,9 @@ class FakeDriver:
             path.write_text(str(spec))
         return path
 
-    def render(self, spec: Spec, scene: Path, height: int, width: int, *, aov: bool, out: Path) -> dict:
+    def render(
+        self, spec: Spec, scene: Path, height: int, width: int, *, aov: bool, out: Path, timed: bool
+    ) -> dict:
         assert aov
         self.calls.append((str(spec), scene.stem, width, height))
         time.sleep(0.02)  # so that a picture wanted twice would be begun twice

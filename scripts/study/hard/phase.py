@@ -24,7 +24,7 @@ import numpy as np
 from study import build, images, registry
 from study.cli import StudyError
 from study.images import Picture
-from study.run import NO_ISA, UNSUPPORTED
+from study.run import NO_ISA, UNSUPPORTED, UNTIMED
 
 # No case takes a second where nothing goes wrong; the rest is for sanitized programs on busy machines.
 TIME_LIMIT = 30.0  # s
@@ -80,7 +80,7 @@ class Phase:
                 input=stdin,
                 capture_output=True,
                 timeout=self.time_limit,
-                env=os.environ | (env or {}),
+                env=os.environ | {UNTIMED: "1"} | (env or {}),
             )
         except subprocess.TimeoutExpired:
             raise Hung(f"not done after {self.time_limit:g} s") from None
