@@ -6,6 +6,7 @@
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
 #   build/NAME/probe          distances at given points, for tests
+#   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
 #   build/truth/rays          proved first hits of given rays, for tests
 #   build/ceilings            what one core can do at best (ceilings.c)
 #   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
@@ -106,6 +107,10 @@ $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# gcc's start-up code for -ffast-math has the CPU flush denormals to zero; the objects are the same (hard cases).
+$(BUILD)/%/render-ftz: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) -ffast-math $^ $(LIBS) -o $@
 
 $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
