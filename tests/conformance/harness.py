@@ -23,6 +23,7 @@ from study.run import UNTIMED
 BUILD = os.environ.get("STEPWISE_BUILD", "build")
 REDUCED = BUILD != "build"
 KEPT = ROOT / BUILD / "test-scenes"  # scenes stay here, so that a failure can be run again
+OPINIONS = ROOT / "build" / "test-opinions"  # pictures by NumPy, the same for every build
 PHASES = list(registry.phases())
 REFERENCE = next(name for name, phase in registry.phases().items() if phase.parent is None)
 

@@ -7,10 +7,13 @@ left out; the tolerances that a phase declares are held by scripts/verify.py.
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -134,9 +137,15 @@ def check(run: Run, *options: str | int) -> None:
         assert mean <= most, f"{run}: {mean:.1f} evaluations a pixel, the reference needs {most:.1f}"
 
 
+@functools.cache
+def feature(phase: str, name: str, width: int, height: int) -> Run:
+    """A feature's picture, drawn once for the tests that look at it."""
+    return render(phase, keep(name, FEATURES[name]), width, height)
+
+
 @pytest.mark.parametrize("name", FEATURES)
 def test_feature(phase: str, name: str) -> None:
-    check(render(phase, keep(name, FEATURES[name]), WIDTH, HEIGHT))
+    check(feature(phase, name, WIDTH, HEIGHT))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -155,7 +164,7 @@ def test_features_show(phase: str) -> None:
     pairs += [(kind, f"{kind}_turned") for kind in SIZES]
     pairs += [(kind, f"{kind}_repeated_{axis}") for kind in SIZES for axis in "xyz"]
     for before, after in pairs:
-        a, b = (render(phase, keep(name, FEATURES[name]), 48, 27) for name in (before, after))
+        a, b = (feature(phase, name, 48, 27) for name in (before, after))
         difference = np.abs(images.rgb(a.picture) - images.rgb(b.picture)).max(axis=-1)
         share = (difference > 1 / 255).mean()
         assert share > 0.02, f"{before} and {after} look the same: {share:.3f} of the pixels; {a}, {b}"
@@ -213,7 +222,18 @@ OPINIONS += ["mirrors_0", "mirrors_3", "mirrors_facing_2", "mirrors_fog_sky"]
 
 @functools.cache
 def opinion(name: str) -> dict[str, np.ndarray]:
-    return shading.render(json.loads(keep(f"opinion_{name}", drawn_by_numpy(name)).read_text()), 32, 18)
+    """Drawn once for every build: kept under the hash of the scene and of what draws it."""
+    scene = keep(f"opinion_{name}", drawn_by_numpy(name)).read_text()
+    sources = "".join(Path(module.__file__).read_text() for module in (shading, geometry)) + np.__version__
+    kept = harness.OPINIONS / f"{name}-{hashlib.sha256((scene + sources).encode()).hexdigest()[:16]}.npz"
+    if not kept.is_file():
+        planes = shading.render(json.loads(scene), 32, 18)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        made = kept.with_suffix(f".{os.getpid()}.npz")
+        np.savez(made, **planes)
+        made.replace(kept)
+    with np.load(kept) as planes:
+        return dict(planes)
 
 
 def drawn_by_numpy(name: str) -> dict:
