@@ -185,8 +185,8 @@ def bulb_points(random: np.random.Generator) -> np.ndarray:
 
 @functools.cache
 def bulb_answers(iterations: int, bailout: float, unit: float) -> tuple[np.ndarray, ...]:
-    """Points, their distances, how far noise of that unit roundoff moves them, and where it leaves the number of
-    turns alone: the same for every phase of that precision."""
+    """Points, their distances, how far noise of that unit roundoff moves them, and where it leaves the
+    number of turns alone: the same for every phase of that precision."""
     bulb = shape("mandelbulb", iterations=iterations, bailout=bailout)
     points = bulb_points(np.random.default_rng(5))
     exact, margin = geometry.mandelbulb(points, bulb)
