@@ -41,7 +41,8 @@ flags_of = $(lastword $(subst @, ,$(1)))
 # Where its sources are. opt1+arrays names an ablation, opt1 with phases/opt1/ablations/arrays.patch applied:
 # its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
 folder_of = $(if $(and $(findstring +,$(1)),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
-patched = $(or $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)),$(error $(1) cannot be made))
+# Made once by each make: its rules ask for it a dozen times.
+patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
 
 .SECONDARY:
 .SECONDEXPANSION:
