@@ -171,14 +171,11 @@ def prepare_step() -> Iterator[Tally]:
     patches = [
         f"{path.parts[-3]}+{path.stem}" for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
     ]
-    variants = ("render-blocks", "render-blocks-calls")
+    variants, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
     wanted = {
         "build": [
-            *(
-                f"{name}/{target}"
-                for name in ladder
-                for target in (*variants, "render-calls", "render-lines")
-            ),
+            *(f"{name}/{target}" for name in ladder for target in (*variants, "render-ftz")),
+            *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
             *(f"{name}/{target}" for name in patches for target in ("render", "render-count", variants[1])),
             *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so", "truth/rays"),
         ],
