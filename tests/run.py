@@ -2,7 +2,8 @@
 """Runs the tests, all or the steps named, and ends with the line 'N passed, N failed, N skipped'.
 
 Every program of the tests writes JUnit XML into build/test-results; the sums are made from those. A step
-that ends badly without saying which test failed counts as one failure. Standard library only.
+that ends badly without saying which test failed counts as one failure. What builds comes first and uses every
+core; then the tests in Python, in parts that each core takes as it gets free. Standard library only.
 """
 
 from __future__ import annotations
