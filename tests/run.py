@@ -312,7 +312,8 @@ def main() -> int:
     for title in total.failed:
         print(f"FAILED: {title}")
     print(f"{total.passed} passed, {len(total.failed)} failed, {len(total.skipped)} skipped")
-    return 1 if total.failed or not total.passed else 0
+    nothing = not total.passed and steps != ["prepare"]  # which tests nothing
+    return 1 if total.failed or nothing else 0
 
 
 if __name__ == "__main__":
