@@ -350,6 +350,11 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
+// The same from a place that may be inside.
+static inline real wakes_within(real sum, const struct placed *placed) {
+    return least_of(wakes_at(sum, placed), mul_add(sum, set(1.0f + 0x1p-18f), set(-placed->slack)));
+}
+
 struct group {
     struct beam beam[GROUP];
     real t[GROUP], distance[GROUP]; // of the last step
