@@ -154,9 +154,14 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler):
     phase = registry.find_phase(name)
     flags = [*phase.cflags.split(), "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Icommon"]
     counting = ["-DSTEPWISE_COUNT", "-iquote", phase.path] if compiler == "gcc" else []
-    words = [compiler, "-std=c11", "-D_GNU_SOURCE", *flags, *counting, *sorted(phase.path.glob("*.c"))]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[-2000:]
+    for lanes, own in [(one["lanes"], one["flags"].split()) for one in phase.variants] or [(None, [])]:
+        if lanes:  # as common/phase_info.py has it
+            own += [f"-DLANES={lanes}", f"-DVARIANT(a)=lanes{lanes}_##a"]
+        words = [compiler, "-std=c11", "-D_GNU_SOURCE", *flags, *own, *counting]
+        done = subprocess.run(
+            [*words, *sorted(phase.path.glob("*.c"))], cwd=ROOT, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -351,10 +351,14 @@ def strip(text: str) -> tuple[str, int]:
 
 
 def disassembly(folder: Path, phase: str) -> dict[str, str]:
-    """By source file, of the phase's copy under the folder, in which compilers see the same names."""
+    """By source file, of the phase's copy under the folder, in which compilers see the same names; of a phase
+    with variants by its widest.
+    """
     found = {}
     for source in sorted((folder / phase).glob("*.c")):
         flags = DECLARED[phase].cflags.split()
+        for one in DECLARED[phase].variants[:1]:
+            flags += [*one["flags"].split(), f"-DLANES={one['lanes']}", "-DVARIANT(a)=variant_##a"]
         command = ["gcc", "-std=c11", "-D_GNU_SOURCE", *flags, f"-I{ROOT / 'common'}", "-c"]
         subprocess.run([*command, f"{phase}/{source.name}", "-o", "a.o"], cwd=folder, check=True)
         found[source.name] = subprocess.check_output(["objdump", "-dr", "a.o"], cwd=folder, text=True)
