@@ -201,8 +201,7 @@ struct meeting meet(struct place origin, struct vec direction, mask active, real
     }
     const struct limits *limits = &scene->model.march;
     float close = (float)(limits->hit_distance + 4.0 * limits->normal_step);
-    int count = 0, last = 1 << 1;
-    (void)last;
+    int count = 0;
     __m256i places = _mm256_setzero_si256();
     for (int i = 0; i < scene->model.shape_count; i++) {
         mask here = not_in(set(0.0f));
@@ -210,6 +209,8 @@ struct meeting meet(struct place origin, struct vec direction, mask active, real
             here = matters(world->own->distance[i], ends, least, &b, close, meant);
         if (!(bits(here) & ~1)) // lane 0 is no interval
             continue;
+        if (meant == HIT) // a ray must not step over it from an interval before
+            here = not_in(set(0.0f));
         shapes[count] = i;
         __m256i place = _mm256_set1_epi32((int)(1u << (count < 31 ? count : 31)));
         places = _mm256_or_si256(places, _mm256_and_si256(_mm256_castps_si256(here), place));
