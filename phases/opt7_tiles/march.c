@@ -1,11 +1,7 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). Eight rays march until the last is done.
+// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
 #include "tiles.h"
 
-enum { ALL = (1 << LANES) - 1 };
-
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
 struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
     COUNT(leaving, call);
     COUNT(leaving, scalar);
@@ -15,12 +11,6 @@ struct exit leaving(struct place origin, struct vec direction, const struct mode
                          vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-real way_out(struct exit exit) {
-    COUNT(way_out, call);
-    real half = set(-0.5f) * exit.linear;
-    return half + root(most_of(mul_sub(half, half, exit.constant), set(0.0f)));
-}
-
 static mask within(struct place place, const struct model *model) {
     COUNT(within, call);
     COUNT(within, scalar);
@@ -28,14 +18,14 @@ static mask within(struct place place, const struct model *model) {
     return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
 }
 
-static inline mask outside(struct exit exit, real t) {
-    return greater(mul_add(t, t + exit.linear, exit.constant), set(0.0f));
+static inline real beyond(struct exit exit, real t) { // > 0: outside
+    return mul_add(t, t + exit.linear, exit.constant);
 }
 
 // The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
 // moves the ray, and it would stall there until the step cap.
-static inline mask reaches(real distance, real t, real hit_distance) {
-    return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
+static inline real least_step(real t, real hit_distance) {
+    return most_of(hit_distance, t * set(0x1p-24f));
 }
 
 // Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
@@ -43,206 +33,342 @@ static inline mask reaches(real distance, real t, real hit_distance) {
 static inline real newton(real h, real slope, real way) {
     COUNT(newton, call);
     mask own = less(absolute(h), way * set(0x1p-21f));
-    return both(own, h / most_of(slope, set(0x1p-9f)));
+    return keep(own, h / most_of(slope, set(0x1p-9f)));
 }
 
-// Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
-// rounded, would lose what places the hit on the surface.
+// Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
+// sum, rounded, would lose what places the hit on the surface.
 struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
-    mask done, found;
-    int steps;
+    real start; // t of the next evaluation
+    mask live, found;
+    struct exit exit;
+    int left;  // steps that every ray has before its cap
+    mask deep; // a ray that started inside a shape has stepped back out of it
+    real inside;
+    struct nearness near;
 };
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
-static inline void march(struct progress *at, struct vec direction, const struct world *world) {
-    COUNT(march, call);
+// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
+enum { MOST_STEPS = 1 << 24 };
+
+static int step_cap(const struct model *model) {
+    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
+}
+
+// Rays that march on from a hit have had some of their evaluations.
+static int steps_left(const struct progress *at, int cap) {
+    float evals[LANES];
+    unload(keep(at->live, at->evals), evals);
+    int had = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        had = (int)evals[lane] > had ? (int)evals[lane] : had;
+    return cap - had;
+}
+
+// Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
+// neighbours had.
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, real distance,
+                                                 mask going, mask inside, struct beam *beam,
+                                                 int cap) {
+    mask reached = but_not(going, at->live);
+    at->last = choose(reached, distance, at->last);
+    at->found = either(at->found, reached);
+    real evals = at->evals + set((float)step);
+    if (step >= at->left)
+        inside = less_in(inside, evals, set((float)cap));
+    at->evals = choose(but_not(inside, at->live), evals, at->evals);
+    at->live = inside;
+    beam->high = choose(inside, beam->high, set(-INFINITY));
+}
+
+// The step-th step. False after the packet's last.
+static inline bool march_step(struct progress *at, int step, struct beam *beam,
+                              const struct prepared *scene) {
+    ACTIVE(count_of(at->live));
+    COUNT(march, step);
+    real t = at->t, hit_distance = set((float)scene->model.march.hit_distance);
+    real distance = sdf(beam, t, scene, at->live);
+    mask going = not_less_in(at->live, distance, least_step(t, hit_distance));
+    at->t = t = add_where(going, t, distance);
+    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+    if (same(inside, at->live) && step < at->left)
+        return true;
+    march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
+    return any(at->live);
+}
+
+// A list of the packets whose bits are set.
+static int listed(unsigned packets, int list[GROUP]) {
+    int count = 0;
+    for (int k = 0; k < GROUP; k++)
+        if (packets >> k & 1)
+            list[count++] = k;
+    return count;
+}
+
+// Until every ray has ended, by the hit test of a float march, which errs with t. The packets take turns.
+static void march(struct progress packets[GROUP], unsigned going, const struct rays *rays,
+                  struct world *world) {
     const struct prepared *scene = world->scene;
-    struct exit exit = leaving(at->origin, direction, &scene->model);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask done = at->done, found = at->found;
-    real t = at->t, last = set(0.0f), evals = at->evals;
-    int step = at->steps;
-    for (; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
-        COUNT(march, step);
-        real distance = sdf(world->approach, t, scene, world->list, done, NULL);
-        evals = evals + but_not(done, set(1.0f));
-        mask reached = but_not(done, reaches(distance, t, hit_distance));
-        last = choose(reached, distance, last);
-        t = t + but_not(either(done, reached), distance);
-        mask ended = either(reached, but_not(done, outside(exit, t)));
-        if (bits(ended)) {
-            found = either(found, reached);
-            done = either(done, ended);
-            if (bits(done) == ALL)
-                break;
-        }
+    int list[GROUP], count = listed(going, list);
+    for (int i = 0; i < count; i++) {
+        COUNT(march, call);
+        struct progress *at = &packets[list[i]];
+        at->exit = leaving(at->origin, rays->direction[list[i]], &scene->model);
+        at->left = steps_left(at, step_cap(&scene->model));
+        at->t = choose(at->live, at->start, at->t); // what is done stays where it is
+        at->start = set(0.0f);
+        at->last = drop(at->live, at->last);
+        struct beam *beam = &world->beam[list[i]];
+        beam->high = choose(at->live, beam->high, set(-INFINITY));
     }
-    *at = (struct progress){at->origin, at->before, t, last, evals, done, found, step + 1};
+    for (int step = 1; count > 0; step++)
+        for (int i = 0; i < count;) {
+            int k = list[i];
+            if (march_step(&packets[k], step, &world->beam[k], scene))
+                i++;
+            else
+                list[i] = list[--count];
+        }
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct world *world,
-                                              real *shape) {
+__attribute__((noinline)) static void stay_in(mask deep, real t, const struct prepared *scene,
+                                              const struct beam *beam, real *shape) {
     ACTIVE(count_of(deep));
     COUNT(stay_in, call);
     real inside = set(-1.0f);
-    sdf(world->approach, t, world->scene, world->list, not_in(deep), &inside);
+    nearest_shape(beam, t, scene, deep, &inside);
     *shape = choose(deep, inside, *shape);
 }
 
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there.
-void ray_march(struct place origin, struct vec direction, mask active, real start,
-               const struct world *world, struct hit *hit) {
-    COUNT(ray_march, call);
-    COUNT(ray_march, scalar);
-    const struct prepared *scene = world->scene;
+// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+static bool landed(struct progress *at, mask settled, struct vec direction,
+                   const struct prepared *scene, struct beam *beam) {
+    if (!any(at->found))
+        return false;
+    ACTIVE(count_of(at->found));
+    COUNT(landed, call);
+    COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    real zero = set(0.0f), off_from = set(twice), sunk_from = set(-twice);
-    struct progress at = {
-        .origin = origin, .before = zero, .t = start, .evals = zero, .found = zero};
-    at.done = not_in(active);
-    mask deep = zero; // a ray that started inside a shape has stepped back out of it
-    real inside = set(-1.0f);
-    struct nearness near = {zero, inside, zero};
-    approach_directions(direction, scene, world->list, world->approach);
-    for (;;) {
-        mask settled = at.found;
-        march(&at, direction, world);
-        if (!bits(at.found))
-            break;
-        ACTIVE(count_of(at.found));
-        COUNT(ray_march, landed);
-        mask sunk = both(at.found, less(at.last, sunk_from));
-        if (bits(sunk))
-            stay_in(sunk, at.t, world, &inside);
-        deep = either(deep, sunk);
-        at.origin = place_at(at.origin, direction, at.t, at.last);
-        approach_origins(at.origin, scene, world->list, world->approach);
-        near = near_hit(at.found, world);
-        mask off = both(at.found, but_not(either(deep, settled), greater(near.distance, off_from)));
-        if (!bits(off))
-            break;
-        ACTIVE(count_of(off));
-        COUNT(ray_march, on);
-        // From where it surely was before that surface, be it as thin as an ulp of t.
-        real back = both(off, at.t * set(-0x1p-22f));
-        at.origin.lo = vec_along(at.origin.lo, direction, back);
-        at.before = at.before + (at.t + (at.last + back));
-        at.t = zero;
-        approach_origins(at.origin, scene, world->list, world->approach);
-        approach_directions(direction, scene, world->list, world->approach);
-        at.found = but_not(off, at.found);
-        at.done = but_not(off, at.done);
-    }
-    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = at.evals};
-    if (!bits(at.found))
-        return;
-    real way = at.before + at.t;
-    mask unmoved = not_less(zero, way); // hits wherever it starts
-    hit->found = both(hit->found, either(within(at.origin, &scene->model), unmoved));
-    if (bits(deep)) {
-        COUNT(ray_march, deep);
-        near.contact =
-            either(near.contact, both(deep, not_less(absolute(near.shape - inside), set(0.5f))));
-        near.shape = choose(deep, inside, near.shape);
+    mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
+    if (any(sunk))
+        stay_in(sunk, at->t, scene, beam, &at->inside);
+    at->deep = either(at->deep, sunk);
+    // What has settled stays as it is to the bit, whatever its neighbours do.
+    at->origin =
+        place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
+    approach_origins(at->origin, scene, beam);
+    at->near = near_hit(at->found, scene, beam);
+    mask off =
+        both(at->found, but_not(either(at->deep, settled), greater(at->near.distance, set(twice))));
+    if (!any(off))
+        return false;
+    ACTIVE(count_of(off));
+    COUNT(landed, on);
+    // From where it surely was before that surface, be it as thin as an ulp of t.
+    real back = keep(off, at->t * set(-0x1p-22f));
+    at->origin.lo = vec_along(at->origin.lo, direction, back);
+    at->before = choose(off, at->before + (at->t + (at->last + back)), at->before);
+    approach_origins(at->origin, scene, beam);
+    approach_directions(direction, scene, beam);
+    at->found = but_not(off, at->found);
+    at->live = off;
+    return true;
+}
+
+static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,
+                         struct beam *beam) {
+    COUNT(hit_of, call);
+    struct hit hit = {.found = at->found, .shape = set(-1.0f), .evals = at->evals};
+    if (!any(at->found))
+        return hit;
+    real way = at->before + at->t;
+    mask unmoved = not_less(set(0.0f), way); // hits wherever it starts
+    hit.found = both(hit.found, either(within(at->origin, &scene->model), unmoved));
+    struct nearness near = at->near;
+    if (any(at->deep)) {
+        COUNT(hit_of, deep);
+        mask other = not_less(absolute(near.shape - at->inside), set(0.5f));
+        near.contact = either(near.contact, both(at->deep, other));
+        near.shape = choose(at->deep, at->inside, near.shape);
     }
     real slope;
-    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(count_of(hit->found));
-    COUNT(ray_march, end);
-    hit->shape = choose(hit->found, near.shape, hit->shape);
-    real more = but_not(deep, newton(near.distance, slope, way));
-    hit->t = at.before + (at.t + (at.last + more));
-    hit->point = at.origin;
-    hit->point.lo = vec_along(hit->point.lo, direction, more);
-    approach_moved(more, scene, world->list, world->approach);
+    hit.normal = normal_at(direction, hit.found, &near, scene, beam, &slope);
+    ACTIVE(count_of(hit.found));
+    COUNT(hit_of, end);
+    hit.shape = choose(hit.found, near.shape, hit.shape);
+    real more = drop(at->deep, newton(near.distance, slope, way));
+    hit.t = at->before + (at->t + (at->last + more));
+    hit.point = at->origin;
+    hit.point.lo = vec_along(hit.point.lo, direction, more);
+    approach_moved(more, scene, beam);
+    return hit;
+}
+
+void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+    const struct prepared *scene = world->scene;
+    struct progress packets[GROUP];
+    unsigned going = 0;
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(rays->active[k]));
+        COUNT(ray_march, call);
+        real zero = set(0.0f);
+        packets[k] = (struct progress){.origin = rays->origin[k], .live = rays->active[k]};
+        packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
+        packets[k].found = packets[k].deep = no_lane();
+        packets[k].inside = set(-1.0f);
+        packets[k].start = rays->start;
+        if (!any(rays->active[k]))
+            continue;
+        going |= 1u << k;
+        approach_origins(rays->origin[k], scene, &world->beam[k]);
+        approach_directions(rays->direction[k], scene, &world->beam[k]);
+    }
+    while (going) {
+        mask settled[GROUP];
+        for (int k = 0; k < GROUP; k++)
+            settled[k] = packets[k].found;
+        march(packets, going, rays, world);
+        for (int k = 0; k < GROUP; k++)
+            if (going >> k & 1 &&
+                !landed(&packets[k], settled[k], rays->direction[k], scene, &world->beam[k]))
+                going &= ~(1u << k);
+    }
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(packets[k].found));
+        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->beam[k]);
+    }
+}
+
+// Rays to the light.
+struct shade {
+    real t, least, previous;
+    mask live;
+    struct exit exit;
+};
+
+// The rays that are still under way, after some have ended.
+__attribute__((noinline)) static bool shade_ends(struct shade *ray, mask live, struct beam *beam) {
+    ray->live = live;
+    beam->high = choose(live, beam->high, set(-INFINITY));
+    return any(live);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static real soft_shadow(mask active, struct exit exit, const struct meeting *met,
-                        const struct world *world) {
-    COUNT(soft_shadow, call);
-    const struct prepared *scene = world->scene;
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
+// packet's last step.
+static inline bool soft_step(struct shade *ray, struct beam *beam, const struct prepared *scene) {
     const struct model *model = &scene->model;
-    mask done = not_in(active);
+    ACTIVE(count_of(ray->live));
+    COUNT(soft_shadow, eval);
+    real t = ray->t, zero = set(0.0f);
+    real h = sdf(beam, t, scene, ray->live);
     real hit_distance = set((float)model->march.hit_distance);
-    real strength = set((float)model->shadow_strength), zero = set(0.0f);
-    real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
-    for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
-        COUNT(soft_shadow, eval);
-        real h = sdf_met(world->approach, t, scene, done, met);
-        done = either(done, reaches(h, t, hit_distance));
-        if (bits(done) == ALL)
-            break;
-        ACTIVE(LANES - count_of(done));
-        COUNT(soft_shadow, step);
-        real square = h * h, y = square / (set(2.0f) * previous);
-        real inside = neg_mul_add(y, y, square), beyond = t - y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
-        // strength·√inside/beyond < least, asked without the root: it is seldom so.
-        real scaled = least * beyond;
-        mask darker =
-            but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (bits(darker)) {
-            ACTIVE(count_of(darker));
-            COUNT(soft_shadow, darker);
-            least = choose(darker, strength * root(inside) / beyond, least);
-        }
-        previous = h;
-        t = t + but_not(done, h);
-        done = either(done, outside(exit, t));
+    mask going = not_less_in(ray->live, h, least_step(t, hit_distance));
+    if (!any(going))
+        return false;
+    ACTIVE(count_of(going));
+    COUNT(soft_shadow, step);
+    real strength = set((float)model->shadow_strength);
+    real square = h * h, y = square / (set(2.0f) * ray->previous);
+    real inside = neg_mul_add(y, y, square), past = t - y;
+    // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+    // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+    mask sound = less_in(less_in(going, square * set(2e-5f), inside), zero, past);
+    // strength·√inside/past < least, asked without the root: it is seldom so.
+    real wanted = ray->least * past;
+    mask darker = less_in(sound, strength * strength * inside, wanted * wanted);
+    if (any(darker)) {
+        ACTIVE(count_of(darker));
+        COUNT(soft_shadow, darker);
+        ray->least = choose(darker, strength * root(inside) / past, ray->least);
     }
-    return least;
+    ray->previous = h;
+    ray->t = t = add_where(going, t, h);
+    mask on = not_greater_in(going, beyond(ray->exit, t), zero);
+    return same(on, ray->live) || shade_ends(ray, on, beam);
 }
 
-static real hard_shadow(real distance, mask active, struct exit exit, const struct meeting *met,
-                        const struct world *world) {
-    COUNT(hard_shadow, call);
-    const struct prepared *scene = world->scene;
-    mask done = not_in(active);
+static inline bool hard_step(struct shade *ray, real distance, struct beam *beam,
+                             const struct prepared *scene) {
+    ACTIVE(count_of(ray->live));
+    COUNT(hard_shadow, test);
+    real t = ray->t;
+    mask before = less_in(ray->live, t, distance);
+    if (!any(before))
+        return false;
+    ACTIVE(count_of(before));
+    COUNT(hard_shadow, step);
+    real h = sdf(beam, t, scene, before);
     real hit_distance = set((float)scene->model.march.hit_distance);
-    real lit = set(1.0f), t = set((float)scene->model.march.surface_offset);
-    for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
-        COUNT(hard_shadow, test);
-        done = either(done, not_in(less(t, distance)));
-        if (bits(done) == ALL)
-            break;
-        ACTIVE(LANES - count_of(done));
-        COUNT(hard_shadow, step);
-        real h = sdf_met(world->approach, t, scene, done, met);
-        mask blocked = but_not(done, reaches(h, t, hit_distance));
-        lit = but_not(blocked, lit);
-        done = either(done, blocked);
-        t = t + but_not(done, h);
-        done = either(done, outside(exit, t));
-    }
-    return lit;
+    mask going = not_less_in(before, h, least_step(t, hit_distance));
+    ray->least = drop(but_not(going, before), ray->least);
+    ray->t = t = add_where(going, t, h);
+    mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
+    return same(on, ray->live) || shade_ends(ray, on, beam);
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world) {
-    COUNT(shadow, call);
+static unsigned lit_packets(const struct lighting light[GROUP]) {
+    unsigned packets = 0;
+    for (int k = 0; k < GROUP; k++)
+        packets |= (unsigned)any(light[k].lit) << k;
+    return packets;
+}
+
+// The lists of what shadow rays can meet.
+static void meet_light(const struct hit hit[GROUP], const struct lighting light[GROUP],
+                       struct world *world) {
+    bool soft = world->scene->model.shadows == SHADOWS_SOFT;
+    struct rays rays;
+    real length[GROUP];
+    for (int k = 0; k < GROUP; k++) {
+        rays.origin[k] = hit[k].point;
+        rays.direction[k] = light[k].to_light;
+        rays.active[k] = light[k].lit;
+        length[k] = light[k].distance;
+    }
+    meet(&rays, soft ? NULL : length, soft ? UNION : HIT, world, world->own->shadow);
+}
+
+void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
+            real reach[GROUP]) {
     const struct prepared *scene = world->scene;
-    if (scene->model.shadows == SHADOWS_NONE)
-        return set(1.0f);
-    struct exit exit = leaving(point, to_light, &scene->model);
     bool soft = scene->model.shadows == SHADOWS_SOFT;
-    real way = way_out(exit);
-    struct meeting met = meet(point, to_light, active, soft ? way : least_of(distance, way),
-                              soft ? UNION : HIT, world, world->own->shadow);
-    approach_origins(point, scene, met.list, world->approach);
-    approach_directions(to_light, scene, met.list, world->approach);
-    return soft ? soft_shadow(active, exit, &met, world)
-                : hard_shadow(distance, active, exit, &met, world);
+    struct shade rays[GROUP];
+    unsigned going = scene->model.shadows == SHADOWS_NONE ? 0 : lit_packets(light);
+    if (going)
+        meet_light(hit, light, world);
+    for (int k = 0; k < GROUP; k++) {
+        rays[k].least = set(1.0f);
+        if (!(going >> k & 1))
+            continue;
+        ACTIVE(count_of(light[k].lit));
+        COUNT(shadow, call);
+        approach_origins(hit[k].point, scene, &world->beam[k]);
+        approach_directions(light[k].to_light, scene, &world->beam[k]);
+        rays[k].exit = leaving(hit[k].point, light[k].to_light, &scene->model);
+        rays[k].live = light[k].lit;
+        struct beam *beam = &world->beam[k];
+        beam->high = choose(light[k].lit, beam->high, set(-INFINITY));
+        rays[k].previous = set(1e20f);
+        rays[k].t = set((float)scene->model.march.surface_offset);
+    }
+    int list[GROUP], count = listed(going, list);
+    for (int step = 0; count > 0 && step < scene->model.march.max_steps; step++)
+        for (int i = 0; i < count;) {
+            int k = list[i];
+            struct beam *beam = &world->beam[k];
+            if (soft ? soft_step(&rays[k], beam, scene)
+                     : hard_step(&rays[k], light[k].distance, beam, scene))
+                i++;
+            else
+                list[i] = list[--count];
+        }
+    for (int k = 0; k < GROUP; k++)
+        reach[k] = rays[k].least;
 }

@@ -1,4 +1,4 @@
-// Signed distances of eight points at once. Sphere, box, torus, capped cone, octahedron: I. Quilez,
+// Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron: I. Quilez,
 // "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
 // P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
 // "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
@@ -7,60 +7,26 @@
 // in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
 // own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
 // shape. Branches that differ between lanes are evaluated for all and chosen by mask.
-#ifndef OPT4_SDF_H
-#define OPT4_SDF_H
+#ifndef OPT6_SDF_H
+#define OPT6_SDF_H
 
-#include "scene.h"
+#include "placed.h"
 #include "vec.h"
 
-// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
-// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
-enum way { AT_POINT, LINEAR, POWER };
-
-// What cones and bundles may make of a shape's distance: it changes by no more than the way between two
-// points; it is an estimate, but nothing is hit outside of a ball of radius `a`, and there it is
-// at least half of the distance to that ball; or, where it jumps at the walls of its cells, nothing.
-enum trust { DISTANCE, BALL, NOTHING };
-
-// A shape as the march wants it: what is evaluated, and nothing else.
-struct placed {
-    enum way way;
-    enum shape_type type;
-    enum trust trust;
-    float slack; // float's error in the distance for its size
-    bool turned, repeated;
-    float index; // in the scene
-    float position[3], position_lo[3];
-    float turn[3][3]; // rows: the three rotations as one matrix
-    float cell[3], per_cell[3];
-    float normal[3];              // plane: in the world's axes
-    float a, b, c;                // sizes: see place_shape() in render.c
-    float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
-    float bailout;
-    int iterations;
-    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
-    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
-    double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
-};
-
-// Shapes by their index in the scene, in its order.
-struct list {
-    int count;
-    const int *shape;
-};
-
-struct prepared {
-    struct model model;
-    struct placed *placed; // one per shape
-    struct list all;
-};
-
-// Eight rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
+// Rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
 // |p|² − radius² is power + t·(t + slope).
 struct approach {
     struct vec origin, direction;
     real power, slope;
+    real wake; // not the nearest as long as this is above (distance to the nearest) + t
+};
+
+// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape; −∞ where a ray
+// is done: it wakes no shape.
+struct beam {
+    struct approach *approach; // one per shape
+    struct list list;          // those that its rays can meet
+    real high;
 };
 
 static inline struct vec turned(const struct placed *placed, struct vec v) {
@@ -84,7 +50,7 @@ static inline struct vec turned_back(const struct placed *placed, struct vec v) 
 }
 
 static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not repeated
-    return neg_mul_add(set(cell), _mm256_floor_ps(mul_add(x, set(per_cell), set(0.5f))), x);
+    return neg_mul_add(set(cell), floor_of(mul_add(x, set(per_cell), set(0.5f))), x);
 }
 
 static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
@@ -95,8 +61,7 @@ static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) 
 }
 
 static inline wide wide_wrapped(wide x, double cell, double per_cell) {
-    wide turns = wide_less(wide_mul(x, per_cell), -0.5);
-    turns = (wide){_mm256_floor_pd(turns.low), _mm256_floor_pd(turns.high)};
+    wide turns = wide_floor(wide_less(wide_mul(x, per_cell), -0.5));
     return wide_mul_add(turns, -cell, x);
 }
 
@@ -114,20 +79,23 @@ static inline real coordinate(const struct placed *placed, struct wide_vec from,
 
 static inline real power_at(struct wide_vec from, double square) {
     COUNT(power_at, call);
-    return narrow(
-        (wide){from.x.low * from.x.low + from.y.low * from.y.low + from.z.low * from.z.low - square,
-               from.x.high * from.x.high + from.y.high * from.y.high + from.z.high * from.z.high -
-                   square});
+    struct wide_vec p = from;
+    half each = half_set(square);
+    return narrow((wide){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
+                         p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
 }
 
 // Fills one approach per shape: where the rays are, and then where they go.
 static inline void approach_origins(struct place origin, const struct prepared *scene,
-                                    struct list list, struct approach *approach) {
+                                    struct beam *beam) {
     COUNT(approach_origins, call);
+    struct approach *approach = beam->approach;
+    beam->high = set(INFINITY);
     struct wide_vec at = wide_place(origin);
-    for (int place = 0; place < list.count; place++) {
-        int i = list.shape[place];
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
         const struct placed *placed = &scene->placed[i];
+        approach[i].wake = set(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
             approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
             continue;
@@ -144,10 +112,11 @@ static inline void approach_origins(struct place origin, const struct prepared *
 }
 
 static inline void approach_directions(struct vec direction, const struct prepared *scene,
-                                       struct list list, struct approach *approach) {
+                                       const struct beam *beam) {
     COUNT(approach_directions, call);
-    for (int place = 0; place < list.count; place++) {
-        int i = list.shape[place];
+    struct approach *approach = beam->approach;
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
         const struct placed *placed = &scene->placed[i];
         if (placed->way == LINEAR) {
             COUNT(approach_directions, linear);
@@ -158,27 +127,6 @@ static inline void approach_directions(struct vec direction, const struct prepar
         if (placed->way == POWER) {
             COUNT(approach_directions, power);
             approach[i].slope = set(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
-        }
-    }
-}
-
-// The origins moved by a little along the rays.
-static inline void approach_moved(real by, const struct prepared *scene, struct list list,
-                                  struct approach *approach) {
-    COUNT(approach_moved, call);
-    for (int place = 0; place < list.count; place++) {
-        int i = list.shape[place];
-        struct approach *a = &approach[i];
-        COUNT(approach_moved, first);
-        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == LINEAR)
-            continue;
-        COUNT(approach_moved, others);
-        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
-        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == POWER) {
-            COUNT(approach_moved, power);
-            a->power = mul_add(by, by + a->slope, a->power);
         }
     }
 }
@@ -226,7 +174,7 @@ static inline real sdf_cone(struct vec p, const struct placed *s) {
     real along = least_of(most_of(across * set(-s->per_slope_sq), zero), one);
     real side_x = mul_add(set(s->slope[0]), along, x);
     real side_y = mul_add(set(s->slope[1]), along, y);
-    mask inside = both(side_x, cap_y); // only the sign bit counts
+    mask inside = both(negative(side_x), negative(cap_y));
     real square =
         least_of(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
     return negate_where(inside, root(square));
@@ -240,7 +188,7 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
     mask over_yz = less(x, third), over_zx = less(y, third), over_xy = less(z, third);
     real face = m * set(0.57735026918962576451f); // 1/√3
     mask edges = either(over_yz, either(over_zx, over_xy));
-    if (bits(edges) == 0)
+    if (!any(edges))
         return face;
     COUNT(sdf_octahedron, edges);
     real a = choose(over_yz, x, choose(over_zx, y, z));
@@ -254,18 +202,18 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
     COUNT(sdf_mandelbulb, call);
     real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), escaped = either(done, far);
+    mask far = greater(m, set(1024.0f)), inside = but_not(far, live);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - count_of(escaped));
+        ACTIVE(count_of(inside));
         COUNT(sdf_mandelbulb, iteration);
         real x2 = x * x, y2 = y * y, z2 = z * z;
         real k3 = x2 + z2, k4 = k3 - y2;
-        real per_k3 = both(set(1.0f) / k3, greater(k3, set(1e-36f))); // 0 on the axis
+        real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
         real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
         real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
         real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
@@ -276,28 +224,28 @@ static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask don
         real slope =
             mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
         real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(escaped, m, grown);
-        dz = choose(escaped, dz, slope);
-        escaped = either(escaped, greater(m, set(s->bailout)));
-        if (bits(escaped) == (1 << LANES) - 1)
+        m = choose(inside, grown, m);
+        dz = choose(inside, slope, dz);
+        inside = not_greater_in(inside, m, set(s->bailout));
+        if (!any(inside))
             break;
     }
-    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done) | (unsigned)bits(far)));
+    ACTIVE(count_of(but_not(far, live)));
     COUNT(sdf_mandelbulb, estimate);
     real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
-    if (bits(far)) {
-        ACTIVE(__builtin_popcount((unsigned)bits(far) & ~(unsigned)bits(done)));
+    if (any(far)) {
+        ACTIVE(count_of(both(live, far)));
         COUNT(sdf_mandelbulb, far);
         real r = root(vec_dot(p, p));
         distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - count_of(done));
-    return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
+    ACTIVE(count_of(live));
+    return keep(greater(m, set(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
 // At a point of the shape's own frame, wrapped if it is repeated.
 __attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask done) {
+distance_at(struct vec p, const struct placed *placed, mask live) {
     switch (placed->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
@@ -305,13 +253,13 @@ distance_at(struct vec p, const struct placed *placed, mask done) {
     case SHAPE_CONE: return sdf_cone(p, placed);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
     case SHAPE_PLANE: return sdf_plane(p, placed);
-    default: return sdf_mandelbulb(p, placed, done);
+    default: return sdf_mandelbulb(p, placed, live);
     }
 }
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask live) {
     COUNT(distance_to_shape, call);
     if (placed->way != AT_POINT) {
         if (placed->way == POWER) {
@@ -325,26 +273,82 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
     struct vec p = vec_along(a->origin, a->direction, t);
     if (placed->repeated)
         p = vec_wrapped(placed, p);
-    return distance_at(p, placed, done);
+    return distance_at(p, placed, live);
 }
 
-// Distance to the nearest shape of the list, and if asked which one it is (the first of equals). Lanes
-// of `done` may hold anything. Inlined by force: the march keeps its state in registers.
-__attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
-                                                      const struct prepared *scene,
-                                                      struct list list, mask done, real *nearest) {
-    COUNT(sdf, call);
+// Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
+static inline real nearest_shape(const struct beam *beam, real t, const struct prepared *scene,
+                                 mask live, real *shape) {
+    COUNT(nearest_shape, call);
     real least = set(INFINITY);
-    for (int place = 0; place < list.count; place++) {
-        COUNT(sdf, shape);
-        int i = list.shape[place];
-        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
-        if (nearest) { // known where it is inlined
-            COUNT(sdf, which);
-            *nearest = choose(less(distance, least), set(scene->placed[i].index), *nearest);
-        }
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
+        COUNT(nearest_shape, shape);
+        real distance = distance_to_shape(&beam->approach[i], t, &scene->placed[i], live);
+        *shape = choose(less(distance, least), set(scene->placed[i].index), *shape);
         least = least_of(distance, least);
     }
+    return least;
+}
+
+// The origins moved by a little along the rays.
+static inline void approach_moved(real by, const struct prepared *scene, struct beam *beam) {
+    COUNT(approach_moved, call);
+    beam->high = beam->high + absolute(by);
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
+        struct approach *a = &beam->approach[i];
+        COUNT(approach_moved, first);
+        a->wake = a->wake - absolute(by);
+        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
+        if (scene->placed[i].way == LINEAR)
+            continue;
+        COUNT(approach_moved, others);
+        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
+        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
+        if (scene->placed[i].way == POWER) {
+            COUNT(approach_moved, power);
+            a->power = mul_add(by, by + a->slope, a->power);
+        }
+    }
+}
+
+// From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
+// distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
+// float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
+static inline real wakes_at(real sum, const struct placed *placed) {
+    return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
+}
+
+// Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
+// sleeps until it may be the nearest of some ray under way: what is left out is further than what is
+// returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
+// `live` may hold anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
+// were: saethrej/sphere-tracing, a student project, keeps them in a priority queue.)
+__attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
+                                                      const struct prepared *scene, mask live) {
+    COUNT(sdf, call);
+    real least = set(INFINITY), near = least;
+    real limit =
+        mul_add(set(2.0f), t, beam->high); // distance + t of the nearest is no more than this
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
+        COUNT(sdf, shape);
+        struct approach *a = &beam->approach[i];
+        const struct placed *placed = &scene->placed[i];
+        if (!any(below(a->wake, limit)))
+            continue;
+        COUNT(sdf, awake);
+        real distance = distance_to_shape(a, t, placed, live), sum = distance + t;
+        least = least_of(distance, least);
+        limit = least_of(sum, limit);
+        if (placed->steady) {
+            COUNT(sdf, steady);
+            near = least_of(distance, near);
+            a->wake = wakes_at(sum, placed);
+        }
+    }
+    beam->high = least_of(near - t, beam->high);
     return least;
 }
 

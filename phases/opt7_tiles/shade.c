@@ -2,7 +2,7 @@
 // pictures", CACM 18 (1975)), mirror by recursion, fog.
 #include "tiles.h"
 
-// Materials of eight hits, gathered.
+// Materials of hits, gathered.
 struct surfaces {
     struct vec color;
     real reflectivity, shininess;
@@ -10,7 +10,7 @@ struct surfaces {
 
 static struct surfaces gather(real shape, mask found, const struct model *model) {
     float id[LANES], values[5][LANES];
-    _mm256_storeu_ps(id, choose(found, shape, set(0.0f)));
+    unload(choose(found, shape, set(0.0f)), id);
     for (int lane = 0; lane < LANES; lane++) {
         const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
         for (int i = 0; i < 3; i++)
@@ -19,9 +19,7 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
         values[4][lane] = (float)m->shininess;
     }
     return (struct surfaces){
-        {_mm256_loadu_ps(values[0]), _mm256_loadu_ps(values[1]), _mm256_loadu_ps(values[2])},
-        _mm256_loadu_ps(values[3]),
-        _mm256_loadu_ps(values[4])};
+        {load(values[0]), load(values[1]), load(values[2])}, load(values[3]), load(values[4])};
 }
 
 // Normals. The scene asks for forward differences of its distance over normal_step; in float they
@@ -40,8 +38,8 @@ static struct vec box_gradient(struct vec p, const struct placed *s) {
     // Outside: away from the nearest point. Inside: along the axis of the nearest face.
     mask outside = greater(most, zero), on_x = not_less(x, most), on_y = not_less(y, most);
     real one = set(1.0f);
-    struct vec face = {both(on_x, one), both(but_not(on_x, on_y), one),
-                       but_not(either(on_x, on_y), one)};
+    struct vec face = {keep(on_x, one), keep(but_not(on_x, on_y), one),
+                       drop(either(on_x, on_y), one)};
     struct vec away = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
     struct vec g = vec_choose(outside, away, face);
     return (struct vec){with_sign_of(p.x, g.x), with_sign_of(p.y, g.y), with_sign_of(p.z, g.z)};
@@ -110,7 +108,7 @@ static real moved_power(const struct placed *placed, const struct approach *appr
                    approach->power);
 }
 
-static real moved_distance(const struct placed *placed, const struct approach *approach, mask done,
+static real moved_distance(const struct placed *placed, const struct approach *approach, mask live,
                            float step, int axis) {
     COUNT(moved_distance, call);
     if (placed->way == POWER)
@@ -121,49 +119,55 @@ static real moved_distance(const struct placed *placed, const struct approach *a
         COUNT(moved_distance, moved);
         return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+    return distance_at(moved_in(placed, approach, step, axis), placed, live);
 }
 
 static struct vec difference(const struct placed *placed, const struct approach *approach,
-                             mask done, float step) {
+                             mask live, float step) {
     COUNT(difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
+        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
 // Of the whole scene, as in the other phases.
-static struct vec scene_difference(mask done, float step, const struct world *world) {
-    ACTIVE(LANES - count_of(done));
+static struct vec scene_difference(mask live, float step, const struct prepared *scene,
+                                   const struct beam *beam) {
+    ACTIVE(count_of(live));
     COUNT(scene_difference, call);
     real f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = set(INFINITY);
-        for (int i = 0; i < world->list.count; i++) {
+        for (int place = 0; place < beam->list.count; place++) {
             COUNT(scene_difference, shape);
-            int shape = world->list.shape[i];
-            f[axis + 1] = least_of(moved_distance(&world->scene->placed[shape],
-                                                  &world->approach[shape], done, step, axis),
-                                   f[axis + 1]);
+            int i = beam->list.shape[place];
+            f[axis + 1] =
+                least_of(moved_distance(&scene->placed[i], &beam->approach[i], live, step, axis),
+                         f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-struct nearness near_hit(mask found, const struct world *world) {
+// Which shapes a ray from there need not ask for yet is known then, too.
+struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam) {
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
-    const struct prepared *scene = world->scene;
     real least = set(INFINITY), second = least, shape = set(-1.0f);
-    for (int place = 0; place < world->list.count; place++) {
+    for (int place = 0; place < beam->list.count; place++) {
+        int i = beam->list.shape[place];
         COUNT(near_hit, shape);
-        int i = world->list.shape[place];
         const struct placed *placed = &scene->placed[i];
-        real distance = moved_distance(placed, &world->approach[i], not_in(found), 0, -1);
+        real distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
         shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
         second = least_of(second, most_of(distance, least));
         least = least_of(distance, least);
+        if (placed->steady) {
+            COUNT(near_hit, steady);
+            beam->approach[i].wake = wakes_at(distance, placed);
+            beam->high = least_of(distance, beam->high);
+        }
     }
     float step = (float)scene->model.march.normal_step;
     return (struct nearness){least, choose(found, shape, set(-1.0f)),
@@ -172,17 +176,17 @@ struct nearness near_hit(mask found, const struct world *world) {
 
 // `contact`: hits near another shape, whose difference is the scene's.
 static struct vec gradient_of(int shape, mask found, mask contact, float step,
-                              const struct world *world) {
+                              const struct prepared *scene, const struct beam *beam) {
     ACTIVE(count_of(found));
     COUNT(gradient_of, call);
-    const struct placed *placed = &world->scene->placed[shape];
-    const struct approach *approach = &world->approach[shape];
+    const struct placed *placed = &scene->placed[shape];
+    const struct approach *approach = &beam->approach[shape];
     mask near = both(found, contact);
     struct vec p = moved_in(placed, approach, 0, -1), exact = p, rounded = p;
-    if (placed->way != LINEAR && bits(but_not(contact, found)))
-        rounded = difference(placed, approach, not_in(found), step);
-    if (bits(near))
-        rounded = vec_choose(near, scene_difference(not_in(near), step, world), rounded);
+    if (placed->way != LINEAR && any(but_not(contact, found)))
+        rounded = difference(placed, approach, found, step);
+    if (any(near))
+        rounded = vec_choose(near, scene_difference(near, step, scene, beam), rounded);
     ACTIVE(count_of(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;
@@ -211,17 +215,18 @@ static struct vec gradient_of(int shape, mask found, mask contact, float step,
 // distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
 // difference instead, which at an edge or through a thin plate is no slope to divide by.
 struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct world *world, real *slope) {
+                     const struct prepared *scene, const struct beam *beam, real *slope) {
     COUNT(normal_at, call);
-    float id[LANES], step = (float)world->scene->model.march.normal_step;
-    _mm256_storeu_ps(id, near->shape);
+    float id[LANES], step = (float)scene->model.march.normal_step;
+    unload(near->shape, id);
     struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    for (int rest = bits(found); rest;) {
+    for (unsigned rest = bits(found); rest;) {
         ACTIVE(count_of(found));
         COUNT(normal_at, shape);
-        int i = (int)id[__builtin_ctz((unsigned)rest)];
+        int i = (int)id[__builtin_ctz(rest)];
         mask same = both(found, not_less(set(0.5f), absolute(near->shape - set((float)i))));
-        gradient = vec_choose(same, gradient_of(i, same, near->contact, step, world), gradient);
+        gradient =
+            vec_choose(same, gradient_of(i, same, near->contact, step, scene, beam), gradient);
         rest &= ~bits(same);
     }
     ACTIVE(count_of(found));
@@ -233,7 +238,7 @@ struct vec normal_at(struct vec direction, mask found, const struct nearness *ne
     // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
     mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));
     n = vec_choose(clear, n, vec_scale(direction, set(-1.0f)));
-    return (struct vec){both(found, n.x), both(found, n.y), both(found, n.z)};
+    return (struct vec){keep(found, n.x), keep(found, n.y), keep(found, n.z)};
 }
 
 static struct vec from_to(struct place from, const double to[3]) {
@@ -243,87 +248,119 @@ static struct vec from_to(struct place from, const double to[3]) {
     return vec_scale(place_sub(from, hi, lo), set(-1.0f));
 }
 
-static struct vec light_at(struct place p, struct vec n, struct vec direction, mask found,
-                           const struct surfaces *surface, const struct world *world) {
-    COUNT(light_at, call);
-    COUNT(light_at, scalar);
+static struct lighting light_from(struct place p, struct vec n, mask found,
+                                  const struct view *view) {
+    COUNT(light_from, call);
+    COUNT(light_from, scalar);
     real zero = set(0.0f);
-    struct vec base = surface->color;
-    struct vec to_light = from_to(p, world->view->light_position);
+    struct vec to_light = from_to(p, view->light_position);
     real distance = vec_norm(to_light);
     to_light = vec_scale(to_light, set(1.0f) / distance);
     real facing = vec_dot(n, to_light);
     // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
     mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
-    struct vec color = vec_scale(base, set(0.01f)); // ambient
-    if (!bits(lit))
+    return (struct lighting){to_light, distance, facing, lit};
+}
+
+static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
+                           real shadow, const struct surfaces *surface, const struct view *view) {
+    COUNT(light_at, call);
+    struct vec base = surface->color, color = vec_scale(base, set(0.01f)); // ambient
+    if (!any(light->lit))
         return color;
-    ACTIVE(count_of(lit));
+    ACTIVE(count_of(light->lit));
     COUNT(light_at, lit);
-    real reach = shadow(p, to_light, distance, lit, world) / distance;
-    ACTIVE(count_of(lit));
+    real reach = shadow / light->distance, facing = light->facing;
     // Of the light's direction: minus the paper's R.
-    real shine = vec_dot(vec_reflect(to_light, n), direction);
+    real shine = vec_dot(vec_reflect(light->to_light, n), direction);
     real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
-    specular = both(specular, greater(shine, zero));
-    const double *e = world->view->light_emission;
+    specular = keep(greater(shine, set(0.0f)), specular);
+    const double *e = view->light_emission;
     struct vec emission = {set((float)e[0]), set((float)e[1]), set((float)e[2])};
     struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
                          mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
                          mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
-    return vec_choose(lit, bright, color);
+    return vec_choose(light->lit, bright, color);
 }
 
-// What mirror rays can hit; their origins in the frames of that.
-static struct list reflected(struct place origin, struct vec direction, mask active,
-                             const struct world *world) {
-    const struct prepared *scene = world->scene;
-    real way = way_out(leaving(origin, direction, &scene->model));
-    struct meeting met = meet(origin, direction, active, way, HIT, world, world->own->mirror);
-    approach_origins(origin, scene, met.list, world->approach);
-    return met.list;
+// Colours of what the reflective hits mirror, added to theirs. One reflective ray makes the call; the others
+// are masked out of it and of their colour.
+static void mirror(const struct rays *rays, int bounce, struct world *world,
+                   const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
+    struct rays mirrored = {.start = set(0.0f)};
+    bool one = false;
+    for (int k = 0; k < GROUP; k++) {
+        const struct hit *hit = &result[k].hit;
+        ACTIVE(count_of(hit->found));
+        COUNT(mirror, call);
+        mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
+        mirrored.active[k] = active;
+        if (!any(active))
+            continue;
+        one = true;
+        ACTIVE(count_of(active));
+        COUNT(mirror, start);
+        real offset = set((float)world->scene->model.march.surface_offset);
+        mirrored.origin[k] = place_at(hit->point, hit->normal, offset, set(0.0f));
+        mirrored.direction[k] = vec_reflect(rays->direction[k], hit->normal);
+    }
+    if (!one)
+        return;
+    meet(&mirrored, NULL, HIT, world, world->own->mirror);
+    struct shaded seen[GROUP];
+    trace(&mirrored, bounce + 1, world, seen);
+    for (int k = 0; k < GROUP; k++) {
+        mask active = mirrored.active[k];
+        if (!any(active))
+            continue;
+        ACTIVE(count_of(active));
+        COUNT(mirror, seen);
+        real share = keep(active, surface[k].reflectivity * set(0.1f));
+        struct vec color = result[k].color;
+        result[k].color = vec_along(color, vec_choose(active, seen[k].color, color), share);
+    }
 }
 
-void trace(struct place origin, struct vec direction, mask active, real start, int bounce,
-           const struct world *world, struct shaded *result) {
-    ACTIVE(count_of(active));
-    COUNT(trace, call);
+void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]) {
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
-    *result = (struct shaded){.color = background};
-    ray_march(origin, direction, active, start, world, &result->hit);
-    mask found = result->hit.found;
-    if (!bits(found))
-        return;
-    ACTIVE(count_of(found));
-    struct place p = result->hit.point;
-    struct vec n = result->hit.normal;
-    struct surfaces surface = gather(result->hit.shape, found, model);
-    struct vec color = light_at(p, n, direction, found, &surface, world);
-    ACTIVE(count_of(found));
-    if (model->features.mirrors && bounce < model->march.max_bounces) {
-        COUNT(trace, mirrors);
-        // One reflective ray makes the call; the others are masked out of it and of its colour.
-        mask mirror = both(found, greater(surface.reflectivity, set(0.0f)));
-        if (bits(mirror)) {
-            ACTIVE(count_of(mirror));
-            COUNT(trace, mirrored);
-            struct place from = place_at(p, n, set((float)model->march.surface_offset), set(0.0f));
-            struct vec back = vec_reflect(direction, n);
-            struct world there = *world;
-            there.list = reflected(from, back, mirror, world);
-            struct shaded seen;
-            trace(from, back, mirror, set(0.0f), bounce + 1, &there, &seen);
-            real share = both(mirror, surface.reflectivity * set(0.1f));
-            color = vec_along(color, vec_choose(mirror, seen.color, color), share);
+    struct hit hit[GROUP];
+    struct lighting light[GROUP];
+    struct surfaces surface[GROUP];
+    real reach[GROUP];
+    ray_march(rays, world, hit);
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(hit[k].found));
+        light[k].lit = no_lane();
+        surface[k].reflectivity = set(0.0f);
+        if (!any(hit[k].found))
+            continue;
+        surface[k] = gather(hit[k].shape, hit[k].found, model);
+        light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
+    }
+    shadow(hit, light, world, reach);
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(hit[k].found));
+        COUNT(trace, call);
+        result[k] = (struct shaded){.color = background, .hit = hit[k]};
+        if (any(hit[k].found))
+            result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
+                                       &surface[k], world->view);
+    }
+    if (model->features.mirrors && bounce < model->march.max_bounces)
+        mirror(rays, bounce, world, surface, result);
+    for (int k = 0; k < GROUP; k++) {
+        struct vec color = result[k].color;
+        ACTIVE(count_of(hit[k].found));
+        if (!any(hit[k].found))
+            continue;
+        if (model->features.fog) {
+            COUNT(trace, fog);
+            struct vec p = hit[k].point.hi;
+            real far_sq = vec_dot(p, p);
+            color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
         }
+        result[k].color = vec_choose(hit[k].found, color, background);
     }
-    ACTIVE(count_of(found));
-    if (model->features.fog) {
-        COUNT(trace, fog);
-        real far_sq = vec_dot(p.hi, p.hi);
-        color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
-    }
-    result->color = vec_choose(found, color, background);
 }

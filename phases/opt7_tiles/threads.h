@@ -1,7 +1,7 @@
 // A team of workers that stays from phase_prepare to phase_release: the caller and threads − 1 more,
 // each on a core of its own as long as there are enough, asleep between frames.
-#ifndef OPT5_THREADS_THREADS_H
-#define OPT5_THREADS_THREADS_H
+#ifndef OPT6_THREADS_H
+#define OPT6_THREADS_H
 
 #include <stddef.h>
 

@@ -1,15 +1,26 @@
-// What render.c, march.c and shade.c call of each other.
-#ifndef OPT4_TRACE_H
-#define OPT4_TRACE_H
+// What tile.c, march.c and shade.c call of each other.
+#ifndef OPT6_TRACE_H
+#define OPT6_TRACE_H
 
 #include "sdf.h"
+
+// Packets under way together: a step of one does not wait for the last step of another, so that the chain
+// of operations through a step, three or four times as long as it takes to issue them, costs nothing.
+enum { GROUP = 4 };
 
 struct world {
     const struct prepared *scene;
     const struct view *view;
-    struct approach *approach; // one per shape: of the rays being marched now
-    struct list list;          // what these can hit, and what is near there
-    struct own *own;           // the worker's (tiles.h)
+    struct beam beam[GROUP]; // of the rays being marched now
+    struct own *own;         // the worker's (tiles.h)
+};
+
+// Only lanes of `active` are marched, shaded and written; the others may hold anything.
+struct rays {
+    struct place origin[GROUP];
+    struct vec direction[GROUP];
+    mask active[GROUP];
+    real start; // where they begin
 };
 
 struct hit {
@@ -26,32 +37,38 @@ struct shaded {
     struct hit hit;
 };
 
-// Where a ray leaves the bounds: t·(t + linear) + constant > 0.
+// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
+// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
 struct exit {
-    real linear, constant;
+    real linear, constant; // t·(t + linear) + constant > 0
 };
 
 struct exit leaving(struct place origin, struct vec direction, const struct model *model);
-real way_out(struct exit exit); // that t, at least 0
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
-// From `start` on; world->approach has the origins.
-void ray_march(struct place origin, struct vec direction, mask active, real start,
-               const struct world *world, struct hit *hit);
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world);
-// What a hit's place says, once it is the origin of world->approach: more exactly than the march,
+void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]);
+
+struct lighting {
+    struct vec to_light; // of unit length
+    real distance, facing;
+    mask lit;
+};
+
+// From points that are the origins of world->beam. 1: the light reaches the point, 0: it does not; between, the
+// penumbra of a soft shadow.
+void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
+            real reach[GROUP]);
+
+// What a hit's place says, once it is the origin of its beam: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct nearness {
     real distance, shape; // of the nearest
     mask contact;         // another shape is within two normal steps of it
 };
 
-struct nearness near_hit(mask found, const struct world *world);
-// Of hits that are the origins of world->approach, and the slope there.
+struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam);
+// Of hits that are the origins of the beam, and the slope there.
 struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct world *world, real *slope);
-void trace(struct place origin, struct vec direction, mask active, real start, int bounce,
-           const struct world *world, struct shaded *result);
+                     const struct prepared *scene, const struct beam *beam, real *slope);
+void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]);
 
 #endif

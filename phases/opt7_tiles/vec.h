@@ -1,109 +1,16 @@
-// Eight rays at once: every value is a lane of a 256-bit register, vectors are three of them
-// (structure of arrays), conditions are masks.
+// Vectors of rays at once: three reals, structure of arrays; places as sums of two floats; log and exp. Written
+// once, in lanes.h's words.
 //
-// gcc's and clang's operators on __m256 are used for + − × ÷; fused multiply-adds are written out,
-// since contraction is off.
-#ifndef OPT4_VEC_H
-#define OPT4_VEC_H
+// gcc's and clang's operators are used for + − × ÷; fused multiply-adds are written out, since contraction is
+// off.
+#ifndef OPT6_VEC_H
+#define OPT6_VEC_H
 
-#include <immintrin.h>
-#include <math.h>
-#include <stdbool.h>
-
-#include "flops.h"
-
-enum { LANES = 8 };
-
-typedef __m256 real;
-typedef __m256 mask; // all bits of a lane set, or none
+#include "lanes.h"
 
 struct vec {
     real x, y, z;
 };
-
-static inline real set(float a) {
-    return _mm256_set1_ps(a);
-}
-
-static inline mask less(real a, real b) {
-    return _mm256_cmp_ps(a, b, _CMP_LT_OQ);
-}
-
-static inline mask greater(real a, real b) {
-    return _mm256_cmp_ps(a, b, _CMP_GT_OQ);
-}
-
-static inline mask not_less(real a, real b) {
-    return _mm256_cmp_ps(a, b, _CMP_GE_OQ);
-}
-
-static inline mask both(mask a, mask b) {
-    return _mm256_and_ps(a, b);
-}
-
-static inline mask either(mask a, mask b) {
-    return _mm256_or_ps(a, b);
-}
-
-// b where not a
-static inline mask but_not(mask a, mask b) {
-    return _mm256_andnot_ps(a, b);
-}
-
-static inline mask not_in(mask a) {
-    return _mm256_xor_ps(a, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
-}
-
-static inline int bits(mask a) {
-    return _mm256_movemask_ps(a);
-}
-
-// Lanes of a mask: what a counting build asks, and a timing build never does.
-static inline int count_of(mask a) {
-    return __builtin_popcount((unsigned)bits(a));
-}
-
-static inline real choose(mask m, real yes, real no) {
-    return _mm256_blendv_ps(no, yes, m);
-}
-
-static inline real least_of(real a, real b) {
-    return _mm256_min_ps(a, b);
-}
-
-static inline real most_of(real a, real b) {
-    return _mm256_max_ps(a, b);
-}
-
-static inline real absolute(real a) { // clear the sign bit
-    return _mm256_andnot_ps(set(-0.0f), a);
-}
-
-static inline real negate_where(mask m, real a) {
-    return _mm256_xor_ps(a, _mm256_and_ps(m, set(-0.0f)));
-}
-
-// The magnitude of `a` with the sign of `from`.
-static inline real with_sign_of(real from, real a) {
-    return _mm256_or_ps(_mm256_and_ps(set(-0.0f), from), absolute(a));
-}
-
-static inline real root(real a) {
-    return _mm256_sqrt_ps(a);
-}
-
-// a·b + c, c − a·b, a·b − c
-static inline real mul_add(real a, real b, real c) {
-    return _mm256_fmadd_ps(a, b, c);
-}
-
-static inline real neg_mul_add(real a, real b, real c) {
-    return _mm256_fnmadd_ps(a, b, c);
-}
-
-static inline real mul_sub(real a, real b, real c) {
-    return _mm256_fmsub_ps(a, b, c);
-}
 
 static inline struct vec vec_set(const float *a) {
     return (struct vec){set(a[0]), set(a[1]), set(a[2])};
@@ -143,9 +50,8 @@ struct place {
     struct vec hi, lo;
 };
 
-static inline void split(double a, float *hi, float *lo) {
-    *hi = (float)a;
-    *lo = (float)(a - *hi);
+static inline struct place place_choose(mask m, struct place yes, struct place no) {
+    return (struct place){vec_choose(m, yes.hi, no.hi), vec_choose(m, yes.lo, no.lo)};
 }
 
 static inline real two_sum(real a, real b, real *error) {
@@ -182,9 +88,9 @@ static inline struct vec place_sub(struct place a, const float hi[3], const floa
                         (a.hi.z - set(hi[2])) + (a.lo.z - set(lo[2]))};
 }
 
-// Eight doubles: for what is asked once per ray, where float would drown the difference of two places.
+// A double in each lane: for what is asked once per ray, where float would drown the difference of two places.
 typedef struct {
-    __m256d low, high;
+    half low, high;
 } wide;
 
 struct wide_vec {
@@ -192,10 +98,7 @@ struct wide_vec {
 };
 
 static inline wide wide_sum(real hi, real lo) {
-    return (wide){_mm256_cvtps_pd(_mm256_castps256_ps128(hi)) +
-                      _mm256_cvtps_pd(_mm256_castps256_ps128(lo)),
-                  _mm256_cvtps_pd(_mm256_extractf128_ps(hi, 1)) +
-                      _mm256_cvtps_pd(_mm256_extractf128_ps(lo, 1))};
+    return (wide){half_low(hi) + half_low(lo), half_high(hi) + half_high(lo)};
 }
 
 static inline struct wide_vec wide_place(struct place p) {
@@ -205,8 +108,8 @@ static inline struct wide_vec wide_place(struct place p) {
 }
 
 static inline wide wide_less(wide a, double b) {
-    __m256d both = _mm256_set1_pd(b);
-    return (wide){a.low - both, a.high - both};
+    half each = half_set(b);
+    return (wide){a.low - each, a.high - each};
 }
 
 static inline struct wide_vec wide_from(struct wide_vec a, const double b[3]) {
@@ -215,13 +118,17 @@ static inline struct wide_vec wide_from(struct wide_vec a, const double b[3]) {
 }
 
 static inline wide wide_mul(wide a, double b) {
-    __m256d both = _mm256_set1_pd(b);
-    return (wide){a.low * both, a.high * both};
+    half each = half_set(b);
+    return (wide){a.low * each, a.high * each};
 }
 
 static inline wide wide_mul_add(wide a, double b, wide c) {
-    __m256d both = _mm256_set1_pd(b);
-    return (wide){_mm256_fmadd_pd(a.low, both, c.low), _mm256_fmadd_pd(a.high, both, c.high)};
+    half each = half_set(b);
+    return (wide){half_mul_add(a.low, each, c.low), half_mul_add(a.high, each, c.high)};
+}
+
+static inline wide wide_floor(wide a) {
+    return (wide){half_floor(a.low), half_floor(a.high)};
 }
 
 static inline wide wide_dot(struct wide_vec a, const double b[3]) {
@@ -229,7 +136,7 @@ static inline wide wide_dot(struct wide_vec a, const double b[3]) {
 }
 
 static inline real narrow(wide a) {
-    return _mm256_set_m128(_mm256_cvtpd_ps(a.high), _mm256_cvtpd_ps(a.low));
+    return narrowed(a.low, a.high);
 }
 
 // log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
@@ -239,14 +146,10 @@ static inline real narrow(wide a) {
 // log a for normal a > 0. 0 and denormals read as 2^-127·(1 + fraction): finite, not −∞.
 static inline real log_of(real a) {
     COUNT(log_of, call);
-    __m256i raw = _mm256_castps_si256(a);
-    real e =
-        _mm256_cvtepi32_ps(_mm256_sub_epi32(_mm256_srli_epi32(raw, 23), _mm256_set1_epi32(127)));
-    real m = _mm256_castsi256_ps(_mm256_or_si256(
-        _mm256_and_si256(raw, _mm256_set1_epi32(0x007fffff)), _mm256_set1_epi32(0x3f800000)));
+    real e = exponent_of(a), m = mantissa_of(a);
     mask high = greater(m, set(1.41421356f));
     m = choose(high, m * set(0.5f), m);
-    e = e + both(high, set(1.0f));
+    e = e + keep(high, set(1.0f));
     real f = m - set(1.0f), s = f / (m + set(1.0f)), u = s * s;
     real p = mul_add(u, set(0.29579949392f), set(0.39988780566f));
     p = mul_add(u, p, set(0.6666668504f));
@@ -259,16 +162,14 @@ static inline real log_of(real a) {
 static inline real exp_of(real a) {
     COUNT(exp_of, call);
     a = least_of(most_of(a, set(-87.0f)), set(88.0f));
-    real n = _mm256_round_ps(a * set(1.44269504f), _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+    real n = whole_near(a * set(1.44269504f));
     real r = neg_mul_add(n, set(0.693359375f), a);
     r = neg_mul_add(n, set(-2.12194440e-4f), r);
     real p = mul_add(r, set(0.001392617612f), set(0.0083631730745f));
     p = mul_add(r, p, set(0.041666554662f));
     p = mul_add(r, p, set(0.16666577026f));
     p = mul_add(r, p, set(0.5f));
-    real e = set(1.0f) + mul_add(r * r, p, r);
-    __m256i power = _mm256_slli_epi32(_mm256_cvtps_epi32(n), 23); // n into the exponent
-    return _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(e), power));
+    return scaled(set(1.0f) + mul_add(r * r, p, r), n);
 }
 
 // a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-127·b).
