@@ -89,9 +89,9 @@ static float reach_of(const struct shape *shape) {
     }
 }
 
-// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 3.1 from |w| = r = 1.2 on), and its estimate is at
-// least half of the distance to that ball: tests/py/test_tiles.py samples it.
-#define BALL_RADIUS 1.2f
+// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
+// of the distance to that ball: tests/py/test_tiles.py samples it.
+#define BALL_RADIUS 1.15f
 
 // A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
 static enum trust trust_of(const struct shape *shape, bool repeated) {
@@ -142,6 +142,7 @@ static struct placed place_shape(int index, const struct shape *shape,
         break;
     default:
         p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
+        p.b = p.a + fmaxf(0.05f, 2.0f * (float)limits->hit_distance); // well outside
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
         break;

@@ -23,7 +23,10 @@ struct approach {
 
 // A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape; −∞ where a ray
 // is done: it wakes no shape.
+enum meant { HIT, UNION }; // by least of distances: where a ray is hit; or that very number
+
 struct beam {
+    enum meant meant;
     struct approach *approach; // one per shape
     struct list list;          // those that its rays can meet
     real high;
@@ -320,6 +323,22 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
+// Whether the Mandelbulb's estimate can be left out. HIT: where every ray under way is well outside of its ball, the
+// distance to that stands for it, which is further on. UNION: where the estimate is above what is nearest anyhow: it
+// is more than half of the distance to the ball, and above the tangent of r·ln(r)/3 at e².
+static inline bool asleep(const struct approach *a, real t, const struct placed *placed, mask live,
+                          enum meant meant, real *least) {
+    COUNT(asleep, call);
+    struct vec p = vec_along(a->origin, a->direction, t);
+    real r = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p), gap = r - set(placed->a);
+    if (meant == UNION)
+        return !any(less_in(live, most_of(set(0.5f) * gap, r - set(2.48f)), *least));
+    if (any(less_in(live, r, set(placed->b))))
+        return false;
+    *least = least_of(gap, *least);
+    return true;
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
@@ -339,6 +358,8 @@ __attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
         if (!any(below(a->wake, limit)))
             continue;
         COUNT(sdf, awake);
+        if (placed->trust == BALL && asleep(a, t, placed, live, beam->meant, &least))
+            continue;
         real distance = distance_to_shape(a, t, placed, live), sum = distance + t;
         least = least_of(distance, least);
         limit = least_of(sum, limit);

@@ -178,6 +178,7 @@ static void render_patch(const struct patch *patch, real start, struct list list
             rays.origin[k] = origin;
             rays.direction[k] = get_direction(block, job->frame, job->view);
             world->beam[k].list = list;
+            world->beam[k].meant = HIT;
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < GROUP; k++) {

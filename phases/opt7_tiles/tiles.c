@@ -13,8 +13,8 @@ static size_t places(int shapes) { // so many that whole numbers behind masks ar
 }
 
 size_t own_size(int shapes) {
-    return places(shapes) * ((GROUP + 1) * sizeof(struct approach) + sizeof(real) + sizeof(mask) +
-                             3 * sizeof(int));
+    return places(shapes) *
+           ((GROUP + 1) * sizeof(struct approach) + sizeof(real) + sizeof(mask) + 3 * sizeof(int));
 }
 
 struct own own_of(void *memory, int shapes) {
@@ -283,7 +283,7 @@ static struct list listed(const struct bundle *b, enum meant meant, struct world
             least =
                 least_of(mul_add(absolute(d), set(0x1p-16f), d + set(2.0f * placed->error)), least);
         else if (meant == UNION) // of the Mandelbulb's estimate
-            d = d * set(0.5f);
+            d = most_of(d * set(0.5f), d + set(placed->a - 2.48f));
         own->distance[i] = d;
     }
     float close = close_of(&scene->model.march);
@@ -308,6 +308,8 @@ void meet(const struct rays *rays, const real *length, enum meant meant, struct 
         struct bundle b = bundle_of(rays, length, &scene->model);
         list = listed(&b, meant, world, shapes);
     }
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < GROUP; k++) {
         world->beam[k].list = list;
+        world->beam[k].meant = meant;
+    }
 }

@@ -33,7 +33,6 @@ struct list list_of_cone(int lane, const struct prepared *scene, struct own *own
 
 // Lists for the rays of a group, in its beams. HIT: what a ray can hit, and what is near such a place; UNION: the
 // least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
-enum meant { HIT, UNION };
 void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
           int *shapes);
 
