@@ -99,6 +99,28 @@ static inline bool march_step(struct progress *at, int step, struct beam *beam,
     return any(at->live);
 }
 
+// The same steps where a plane is all that the rays can hit: nothing but t changes.
+static void march_line(struct progress *at, struct beam *beam, const struct prepared *scene) {
+    const struct approach *line = &beam->approach[*beam->list.shape];
+    real origin = line->origin.x, direction = line->direction.x, t = at->t;
+    real hit_distance = set((float)scene->model.march.hit_distance);
+    const struct exit exit = at->exit;
+    mask live = at->live;
+    for (int step = 1; any(live); step++) {
+        ACTIVE(count_of(live));
+        COUNT(march_line, step);
+        real distance = mul_add(t, direction, origin);
+        mask going = not_less_in(live, distance, least_step(t, hit_distance));
+        t = add_where(going, t, distance);
+        mask inside = not_greater_in(going, beyond(exit, t), set(0.0f));
+        if (same(inside, live) && step < at->left)
+            continue;
+        march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
+        live = at->live;
+    }
+    at->t = t;
+}
+
 // A list of the packets whose bits are set.
 static int listed(unsigned packets, int list[GROUP]) {
     int count = 0;
@@ -123,6 +145,14 @@ static void march(struct progress packets[GROUP], unsigned going, const struct r
         at->last = drop(at->live, at->last);
         struct beam *beam = &world->beam[list[i]];
         beam->high = choose(at->live, beam->high, set(-INFINITY));
+    }
+    for (int i = 0; i < count;) {
+        struct list shapes = world->beam[list[i]].list;
+        if (shapes.count == 1 && scene->placed[*shapes.shape].way == LINEAR) {
+            march_line(&packets[list[i]], &world->beam[list[i]], scene);
+            list[i] = list[--count];
+        } else
+            i++;
     }
     for (int step = 1; count > 0; step++)
         for (int i = 0; i < count;) {

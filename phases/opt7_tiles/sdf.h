@@ -347,6 +347,10 @@ static inline bool asleep(const struct approach *a, real t, const struct placed 
 __attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
                                                       const struct prepared *scene, mask live) {
     COUNT(sdf, call);
+    if (beam->list.count == 1 &&
+        scene->placed[*beam->list.shape].trust != BALL) // no one to wait for
+        return distance_to_shape(&beam->approach[*beam->list.shape], t,
+                                 &scene->placed[*beam->list.shape], live);
     real least = set(INFINITY), near = least;
     real limit =
         mul_add(set(2.0f), t, beam->high); // distance + t of the nearest is no more than this

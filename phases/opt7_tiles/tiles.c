@@ -256,11 +256,16 @@ static mask matters(real d, real ends, real least, const struct bundle *b, float
     return not_less(radius + radius, apart);
 }
 
-// The ends of the intervals, of the whole way: octaves.
-static real octaves(void) {
-    float ends[LANES] = {0};
-    for (int lane = 1; lane < LANES; lane++)
-        ends[lane] = ldexpf(1.0f, lane - LANES + 1);
+// The ends of the intervals, of the whole way: each half as long again as the one before it, or twice.
+static real ends_of_way(void) {
+#if LANES == 16
+    static const float ends[LANES] = {0,          0.00342551f, 0.00513826f, 0.00770739f,
+                                      0.0115611f, 0.0173416f,  0.0260125f,  0.0390187f,
+                                      0.0585281f, 0.0877921f,  0.131688f,   0.197532f,
+                                      0.296298f,  0.444447f,   0.666667f,   1};
+#else
+    static const float ends[LANES] = {0, 0x1p-6f, 0x1p-5f, 0x1p-4f, 0x1p-3f, 0x1p-2f, 0.5f, 1};
+#endif
     return load(ends);
 }
 
@@ -268,7 +273,7 @@ static struct list listed(const struct bundle *b, enum meant meant, struct world
                           int *shapes) {
     const struct prepared *scene = world->scene;
     struct own *own = world->own;
-    real ends = b->length * octaves(), least = set(INFINITY);
+    real ends = b->length * ends_of_way(), least = set(INFINITY);
     struct beam beam = {.approach = own->eye, .list = scene->all};
     approach_origins(b->from, scene, &beam);
     approach_directions(b->axis, scene, &beam);
