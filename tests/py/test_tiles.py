@@ -130,7 +130,7 @@ def check_same(mine: dict, parents: dict, where: str) -> None:
     assert (mine["id"] != parents["id"]).sum() <= few, where
     both = np.isfinite(mine["Z"]) & np.isfinite(parents["Z"])
     apart = np.abs(mine["Z"][both] - parents["Z"][both])
-    assert (~(apart <= 1e-5 * parents["Z"][both])).sum() <= few, where
+    assert (~(apart <= 1e-5 * np.abs(parents["Z"][both]))).sum() <= few, where
     for channel in "RGB":
         off = ~(np.abs(mine[channel] - parents[channel]) <= 1e-3)
         assert off.sum() <= few, f"{where}: channel {channel}: {off.sum()} pixels"
