@@ -5,6 +5,8 @@
 //     real                          a float in each lane: + − × ÷ are the compiler's, others are below
 //     set(a)  load(p)  unload(a, p)  first_of(a)
 //     mul_add(a, b, c)              a·b + c, once rounded; neg_mul_add: c − a·b; mul_sub: a·b − c
+//     root_below(a)                 some number between √a·(1 − 2^-10) and √a, not the same for each width: only for
+//                                   what no lane's result depends on; NaN at 0
 //     root  absolute  floor_of      whole_near: the nearest whole number, ties to even
 //     least_of(a, b)  most_of(a, b) b where either is NaN
 //     with_sign_of(from, a)         the magnitude of a with the sign of from
@@ -13,7 +15,7 @@
 //
 //     mask                          which lanes: a type of its own, no real passes for one
 //     less  greater  not_less       false where either is NaN; below: true there; negative: the sign bit, of −0 and NaN too
-//     no_lane()  all_lanes()  first_lanes(n)
+//     no_lane()  all_lanes()
 //     both  either  not_in(a)       but_not(a, b): b where not a
 //     bits(a)                       bit i is lane i; any(a), all(a), same(a, b), count_of(a)
 //     less_in(m, a, b)              of the lanes of m those where a < b; not_less_in, not_greater_in: where not
@@ -47,16 +49,6 @@ static inline mask not_in(mask a) {
 // Lanes of a mask: what a counting build asks, and a timing build never does.
 static inline int count_of(mask a) {
     return __builtin_popcount(bits(a));
-}
-
-// 0, 1, 2 …
-static inline real lane_numbers(void) {
-    static const float numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-    return load(numbers);
-}
-
-static inline mask first_lanes(int count) {
-    return less(lane_numbers(), set((float)count));
 }
 
 #endif

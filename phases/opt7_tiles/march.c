@@ -42,7 +42,7 @@ struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
     real start; // t of the next evaluation
-    mask live, found;
+    mask found;
     struct exit exit;
     int left;  // steps that every ray has before its cap
     mask deep; // a ray that started inside a shape has stepped back out of it
@@ -58,9 +58,9 @@ static int step_cap(const struct model *model) {
 }
 
 // Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct progress *at, int cap) {
+static int steps_left(const struct progress *at, mask live, int cap) {
     float evals[LANES];
-    unload(keep(at->live, at->evals), evals);
+    unload(keep(live, at->evals), evals);
     int had = 0;
     for (int lane = 0; lane < LANES; lane++)
         had = (int)evals[lane] > had ? (int)evals[lane] : had;
@@ -69,43 +69,58 @@ static int steps_left(const struct progress *at, int cap) {
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
-__attribute__((noinline)) static void march_ends(struct progress *at, int step, real distance,
-                                                 mask going, mask inside, struct beam *beam,
-                                                 int cap) {
-    mask reached = but_not(going, at->live);
-    at->last = choose(reached, distance, at->last);
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
+                                                 mask inside, struct group *group, int cap) {
+    COUNT(march_ends, call);
+    mask live = group->live[k], reached = but_not(going, live);
+    at->last = choose(reached, group->distance[k], at->last);
     at->found = either(at->found, reached);
     real evals = at->evals + set((float)step);
-    if (step >= at->left)
+    if (step >= at->left) {
+        COUNT(march_ends, cap);
         inside = less_in(inside, evals, set((float)cap));
-    at->evals = choose(but_not(inside, at->live), evals, at->evals);
-    at->live = inside;
-    beam->high = choose(inside, beam->high, set(-INFINITY));
+    }
+    at->evals = choose(but_not(inside, live), evals, at->evals);
+    group->live[k] = inside;
+    group->high[k] = choose(inside, group->high[k], set(-INFINITY));
 }
 
-// The step-th step. False after the packet's last.
-static inline bool march_step(struct progress *at, int step, struct beam *beam,
-                              const struct prepared *scene) {
-    ACTIVE(count_of(at->live));
-    COUNT(march, step);
-    real t = at->t, hit_distance = set((float)scene->model.march.hit_distance);
-    real distance = sdf(beam, t, scene, at->live);
-    mask going = not_less_in(at->live, distance, least_step(t, hit_distance));
-    at->t = t = add_where(going, t, distance);
+// The packets that have a live ray, and what of a ray that has none would wake a shape.
+static void set_out(struct group *group) {
+    group->count = 0;
+    for (int k = 0; k < GROUP; k++) {
+        group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
+        if (any(group->live[k]))
+            group->list[group->count++] = k;
+        else
+            group->t[k] = set(0.0f);
+    }
+}
+
+// The step-th step of a packet, its distance known. False after the last.
+static inline bool march_step(struct progress *at, int step, int k, struct group *group,
+                              const struct model *model) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(march_step, call);
+    real t = group->t[k], distance = group->distance[k];
+    mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
+    group->t[k] = t = add_where(going, t, distance);
     mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
-    if (same(inside, at->live) && step < at->left)
+    if (same(inside, live) && step < at->left)
         return true;
-    march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
-    return any(at->live);
+    march_ends(at, step, k, going, inside, group, step_cap(model));
+    return any(group->live[k]);
 }
 
-// The same steps where a plane is all that the rays can hit: nothing but t changes.
-static void march_line(struct progress *at, struct beam *beam, const struct prepared *scene) {
-    const struct approach *line = &beam->approach[*beam->list.shape];
-    real origin = line->origin.x, direction = line->direction.x, t = at->t;
-    real hit_distance = set((float)scene->model.march.hit_distance);
+// The same steps where a plane is all that the rays can hit: nothing but t changes, and it stays in a register.
+static void march_line(struct progress *at, int k, int shape, struct group *group,
+                       const struct model *model) {
+    const struct approach *line = &group->beam[k].approach[shape];
+    real origin = line->origin.x, direction = line->direction.x, t = group->t[k];
+    real hit_distance = set((float)model->march.hit_distance);
     const struct exit exit = at->exit;
-    mask live = at->live;
+    mask live = group->live[k];
     for (int step = 1; any(live); step++) {
         ACTIVE(count_of(live));
         COUNT(march_line, step);
@@ -115,53 +130,47 @@ static void march_line(struct progress *at, struct beam *beam, const struct prep
         mask inside = not_greater_in(going, beyond(exit, t), set(0.0f));
         if (same(inside, live) && step < at->left)
             continue;
-        march_ends(at, step, distance, going, inside, beam, step_cap(&scene->model));
-        live = at->live;
+        group->distance[k] = distance;
+        march_ends(at, step, k, going, inside, group, step_cap(model));
+        live = group->live[k];
     }
     at->t = t;
 }
 
-// A list of the packets whose bits are set.
-static int listed(unsigned packets, int list[GROUP]) {
-    int count = 0;
-    for (int k = 0; k < GROUP; k++)
-        if (packets >> k & 1)
-            list[count++] = k;
-    return count;
-}
-
-// Until every ray has ended, by the hit test of a float march, which errs with t. The packets take turns.
-static void march(struct progress packets[GROUP], unsigned going, const struct rays *rays,
-                  struct world *world) {
+// Until every ray has ended, by the hit test of a float march, which errs with t.
+static void march(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    COUNT(march, call);
     const struct prepared *scene = world->scene;
-    int list[GROUP], count = listed(going, list);
-    for (int i = 0; i < count; i++) {
-        COUNT(march, call);
-        struct progress *at = &packets[list[i]];
-        at->exit = leaving(at->origin, rays->direction[list[i]], &scene->model);
-        at->left = steps_left(at, step_cap(&scene->model));
-        at->t = choose(at->live, at->start, at->t); // what is done stays where it is
+    struct group *group = &world->group;
+    set_out(group);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        struct progress *at = &packets[k];
+        at->exit = leaving(at->origin, rays->direction[k], &scene->model);
+        at->left = steps_left(at, group->live[k], step_cap(&scene->model));
+        group->t[k] = choose(group->live[k], at->start, at->t); // what is done stays where it is
         at->start = set(0.0f);
-        at->last = drop(at->live, at->last);
-        struct beam *beam = &world->beam[list[i]];
-        beam->high = choose(at->live, beam->high, set(-INFINITY));
+        at->last = drop(group->live[k], at->last);
     }
-    for (int i = 0; i < count;) {
-        struct list shapes = world->beam[list[i]].list;
-        if (shapes.count == 1 && scene->placed[*shapes.shape].way == LINEAR) {
-            march_line(&packets[list[i]], &world->beam[list[i]], scene);
-            list[i] = list[--count];
-        } else
-            i++;
+    struct list list = group->beam[0].list;
+    if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
+        for (int i = 0; i < group->count; i++)
+            march_line(&packets[group->list[i]], group->list[i], *list.shape, group, &scene->model);
+        return;
     }
-    for (int step = 1; count > 0; step++)
-        for (int i = 0; i < count;) {
-            int k = list[i];
-            if (march_step(&packets[k], step, &world->beam[k], scene))
+    for (int step = 1; group->count > 0; step++) {
+        sdf(group, scene);
+        for (int i = 0; i < group->count;) {
+            int k = group->list[i];
+            if (march_step(&packets[k], step, k, group, &scene->model)) {
                 i++;
-            else
-                list[i] = list[--count];
+                continue;
+            }
+            packets[k].t = group->t[k];
+            group->list[i] = group->list[--group->count];
         }
+    }
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
@@ -178,11 +187,12 @@ __attribute__((noinline)) static void stay_in(mask deep, real t, const struct pr
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool landed(struct progress *at, mask settled, struct vec direction,
-                   const struct prepared *scene, struct beam *beam) {
-    if (!any(at->found))
-        return false;
+                   const struct prepared *scene, struct beam *beam, mask *live) {
     ACTIVE(count_of(at->found));
     COUNT(landed, call);
+    if (!any(at->found))
+        return false;
+    COUNT(landed, point);
     COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
@@ -207,7 +217,7 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam);
     at->found = but_not(off, at->found);
-    at->live = off;
+    *live = off;
     return true;
 }
 
@@ -241,164 +251,161 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
 }
 
 void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+    COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     struct progress packets[GROUP];
     unsigned going = 0;
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(rays->active[k]));
-        COUNT(ray_march, call);
         real zero = set(0.0f);
-        packets[k] = (struct progress){.origin = rays->origin[k], .live = rays->active[k]};
+        packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
         packets[k].found = packets[k].deep = no_lane();
         packets[k].inside = set(-1.0f);
         packets[k].start = rays->start;
+        world->group.live[k] = rays->active[k];
         if (!any(rays->active[k]))
             continue;
         going |= 1u << k;
-        approach_origins(rays->origin[k], scene, &world->beam[k]);
-        approach_directions(rays->direction[k], scene, &world->beam[k]);
+        approach_origins(rays->origin[k], scene, &world->group.beam[k]);
+        approach_directions(rays->direction[k], scene, &world->group.beam[k]);
     }
     while (going) {
         mask settled[GROUP];
         for (int k = 0; k < GROUP; k++)
             settled[k] = packets[k].found;
-        march(packets, going, rays, world);
+        march(packets, rays, world);
         for (int k = 0; k < GROUP; k++)
-            if (going >> k & 1 &&
-                !landed(&packets[k], settled[k], rays->direction[k], scene, &world->beam[k]))
+            if (going >> k & 1 && !landed(&packets[k], settled[k], rays->direction[k], scene,
+                                          &world->group.beam[k], &world->group.live[k]))
                 going &= ~(1u << k);
     }
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(packets[k].found));
-        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->beam[k]);
+        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
     }
 }
 
 // Rays to the light.
 struct shade {
-    real t, least, previous;
-    mask live;
+    real least, twice_previous;
     struct exit exit;
 };
 
 // The rays that are still under way, after some have ended.
-__attribute__((noinline)) static bool shade_ends(struct shade *ray, mask live, struct beam *beam) {
-    ray->live = live;
-    beam->high = choose(live, beam->high, set(-INFINITY));
+__attribute__((noinline)) static bool shade_ends(int k, mask live, struct group *group) {
+    group->live[k] = live;
+    group->high[k] = choose(live, group->high[k], set(-INFINITY));
     return any(live);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
-static inline bool soft_step(struct shade *ray, struct beam *beam, const struct prepared *scene) {
-    const struct model *model = &scene->model;
-    ACTIVE(count_of(ray->live));
-    COUNT(soft_shadow, eval);
-    real t = ray->t, zero = set(0.0f);
-    real h = sdf(beam, t, scene, ray->live);
-    real hit_distance = set((float)model->march.hit_distance);
-    mask going = not_less_in(ray->live, h, least_step(t, hit_distance));
+static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct group *group,
+                             const struct model *model) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(soft_step, call);
+    real t = group->t[k], h = group->distance[k], zero = set(0.0f);
+    mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
     if (!any(going))
-        return false;
+        return shade_ends(k, going, group);
     ACTIVE(count_of(going));
-    COUNT(soft_shadow, step);
-    real strength = set((float)model->shadow_strength);
-    real square = h * h, y = square / (set(2.0f) * ray->previous);
-    real inside = neg_mul_add(y, y, square), past = t - y;
+    COUNT(soft_step, step);
+    // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
+    real twice = ray->twice_previous;
+    real square = h * h, scale = twice * twice, inside = scale - square;
+    real past = mul_sub(twice, t, square);
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-    mask sound = less_in(less_in(going, square * set(2e-5f), inside), zero, past);
+    mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
     // strength·√inside/past < least, asked without the root: it is seldom so.
     real wanted = ray->least * past;
-    mask darker = less_in(sound, strength * strength * inside, wanted * wanted);
+    mask darker = less_in(sound, set(strength_sq) * square * inside, wanted * wanted);
     if (any(darker)) {
         ACTIVE(count_of(darker));
-        COUNT(soft_shadow, darker);
-        ray->least = choose(darker, strength * root(inside) / past, ray->least);
+        COUNT(soft_step, darker);
+        ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
+                            ray->least);
     }
-    ray->previous = h;
-    ray->t = t = add_where(going, t, h);
+    ray->twice_previous = h + h;
+    group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), zero);
-    return same(on, ray->live) || shade_ends(ray, on, beam);
+    return same(on, live) || shade_ends(k, on, group);
 }
 
-static inline bool hard_step(struct shade *ray, real distance, struct beam *beam,
-                             const struct prepared *scene) {
-    ACTIVE(count_of(ray->live));
-    COUNT(hard_shadow, test);
-    real t = ray->t;
-    mask before = less_in(ray->live, t, distance);
-    if (!any(before))
-        return false;
-    ACTIVE(count_of(before));
-    COUNT(hard_shadow, step);
-    real h = sdf(beam, t, scene, before);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask going = not_less_in(before, h, least_step(t, hit_distance));
+static inline bool hard_step(struct shade *ray, real distance, int k, struct group *group,
+                             const struct model *model) {
+    // Past the light a ray is lit, and has taken one evaluation too many.
+    ACTIVE(count_of(group->live[k]));
+    COUNT(hard_step, call);
+    real t = group->t[k], h = group->distance[k];
+    mask live = group->live[k], before = less_in(live, t, distance);
+    mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
     ray->least = drop(but_not(going, before), ray->least);
-    ray->t = t = add_where(going, t, h);
+    group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
-    return same(on, ray->live) || shade_ends(ray, on, beam);
+    return same(on, live) || shade_ends(k, on, group);
 }
 
-static unsigned lit_packets(const struct lighting light[GROUP]) {
-    unsigned packets = 0;
-    for (int k = 0; k < GROUP; k++)
-        packets |= (unsigned)any(light[k].lit) << k;
-    return packets;
-}
-
-// The lists of what shadow rays can meet.
+// The list of what shadow rays can meet, and their origins in the frames of that.
 static void meet_light(const struct hit hit[GROUP], const struct lighting light[GROUP],
                        struct world *world) {
-    bool soft = world->scene->model.shadows == SHADOWS_SOFT;
+    struct group *group = &world->group;
     struct rays rays;
     real length[GROUP];
+    mask lit = no_lane();
     for (int k = 0; k < GROUP; k++) {
         rays.origin[k] = hit[k].point;
         rays.direction[k] = light[k].to_light;
-        rays.active[k] = light[k].lit;
+        rays.active[k] = group->live[k];
+        lit = either(lit, group->live[k]);
         length[k] = light[k].distance;
     }
+    if (!any(lit))
+        return;
+    bool soft = world->scene->model.shadows == SHADOWS_SOFT;
     meet(&rays, soft ? NULL : length, soft ? UNION : HIT, world, world->own->shadow);
+    for (int k = 0; k < GROUP; k++)
+        if (any(rays.active[k]))
+            approach_origins(hit[k].point, world->scene, &group->beam[k]);
 }
 
 void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
             real reach[GROUP]) {
-    const struct prepared *scene = world->scene;
-    bool soft = scene->model.shadows == SHADOWS_SOFT;
+    COUNT(shadow, call);
+    COUNT(shadow, scalar);
+    const struct model *model = &world->scene->model;
+    float strength = (float)model->shadow_strength, strength_sq = strength * strength;
+    struct group *group = &world->group;
+    bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
-    unsigned going = scene->model.shadows == SHADOWS_NONE ? 0 : lit_packets(light);
-    if (going)
-        meet_light(hit, light, world);
     for (int k = 0; k < GROUP; k++) {
         rays[k].least = set(1.0f);
-        if (!(going >> k & 1))
-            continue;
-        ACTIVE(count_of(light[k].lit));
-        COUNT(shadow, call);
-        approach_origins(hit[k].point, scene, &world->beam[k]);
-        approach_directions(light[k].to_light, scene, &world->beam[k]);
-        rays[k].exit = leaving(hit[k].point, light[k].to_light, &scene->model);
-        rays[k].live = light[k].lit;
-        struct beam *beam = &world->beam[k];
-        beam->high = choose(light[k].lit, beam->high, set(-INFINITY));
-        rays[k].previous = set(1e20f);
-        rays[k].t = set((float)scene->model.march.surface_offset);
+        group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
     }
-    int list[GROUP], count = listed(going, list);
-    for (int step = 0; count > 0 && step < scene->model.march.max_steps; step++)
-        for (int i = 0; i < count;) {
-            int k = list[i];
-            struct beam *beam = &world->beam[k];
-            if (soft ? soft_step(&rays[k], beam, scene)
-                     : hard_step(&rays[k], light[k].distance, beam, scene))
+    meet_light(hit, light, world);
+    set_out(group);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(light[k].lit));
+        approach_directions(light[k].to_light, world->scene, &group->beam[k]);
+        rays[k].exit = leaving(hit[k].point, light[k].to_light, model);
+        rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
+        group->t[k] = set((float)model->march.surface_offset);
+    }
+    for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
+        sdf(group, world->scene);
+        for (int i = 0; i < group->count;) {
+            int k = group->list[i];
+            if (soft ? soft_step(&rays[k], k, strength_sq, group, model)
+                     : hard_step(&rays[k], light[k].distance, k, group, model))
                 i++;
             else
-                list[i] = list[--count];
+                group->list[i] = group->list[--group->count];
         }
+    }
     for (int k = 0; k < GROUP; k++)
         reach[k] = rays[k].least;
 }

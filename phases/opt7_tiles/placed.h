@@ -47,10 +47,11 @@ struct placed {
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
 };
 
-// Shapes by their index in the scene, in its order.
+// Shapes by their index in the scene.
 struct list {
-    int count;
-    const int *shape;
+    int count, steady;
+    const int *shape; // in the scene's order
+    const int *order; // of evaluation: steady shapes first, then by type
 };
 
 struct prepared {

@@ -156,30 +156,41 @@ static struct placed place_shape(int index, const struct shape *shape,
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
+    int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
+    prepared->all.count = model->shape_count;
+    prepared->all.steady = 0;
+    for (int i = 0; i < model->shape_count; i++)
+        each[i] = i;
     for (int i = 0; i < model->shape_count; i++)
         prepared->placed[i] = place_shape(i, &model->shapes[i], &model->march);
+    for (int steady = 1; steady >= 0; steady--)
+        for (int type = 0; type < SHAPE_TYPES; type++)
+            for (int i = 0; i < model->shape_count; i++)
+                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                    order[next++] = i;
+                    prepared->all.steady += steady;
+                }
     return true;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct kept *kept = calloc(1, sizeof *kept);
     struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    int *all = calloc((size_t)model->shape_count, sizeof *all);
-    if (kept && placed && all) {
+    int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
+    if (kept && placed && both) {
         kept->sixteen = variant_here().lanes == 16;
         kept->team =
             team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
     }
-    if (!kept || !placed || !all || !kept->team) {
+    if (!kept || !placed || !both || !kept->team) {
         free(kept);
-        free(all);
         free(placed);
+        free(both);
         return NULL;
     }
     kept->prepared.placed = placed;
-    kept->prepared.all = (struct list){model->shape_count, all};
-    for (int i = 0; i < model->shape_count; i++)
-        all[i] = i;
+    kept->prepared.all.shape = both;
+    kept->prepared.all.order = both + model->shape_count;
     phase_update(&kept->prepared, model);
     return &kept->prepared;
 }
@@ -188,7 +199,7 @@ void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
     team_end(kept->team);
     free(prepared->placed);
-    free((void *)prepared->all.shape);
+    free((void *)prepared->all.shape); // and order
     free(kept);
 }
 

@@ -18,17 +18,20 @@
 struct approach {
     struct vec origin, direction;
     real power, slope;
-    real wake; // not the nearest as long as this is above (distance to the nearest) + t
 };
 
-// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape; −∞ where a ray
-// is done: it wakes no shape.
-enum meant { HIT, UNION }; // by least of distances: where a ray is hit; or that very number
+// Packets under way together, one instruction of each after the other: the chain of operations through a step
+// is several times as long as it takes to issue them. They share the questions, too: a shape that one of
+// them needs is evaluated for all.
+enum { GROUP = 4 };
 
+// A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
 struct beam {
-    enum meant meant;
     struct approach *approach; // one per shape
-    struct list list;          // those that its rays can meet
+    struct list list;          // those that its rays can meet: the same for all of a group
+    // One per shape, GROUP apart: the shape is not the nearest as long as this is above (distance to the
+    // nearest) + t.
+    real *wake;
     real high;
 };
 
@@ -98,7 +101,7 @@ static inline void approach_origins(struct place origin, const struct prepared *
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         const struct placed *placed = &scene->placed[i];
-        approach[i].wake = set(-INFINITY);
+        beam->wake[i * GROUP] = set(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
             approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
             continue;
@@ -205,51 +208,78 @@ static inline real sdf_octahedron(struct vec point, const struct placed *s) {
 
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
-    COUNT(sdf_mandelbulb, call);
-    real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
+struct bulb {
+    struct vec p, w;
+    real m, dz;
+    mask far, inside;
+};
+
+static inline struct bulb bulb_start(struct vec p, mask live) {
+    COUNT(bulb_start, call);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), inside = but_not(far, live);
-    for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(count_of(inside));
-        COUNT(sdf_mandelbulb, iteration);
-        real x2 = x * x, y2 = y * y, z2 = z * z;
-        real k3 = x2 + z2, k4 = k3 - y2;
-        real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
-        real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
-        real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
-        real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
-        x = mul_add(k2_sin4, cos4, p.x);      // p.x + k2·sin8
-        z = mul_add(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
-        y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
-        real slope =
-            mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
-        real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(inside, grown, m);
-        dz = choose(inside, slope, dz);
-        inside = not_greater_in(inside, m, set(s->bailout));
-        if (!any(inside))
-            break;
-    }
-    ACTIVE(count_of(but_not(far, live)));
-    COUNT(sdf_mandelbulb, estimate);
-    real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
-    if (any(far)) {
-        ACTIVE(count_of(both(live, far)));
-        COUNT(sdf_mandelbulb, far);
-        real r = root(vec_dot(p, p));
-        distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
-    }
-    ACTIVE(count_of(live));
-    return keep(greater(m, set(0.0f)), distance); // √m·ln m → 0 at the centre
+    real m = vec_dot(p, p);
+    mask far = greater(m, set(1024.0f));
+    return (struct bulb){p, p, m, set(1.5f), far, but_not(far, live)};
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated.
+static inline void bulb_iterate(struct bulb *b, real bailout) {
+    ACTIVE(count_of(b->inside));
+    COUNT(bulb_iterate, call);
+    real x = b->w.x, y = b->w.y, z = b->w.z, m = b->m;
+    real x2 = x * x, y2 = y * y, z2 = z * z;
+    real k3 = x2 + z2, k4 = k3 - y2;
+    real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
+    real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
+    real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
+    real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
+    real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
+    x = mul_add(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
+    z = mul_add(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
+    y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, b->p.y));
+    real slope = mul_add(set(8.0f) * (m * m * m * root(m)), b->dz, set(1.0f));
+    real grown = mul_add(x, x, mul_add(y, y, z * z));
+    b->w = (struct vec){x, y, z};
+    b->m = choose(b->inside, grown, m);
+    b->dz = choose(b->inside, slope, b->dz);
+    b->inside = not_greater_in(b->inside, b->m, bailout);
+}
+
+static inline real bulb_estimate(const struct bulb *b) {
+    COUNT(bulb_estimate, call);
+    // r·ln(r)/3 is √m·ln(m)/6.
+    real per = choose(b->far, set(1.0f / 6.0f), set(0.25f) / b->dz);
+    real distance = root(b->m) * per * log_of(b->m);
+    return keep(greater(b->m, set(0.0f)), distance); // √m·ln m → 0 at the centre
+}
+
+static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
+    COUNT(sdf_mandelbulb, call);
+    struct bulb bulb = bulb_start(p, live);
+    for (int i = 0; i < s->iterations; i++) {
+        bulb_iterate(&bulb, set(s->bailout));
+        if (!any(bulb.inside))
+            break;
+    }
+    ACTIVE(count_of(live));
+    return bulb_estimate(&bulb);
+}
+
+// What the estimate is not less than from a place at distance √square from the centre on, as long as that
+// falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r, so that the estimate,
+// ½·w·ln(w)/(12·r⁷ + 1) and hardly less by further iterations, is over 0.18 + (r − 3/2)/2.
+static inline real bulb_wakes_at(real square, real t) {
+    COUNT(bulb_wakes_at, call);
+    real out = root_below(square) - set(1.5f);
+    real bound = least_of(out, mul_add(out, set(0.5f), set(0.18f)));
+    return mul_add(set(1.0f - 0x1p-10f), bound, t);
+}
+
+// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
+// is inlined in sdf().
 __attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask live) {
-    switch (placed->type) {
+distance_at(struct vec p, const struct placed *placed, enum shape_type type, mask live) {
+    switch (type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
     case SHAPE_TORUS: return sdf_torus(p, placed);
@@ -262,21 +292,22 @@ distance_at(struct vec p, const struct placed *placed, mask live) {
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask live) {
+distance_to_shape(const struct approach *a, real t, const struct placed *placed, bool repeated,
+                  enum way way, enum shape_type type, mask live) {
     COUNT(distance_to_shape, call);
-    if (placed->way != AT_POINT) {
-        if (placed->way == POWER) {
-            COUNT(distance_to_shape, power);
-            return sdf_power(mul_add(t, t + a->slope, a->power), placed);
-        }
+    if (way == POWER) {
+        COUNT(distance_to_shape, power);
+        return sdf_power(mul_add(t, t + a->slope, a->power), placed);
+    }
+    if (way == LINEAR) {
         COUNT(distance_to_shape, linear);
         return mul_add(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (placed->repeated)
+    if (repeated)
         p = vec_wrapped(placed, p);
-    return distance_at(p, placed, live);
+    return distance_at(p, placed, type, live);
 }
 
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
@@ -287,8 +318,10 @@ static inline real nearest_shape(const struct beam *beam, real t, const struct p
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         COUNT(nearest_shape, shape);
-        real distance = distance_to_shape(&beam->approach[i], t, &scene->placed[i], live);
-        *shape = choose(less(distance, least), set(scene->placed[i].index), *shape);
+        const struct placed *placed = &scene->placed[i];
+        real distance = distance_to_shape(&beam->approach[i], t, placed, placed->repeated,
+                                          placed->way, placed->type, live);
+        *shape = choose(less(distance, least), set(placed->index), *shape);
         least = least_of(distance, least);
     }
     return least;
@@ -302,7 +335,7 @@ static inline void approach_moved(real by, const struct prepared *scene, struct 
         int i = beam->list.shape[place];
         struct approach *a = &beam->approach[i];
         COUNT(approach_moved, first);
-        a->wake = a->wake - absolute(by);
+        beam->wake[i * GROUP] = beam->wake[i * GROUP] - absolute(by);
         a->origin.x = mul_add(a->direction.x, by, a->origin.x);
         if (scene->placed[i].way == LINEAR)
             continue;
@@ -323,58 +356,185 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
-// Whether the Mandelbulb's estimate can be left out. HIT: where every ray under way is well outside of its ball, the
-// distance to that stands for it, which is further on. UNION: where the estimate is above what is nearest anyhow: it
-// is more than half of the distance to the ball, and above the tangent of r·ln(r)/3 at e².
-static inline bool asleep(const struct approach *a, real t, const struct placed *placed, mask live,
-                          enum meant meant, real *least) {
-    COUNT(asleep, call);
-    struct vec p = vec_along(a->origin, a->direction, t);
-    real r = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p), gap = r - set(placed->a);
-    if (meant == UNION)
-        return !any(less_in(live, most_of(set(0.5f) * gap, r - set(2.48f)), *least));
-    if (any(less_in(live, r, set(placed->b))))
+// By least of distances: where a ray is hit; or that very number.
+enum meant { HIT, UNION };
+
+struct group {
+    enum meant meant;
+    struct beam beam[GROUP];
+    real t[GROUP], distance[GROUP]; // of the last step
+    real high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
+    mask live[GROUP];
+    int list[GROUP], count; // of the packets that have a live ray
+};
+
+// What sdf() has found so far of each packet. `limit`: distance + t of the nearest is no more.
+struct found {
+    real least[GROUP], limit[GROUP];
+};
+
+// `steady`, `way` and `type` are known where it is inlined.
+__attribute__((always_inline)) static inline void
+all_distances(struct group *group, int shape, const struct placed *placed, bool steady,
+              enum way way, enum shape_type type, struct found *found) {
+    COUNT(all_distances, call);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(all_distances, packet);
+        const struct approach *a = &group->beam[k].approach[shape];
+        real t = group->t[k];
+        real distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+        real sum = distance + t;
+        found->least[k] = least_of(distance, found->least[k]);
+        found->limit[k] = least_of(sum, found->limit[k]);
+        if (steady) {
+            COUNT(all_distances, steady);
+            group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
+        }
+    }
+}
+
+// An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
+// processor to look beyond it to the next packet.
+static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
+                                  struct found *found) {
+    COUNT(bulb_distances, call);
+    struct bulb bulb[GROUP];
+    int count = group->count;
+    for (int i = 0; i < count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(bulb_distances, packet);
+        const struct approach *a = &group->beam[k].approach[shape];
+        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
+        bulb[i] = bulb_start(placed->repeated ? vec_wrapped(placed, p) : p, group->live[k]);
+        if (!placed->repeated)
+            group->beam[k].wake[shape * GROUP] = bulb_wakes_at(bulb[i].m, group->t[k]);
+    }
+    for (int n = 0; n < placed->iterations; n++) {
+        mask inside = no_lane();
+        for (int i = 0; i < count; i++) {
+            bulb_iterate(&bulb[i], set(placed->bailout));
+            inside = either(inside, bulb[i].inside);
+        }
+        if (!any(inside))
+            break;
+    }
+    for (int i = 0; i < count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        real distance = bulb_estimate(&bulb[i]);
+        found->least[k] = least_of(distance, found->least[k]);
+        found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
+    }
+}
+
+// Whether every ray under way is well outside of a Mandelbulb's ball: as to where it is hit the distance to that
+// stands for the estimate, which is less than it.
+static inline bool off_balls(struct group *group, int shape, const struct placed *placed,
+                             struct found *found) {
+    real gap[GROUP];
+    mask near = no_lane();
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(off_balls, packet);
+        const struct approach *a = &group->beam[k].approach[shape];
+        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
+        real r = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p);
+        near = either(near, less_in(group->live[k], r, set(placed->b)));
+        gap[k] = r - set(placed->a);
+    }
+    if (any(near))
         return false;
-    *least = least_of(gap, *least);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(off_balls, off);
+        found->least[k] = least_of(gap[k], found->least[k]);
+        found->limit[k] = least_of(gap[k] + group->t[k], found->limit[k]);
+        group->beam[k].wake[shape * GROUP] =
+            mul_add(gap[k], set(1.0f - 0x1p-18f), group->t[k] - set(placed->error));
+    }
     return true;
+}
+
+static inline bool sleeps(const real *wake, const struct found *found) {
+    COUNT(sleeps, call);
+    mask awake = below(wake[0], found->limit[0]);
+    for (int k = 1; k < GROUP; k++)
+        awake = either(awake, below(wake[k], found->limit[k]));
+    return !any(awake);
+}
+
+// The types told apart once for all packets.
+__attribute__((always_inline)) static inline void shape_distances(struct group *group, int shape,
+                                                                  const struct placed *placed,
+                                                                  bool steady,
+                                                                  struct found *found) {
+#define EACH(way, type) all_distances(group, shape, placed, steady, way, type, found)
+    if (steady && placed->way == LINEAR) {
+        EACH(LINEAR, SHAPE_PLANE);
+        return;
+    }
+    switch (placed->type) {
+    case SHAPE_SPHERE:
+        if (steady && placed->way == POWER)
+            EACH(POWER, SHAPE_SPHERE);
+        else
+            EACH(AT_POINT, SHAPE_SPHERE);
+        break;
+    case SHAPE_BOX: EACH(AT_POINT, SHAPE_BOX); break;
+    case SHAPE_TORUS: EACH(AT_POINT, SHAPE_TORUS); break;
+    case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
+    case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
+    default: EACH(AT_POINT, SHAPE_PLANE); break;
+    }
+#undef EACH
+}
+
+// Steady shapes are no further than this in the next steps.
+static inline void keep_high(struct group *group, const struct found *found) {
+    COUNT(keep_high, call);
+    for (int k = 0; k < GROUP; k++)
+        group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
 }
 
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
-// `live` may hold anything. Inlined by force: the march keeps its state in registers. (To remember how far the other shapes
-// were: saethrej/sphere-tracing, a student project, keeps them in a priority queue.)
-__attribute__((always_inline)) static inline real sdf(struct beam *beam, real t,
-                                                      const struct prepared *scene, mask live) {
+// `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
+// project, keeps them in a priority queue.)
+static inline void sdf(struct group *group, const struct prepared *scene) {
     COUNT(sdf, call);
-    if (beam->list.count == 1 &&
-        scene->placed[*beam->list.shape].trust != BALL) // no one to wait for
-        return distance_to_shape(&beam->approach[*beam->list.shape], t,
-                                 &scene->placed[*beam->list.shape], live);
-    real least = set(INFINITY), near = least;
-    real limit =
-        mul_add(set(2.0f), t, beam->high); // distance + t of the nearest is no more than this
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        COUNT(sdf, shape);
-        struct approach *a = &beam->approach[i];
-        const struct placed *placed = &scene->placed[i];
-        if (!any(below(a->wake, limit)))
-            continue;
-        COUNT(sdf, awake);
-        if (placed->trust == BALL && asleep(a, t, placed, live, beam->meant, &least))
-            continue;
-        real distance = distance_to_shape(a, t, placed, live), sum = distance + t;
-        least = least_of(distance, least);
-        limit = least_of(sum, limit);
-        if (placed->steady) {
-            COUNT(sdf, steady);
-            near = least_of(distance, near);
-            a->wake = wakes_at(sum, placed);
-        }
+    struct found found;
+    for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
+        found.least[k] = set(INFINITY);
+        found.limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
     }
-    beam->high = least_of(near - t, beam->high);
-    return least;
+    const struct list *list = &group->beam[0].list;
+    for (int n = 0; n < list->count; n++) {
+        int i = list->order[n];
+        if (n == list->steady)
+            keep_high(group, &found);
+        if (sleeps(&group->beam[0].wake[i * GROUP], &found))
+            continue;
+        const struct placed *placed = &scene->placed[i];
+        if (n < list->steady)
+            shape_distances(group, i, placed, true, &found);
+        else if (group->meant == HIT && placed->trust == BALL &&
+                 off_balls(group, i, placed, &found))
+            continue;
+        else if (placed->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, placed, &found);
+        else
+            shape_distances(group, i, placed, false, &found);
+    }
+    if (list->steady == list->count)
+        keep_high(group, &found);
+    for (int k = 0; k < GROUP; k++)
+        group->distance[k] = found.least[k];
 }
 
 #endif

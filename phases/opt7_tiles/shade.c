@@ -119,7 +119,7 @@ static real moved_distance(const struct placed *placed, const struct approach *a
         COUNT(moved_distance, moved);
         return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, live);
+    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
 }
 
 static struct vec difference(const struct placed *placed, const struct approach *approach,
@@ -165,7 +165,7 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
         least = least_of(distance, least);
         if (placed->steady) {
             COUNT(near_hit, steady);
-            beam->approach[i].wake = wakes_at(distance, placed);
+            beam->wake[i * GROUP] = wakes_at(distance, placed);
             beam->high = least_of(distance, beam->high);
         }
     }
@@ -287,12 +287,13 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
 // are masked out of it and of their colour.
 static void mirror(const struct rays *rays, int bounce, struct world *world,
                    const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
+    COUNT(mirror, call);
     struct rays mirrored = {.start = set(0.0f)};
     bool one = false;
     for (int k = 0; k < GROUP; k++) {
         const struct hit *hit = &result[k].hit;
         ACTIVE(count_of(hit->found));
-        COUNT(mirror, call);
+        COUNT(mirror, packet);
         mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
         mirrored.active[k] = active;
         if (!any(active))
@@ -322,18 +323,18 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
 }
 
 void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]) {
+    COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
     struct hit hit[GROUP];
     struct lighting light[GROUP];
-    struct surfaces surface[GROUP];
+    struct surfaces surface[GROUP] = {0};
     real reach[GROUP];
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(hit[k].found));
         light[k].lit = no_lane();
-        surface[k].reflectivity = set(0.0f);
         if (!any(hit[k].found))
             continue;
         surface[k] = gather(hit[k].shape, hit[k].found, model);
@@ -342,7 +343,6 @@ void trace(const struct rays *rays, int bounce, struct world *world, struct shad
     shadow(hit, light, world, reach);
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(hit[k].found));
-        COUNT(trace, call);
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
         if (any(hit[k].found))
             result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],

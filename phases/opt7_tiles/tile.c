@@ -28,22 +28,26 @@ struct block {
 };
 
 static mask in_picture(struct block block) {
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    real right = lane_numbers() - below * set(BLOCK_WIDTH);
-    return both(less(right, set((float)block.across)), less(below, set((float)block.down)));
+    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+    return both(less(load(right), set((float)block.across)),
+                less(load(below), set((float)block.down)));
 }
 
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
-    double per_height = view->tan_half_fov / frame->height;
+    COUNT(get_direction, scalar);
+    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
     float columns[LANES], rows[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_direction, scalar);
-        int row = block.row + lane / BLOCK_WIDTH;
-        columns[lane] =
-            (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
-        rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
+    for (int i = 0; i < BLOCK_HEIGHT; i++) {
+        COUNT(get_direction, row);
+        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
+        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
+            int column = block.column + lane % BLOCK_WIDTH;
+            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
+            rows[lane] = y;
+        }
     }
     real x = load(columns) * set((float)per_height), y = load(rows);
     struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
@@ -167,6 +171,7 @@ static void render_patch(const struct patch *patch, real start, struct list list
                          const struct job *job, struct world *world) {
     COUNT(render_patch, call);
     struct rays rays = {.start = start};
+    world->group.meant = HIT;
     struct place origin = place_of(job->view->position);
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct shaded seen[GROUP];
@@ -177,8 +182,7 @@ static void render_patch(const struct patch *patch, real start, struct list list
             COUNT(render_patch, packet);
             rays.origin[k] = origin;
             rays.direction[k] = get_direction(block, job->frame, job->view);
-            world->beam[k].list = list;
-            world->beam[k].meant = HIT;
+            world->group.beam[k].list = list;
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < GROUP; k++) {
@@ -188,13 +192,20 @@ static void render_patch(const struct patch *patch, real start, struct list list
     }
 }
 
+static void place_beams(struct group *group, struct own *own, int shapes) {
+    for (int i = 0; i < shapes * GROUP; i++)
+        own->wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+    for (int k = 0; k < GROUP; k++)
+        group->beam[k] =
+            (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
+}
+
 static void render_tile(const struct job *job, int tile, void *memory) {
     COUNT(render_tile, call);
     const struct prepared *scene = job->prepared;
     struct own own = own_of(memory, scene->model.shape_count);
     struct world world = {.scene = scene, .view = job->view, .own = &own};
-    for (int k = 0; k < GROUP; k++)
-        world.beam[k].approach = own.approach + k * scene->model.shape_count;
+    place_beams(&world.group, &own, scene->model.shape_count);
     struct cones cones;
     mask there = get_cones(tile, job, &cones);
     march_cones(place_of(job->view->position), there, &cones, scene, &own);
@@ -225,19 +236,20 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = (size_t)prepared->model.shape_count * sizeof(struct approach);
-    struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!approach)
+    size_t size = VARIANT(own_size)(&prepared->model);
+    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!own)
         return false;
+    struct own parts = own_of(own, prepared->model.shape_count);
+    struct beam all = {parts.approach, prepared->all, parts.wake, set(0.0f)}, *beam = &all;
     struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);
-        struct beam beam = {.approach = approach, .list = prepared->all};
-        approach_origins(place_of(points + 3 * i), prepared, &beam);
-        approach_directions(nowhere, prepared, &beam);
-        distance[i] = first_of(nearest_shape(&beam, set(0.0f), prepared, all_lanes(), &shape));
+        approach_origins(place_of(points + 3 * i), prepared, beam);
+        approach_directions(nowhere, prepared, beam);
+        distance[i] = first_of(nearest_shape(beam, set(0.0f), prepared, all_lanes(), &shape));
         nearest[i] = (int)first_of(shape);
     }
-    free(approach);
+    free(own);
     return true;
 }

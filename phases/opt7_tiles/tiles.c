@@ -8,25 +8,35 @@ enum { MOST_CONE_STEPS = 512 };
 // A cone meets a shape once the gap to it is below this part of the cone's radius.
 #define GAP 0.5f
 
+// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
+#define TANGENT 2.48f
+
 static size_t places(int shapes) { // so many that whole numbers behind masks are aligned
     return ((size_t)shapes + 1) / 2 * 2;
 }
 
 size_t own_size(int shapes) {
-    return places(shapes) *
-           ((GROUP + 1) * sizeof(struct approach) + sizeof(real) + sizeof(mask) + 3 * sizeof(int));
+    return places(shapes) * ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) +
+                             GROUP * sizeof(real) + sizeof(mask) + 6 * sizeof(int) + sizeof(bool));
 }
 
 struct own own_of(void *memory, int shapes) {
     size_t n = places(shapes);
-    struct own own = {.approach = memory};
-    own.eye = own.approach + GROUP * n;
+    struct own own = {.wake = memory};
+    own.approach = (struct approach *)(own.wake + GROUP * n);
+    own.eye_wake = (real *)(own.approach + GROUP * n);
+    own.eye = (struct approach *)(own.eye_wake + GROUP * n);
     own.distance = (real *)(own.eye + n);
     own.met = (mask *)(own.distance + n);
     own.tile = (int *)(own.met + n);
-    own.mirror = own.tile + n;
-    own.shadow = own.mirror + n;
+    own.mirror = own.tile + 2 * n;
+    own.shadow = own.mirror + 2 * n;
+    own.wanted = (bool *)(own.shadow + 2 * n);
     return own;
+}
+
+static struct beam eye_of(struct own *own, const struct prepared *scene) {
+    return (struct beam){own->eye, scene->all, own->eye_wake, set(0.0f)};
 }
 
 static real most_lane(mask active, real a) {
@@ -57,7 +67,8 @@ __attribute__((always_inline)) static inline real lower_bound(const struct appro
         struct vec p = vec_along(a->origin, a->direction, t);
         d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - set(placed->a);
     } else
-        d = distance_to_shape(a, t, placed, all_lanes());
+        d = distance_to_shape(a, t, placed, placed->repeated, placed->way, placed->type,
+                              all_lanes());
     return neg_mul_add(absolute(d), set(0x1p-18f), d - set(placed->error));
 }
 
@@ -105,7 +116,7 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
     real linear = set(2.0f) * vec_dot(eye.hi, cones->axis);
     real furthest = (bounds + root(from_centre)) * set(1.0f + 0x1p-10f);
     real close = set(close_of(limits)), t = zero;
-    struct beam beam = {.approach = own->eye, .list = scene->all};
+    struct beam beam = eye_of(own, scene);
     approach_origins(eye, scene, &beam);
     approach_directions(cones->axis, scene, &beam);
     // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
@@ -149,14 +160,24 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
                most_of(neg_mul_add(cones->start, set(0x1p-18f), cones->start), zero), cones->start);
 }
 
+static struct list list_of(const bool *wanted, const struct prepared *scene, int *shapes) {
+    const struct list *all = &scene->all;
+    int count = 0, same = 0, steady = 0, *order = shapes + all->count;
+    for (int n = 0; n < all->count; n++) {
+        shapes[count] = n;
+        count += wanted[n];
+        order[same] = all->order[n];
+        same += wanted[all->order[n]];
+        steady += n < all->steady && wanted[all->order[n]];
+    }
+    return (struct list){count, steady, shapes, order};
+}
+
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own) {
     COUNT(list_of_cone, call);
-    int count = 0;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        own->tile[count] = i;
-        count += bits(own->met[i]) >> lane & 1;
-    }
-    return (struct list){count, own->tile};
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = bits(own->met[i]) >> lane & 1;
+    return list_of(own->wanted, scene, own->tile);
 }
 
 // Rays from around a place into about one direction: in every lane the same.
@@ -274,7 +295,7 @@ static struct list listed(const struct bundle *b, enum meant meant, struct world
     const struct prepared *scene = world->scene;
     struct own *own = world->own;
     real ends = b->length * ends_of_way(), least = set(INFINITY);
-    struct beam beam = {.approach = own->eye, .list = scene->all};
+    struct beam beam = eye_of(own, scene);
     approach_origins(b->from, scene, &beam);
     approach_directions(b->axis, scene, &beam);
     for (int i = 0; i < scene->model.shape_count; i++) {
@@ -288,19 +309,17 @@ static struct list listed(const struct bundle *b, enum meant meant, struct world
             least =
                 least_of(mul_add(absolute(d), set(0x1p-16f), d + set(2.0f * placed->error)), least);
         else if (meant == UNION) // of the Mandelbulb's estimate
-            d = most_of(d * set(0.5f), d + set(placed->a - 2.48f));
+            d = most_of(d * set(0.5f), d + set(placed->a - TANGENT));
         own->distance[i] = d;
     }
     float close = close_of(&scene->model.march);
-    int count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
-        shapes[count] = i;
         mask here = all_lanes();
         if (scene->placed[i].trust != NOTHING)
             here = matters(own->distance[i], ends, least, b, close, meant);
-        count += (bits(here) & ~1u) != 0; // lane 0 is no interval
+        own->wanted[i] = (bits(here) & ~1u) != 0; // lane 0 is no interval
     }
-    return (struct list){count, shapes};
+    return list_of(own->wanted, scene, shapes);
 }
 
 void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
@@ -313,8 +332,7 @@ void meet(const struct rays *rays, const real *length, enum meant meant, struct 
         struct bundle b = bundle_of(rays, length, &scene->model);
         list = listed(&b, meant, world, shapes);
     }
-    for (int k = 0; k < GROUP; k++) {
-        world->beam[k].list = list;
-        world->beam[k].meant = meant;
-    }
+    world->group.meant = meant;
+    for (int k = 0; k < GROUP; k++)
+        world->group.beam[k].list = list;
 }

@@ -8,11 +8,14 @@
 
 // A worker's memory, of the size that own_size() says.
 struct own {
-    struct approach *approach;   // GROUP for each shape: of the rays being marched
-    struct approach *eye;        // of the cones
+    real *wake; // GROUP for each shape, as the next: of the rays being marched
+    struct approach *approach;
+    real *eye_wake; // of cones and bundles
+    struct approach *eye;
     real *distance;              // at the ends of a bundle's intervals
     mask *met;                   // lanes whose cone can meet the shape
-    int *tile, *mirror, *shadow; // lists
+    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
+    bool *wanted;                // of each shape, on the way to a list
 };
 
 size_t own_size(int shapes);

@@ -4,15 +4,11 @@
 
 #include "sdf.h"
 
-// Packets under way together: a step of one does not wait for the last step of another, so that the chain
-// of operations through a step, three or four times as long as it takes to issue them, costs nothing.
-enum { GROUP = 4 };
-
 struct world {
     const struct prepared *scene;
     const struct view *view;
-    struct beam beam[GROUP]; // of the rays being marched now
-    struct own *own;         // the worker's (tiles.h)
+    struct group group; // of the rays being marched now
+    struct own *own;    // the worker's (tiles.h)
 };
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
@@ -53,7 +49,7 @@ struct lighting {
     mask lit;
 };
 
-// From points that are the origins of world->beam. 1: the light reaches the point, 0: it does not; between, the
+// 1: the light reaches the point, 0: it does not; between, the
 // penumbra of a soft shadow.
 void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
             real reach[GROUP]);
