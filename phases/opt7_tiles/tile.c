@@ -132,6 +132,7 @@ static struct cones cones_around(real x[2], real y[2], const struct view *view) 
 
 // A cone for each patch of the tile; which of them there are.
 static mask get_cones(int tile, const struct job *job, struct cones *cones) {
+    COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
     float edge[4][LANES], there[LANES];
@@ -145,6 +146,7 @@ static mask get_cones(int tile, const struct job *job, struct cones *cones) {
         edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
     }
     real x[2] = {load(edge[0]), load(edge[1])}, y[2] = {load(edge[2]), load(edge[3])};
+    ACTIVE(LANES);
     *cones = cones_around(x, y, job->view);
     return greater(load(there), set(0.5f));
 }
@@ -167,12 +169,11 @@ static void store_nothing(const struct patch *patch, const struct job *job) {
         store(job->frame, block_of(patch, i), set(INFINITY), 0, &nothing);
 }
 
-static void render_patch(const struct patch *patch, real start, struct list list,
-                         const struct job *job, struct world *world) {
+static void render_patch(const struct patch *patch, struct place origin, real start,
+                         struct list list, const struct job *job, struct world *world) {
     COUNT(render_patch, call);
     struct rays rays = {.start = start};
     world->group.meant = HIT;
-    struct place origin = place_of(job->view->position);
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct shaded seen[GROUP];
         for (int k = 0; k < GROUP; k++) {
@@ -202,13 +203,15 @@ static void place_beams(struct group *group, struct own *own, int shapes) {
 
 static void render_tile(const struct job *job, int tile, void *memory) {
     COUNT(render_tile, call);
+    COUNT(render_tile, scalar);
+    struct place origin = place_of(job->view->position);
     const struct prepared *scene = job->prepared;
     struct own own = own_of(memory, scene->model.shape_count);
     struct world world = {.scene = scene, .view = job->view, .own = &own};
     place_beams(&world.group, &own, scene->model.shape_count);
     struct cones cones;
     mask there = get_cones(tile, job, &cones);
-    march_cones(place_of(job->view->position), there, &cones, scene, &own);
+    march_cones(origin, there, &cones, scene, &own);
     float start[LANES];
     unload(cones.start, start);
     for (int lane = 0; lane < LANES; lane++) {
@@ -218,7 +221,8 @@ static void render_tile(const struct job *job, int tile, void *memory) {
         if (start[lane] == INFINITY)
             store_nothing(&patch, job);
         else
-            render_patch(&patch, set(start[lane]), list_of_cone(lane, scene, &own), job, &world);
+            render_patch(&patch, origin, set(start[lane]), list_of_cone(lane, scene, &own), job,
+                         &world);
     }
 }
 

@@ -40,6 +40,7 @@ static struct beam eye_of(struct own *own, const struct prepared *scene) {
 }
 
 static real most_lane(mask active, real a) {
+    COUNT(most_lane, call);
     a = choose(active, a, set(-INFINITY));
 #if LANES == 16
     return set(_mm512_reduce_max_ps(a));
@@ -72,6 +73,12 @@ __attribute__((always_inline)) static inline real lower_bound(const struct appro
     return neg_mul_add(absolute(d), set(0x1p-18f), d - set(placed->error));
 }
 
+// What the distance itself is not above: by as much as was taken off it.
+static inline real upper_bound(real lower, const struct placed *placed) {
+    COUNT(upper_bound, call);
+    return mul_add(absolute(lower), set(0x1p-16f), mul_add(set(placed->error), set(2.0f), lower));
+}
+
 static float close_of(const struct limits *limits) {
     return (float)(limits->hit_distance + 4.0 * limits->normal_step);
 }
@@ -96,8 +103,11 @@ static struct around look_around(real t, real radius, real touch, mask live,
         mask met = own->met[i] = either(own->met[i], here);
         found.touched = either(found.touched, here);
         found.least = least_of(choose(met, set(INFINITY), d), found.least);
-        if (placed->trust == DISTANCE)
-            found.depth = least_of(choose(met, d + radius, set(INFINITY)), found.depth);
+        if (placed->trust != DISTANCE)
+            continue;
+        COUNT(march_cones, depth);
+        real depth = upper_bound(d, placed) + radius;
+        found.depth = least_of(choose(met, depth, set(INFINITY)), found.depth);
     }
     return found;
 }
@@ -109,6 +119,7 @@ static void meet_all(mask lanes, const struct prepared *scene, struct own *own) 
 
 void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
                  struct own *own) {
+    ACTIVE(count_of(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
     real zero = set(0.0f), bounds = set((float)limits->bounds_radius);
@@ -123,11 +134,10 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
     mask live = both(active, less(from_centre, bounds * bounds * set(1.0f - 0x1p-18f)));
     mask met = but_not(live, active);
     cones->start = zero;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        own->met[i] = scene->placed[i].trust == NOTHING ? active : met;
-        if (scene->placed[i].trust == NOTHING)
-            met = active;
-    }
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->met[i] = scene->placed[i].trust == NOTHING ? active : but_not(live, active);
+    for (int i = 0; i < scene->model.shape_count; i++)
+        met = either(met, own->met[i]);
     for (int step = 0; step < MOST_CONE_STEPS && any(live); step++) {
         ACTIVE(count_of(live));
         COUNT(march_cones, step);
@@ -261,22 +271,6 @@ static struct bundle bundle_of(const struct rays *rays, const real *length,
     return b;
 }
 
-// Of each interval of the way: whether the shape can be the least there, or be hit. Between the ends, u and
-// way − u away, a distance is within both ends' bounds: three of the four pairs of the shape's lower and the
-// least's upper bound.
-static mask matters(real d, real ends, real least, const struct bundle *b, float close,
-                    enum meant meant) {
-    COUNT(matters, call);
-    real way = ends - below_it(ends), d0 = below_it(d);
-    real radius = mul_add(b->spread, ends, mul_add(ends, set(0x1p-18f), b->radius));
-    if (meant == HIT)
-        return not_less(radius + set(close), set(0.5f) * (d0 + d - way));
-    real least0 = below_it(least);
-    real apart = most_of(d - way - least0, d0 - way - least);
-    apart = most_of(apart, set(0.5f) * ((d0 - least0) + (d - least)) - way);
-    return not_less(radius + radius, apart);
-}
-
 // The ends of the intervals, of the whole way: each half as long again as the one before it, or twice.
 static real ends_of_way(void) {
 #if LANES == 16
@@ -290,11 +284,38 @@ static real ends_of_way(void) {
     return load(ends);
 }
 
-static struct list listed(const struct bundle *b, enum meant meant, struct world *world,
-                          int *shapes) {
-    const struct prepared *scene = world->scene;
-    struct own *own = world->own;
-    real ends = b->length * ends_of_way(), least = set(INFINITY);
+// The way cut in intervals: lane i ends at ends, begins where lane i − 1 ends, and its rays stay within `radius`
+// of the axis. Lane 0 is no interval.
+struct intervals {
+    real ends, length, radius;
+};
+
+static struct intervals intervals_of(const struct bundle *b) {
+    COUNT(intervals_of, call);
+    real ends = b->length * ends_of_way();
+    return (struct intervals){ends, ends - below_it(ends),
+                              mul_add(b->spread, ends, mul_add(ends, set(0x1p-18f), b->radius))};
+}
+
+// Between the ends, u and length − u away, a distance is within the bounds from both.
+static mask can_be_hit(real d, const struct intervals *in, real close) {
+    COUNT(can_be_hit, call);
+    return not_less(in->radius + close, set(0.5f) * (below_it(d) + d - in->length));
+}
+
+// Three of the four pairs of the shape's lower and the least's upper bound.
+static mask can_be_least(real d, real least, const struct intervals *in) {
+    COUNT(can_be_least, call);
+    real d0 = below_it(d), least0 = below_it(least), length = in->length;
+    real apart = most_of(d - length - least0, d0 - length - least);
+    apart = most_of(apart, set(0.5f) * ((d0 - least0) + (d - least)) - length);
+    return not_less(in->radius + in->radius, apart);
+}
+
+// Into own->distance; the least of them from above.
+static real bounds_at(real ends, const struct bundle *b, enum meant meant,
+                      const struct prepared *scene, struct own *own) {
+    real least = set(INFINITY);
     struct beam beam = eye_of(own, scene);
     approach_origins(b->from, scene, &beam);
     approach_directions(b->axis, scene, &beam);
@@ -302,22 +323,35 @@ static struct list listed(const struct bundle *b, enum meant meant, struct world
         const struct placed *placed = &scene->placed[i];
         if (placed->trust == NOTHING)
             continue;
-        COUNT(meet, shape);
         real d = lower_bound(&own->eye[i], ends, placed);
-        if (placed->trust ==
-            DISTANCE) // the distance itself is not above that by more than was taken off
-            least =
-                least_of(mul_add(absolute(d), set(0x1p-16f), d + set(2.0f * placed->error)), least);
-        else if (meant == UNION) // of the Mandelbulb's estimate
+        if (placed->trust == DISTANCE) {
+            COUNT(bounds_at, distance);
+            least = least_of(upper_bound(d, placed), least);
+        } else if (meant == UNION) { // of the Mandelbulb's estimate
+            COUNT(bounds_at, estimate);
             d = most_of(d * set(0.5f), d + set(placed->a - TANGENT));
+        }
         own->distance[i] = d;
     }
-    float close = close_of(&scene->model.march);
+    return least;
+}
+
+static struct list listed(const struct bundle *b, enum meant meant, const struct prepared *scene,
+                          struct own *own, int *shapes) {
+    struct intervals in = intervals_of(b);
+    real least = bounds_at(in.ends, b, meant, scene, own);
+    // A ray from within a shape is hit behind its origin: as far as it is deep.
+    float ends[LANES];
+    unload(least, ends);
+    float depth = ends[0] < 0.0f ? -ends[0] : 0.0f;
+    unload(b->radius, ends);
+    real close = set(close_of(&scene->model.march) + depth + ends[0]);
     for (int i = 0; i < scene->model.shape_count; i++) {
         mask here = all_lanes();
         if (scene->placed[i].trust != NOTHING)
-            here = matters(own->distance[i], ends, least, b, close, meant);
-        own->wanted[i] = (bits(here) & ~1u) != 0; // lane 0 is no interval
+            here = meant == UNION ? can_be_least(own->distance[i], least, &in)
+                                  : can_be_hit(own->distance[i], &in, close);
+        own->wanted[i] = (bits(here) & ~1u) != 0;
     }
     return list_of(own->wanted, scene, shapes);
 }
@@ -330,7 +364,7 @@ void meet(const struct rays *rays, const real *length, enum meant meant, struct 
     struct list list = scene->all;
     if (list.count > 1) {
         struct bundle b = bundle_of(rays, length, &scene->model);
-        list = listed(&b, meant, world, shapes);
+        list = listed(&b, meant, scene, world->own, shapes);
     }
     world->group.meant = meant;
     for (int k = 0; k < GROUP; k++)
