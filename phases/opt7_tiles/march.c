@@ -116,6 +116,7 @@ static inline bool march_step(struct progress *at, int step, int k, struct group
 // The same steps where a plane is all that the rays can hit: nothing but t changes, and it stays in a register.
 static void march_line(struct progress *at, int k, int shape, struct group *group,
                        const struct model *model) {
+    COUNT(march_line, call);
     const struct approach *line = &group->beam[k].approach[shape];
     real origin = line->origin.x, direction = line->direction.x, t = group->t[k];
     real hit_distance = set((float)model->march.hit_distance);
@@ -217,8 +218,8 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam);
     at->found = but_not(off, at->found);
-    *live = off;
-    return true;
+    *live = less_in(off, at->evals, set((float)step_cap(&scene->model)));
+    return any(*live);
 }
 
 static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,

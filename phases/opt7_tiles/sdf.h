@@ -434,6 +434,7 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
 // stands for the estimate, which is less than it.
 static inline bool off_balls(struct group *group, int shape, const struct placed *placed,
                              struct found *found) {
+    COUNT(off_balls, call);
     real gap[GROUP];
     mask near = no_lane();
     for (int i = 0; i < group->count; i++) {

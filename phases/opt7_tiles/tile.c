@@ -201,9 +201,9 @@ static void place_beams(struct group *group, struct own *own, int shapes) {
             (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
 }
 
-static void render_tile(const struct job *job, int tile, void *memory) {
-    COUNT(render_tile, call);
-    COUNT(render_tile, scalar);
+static void draw_tile(const struct job *job, int tile, void *memory) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
     struct place origin = place_of(job->view->position);
     const struct prepared *scene = job->prepared;
     struct own own = own_of(memory, scene->model.shape_count);
@@ -235,7 +235,7 @@ int VARIANT(tiles)(const struct frame *frame) {
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    render_tile(job, tile, own);
+    draw_tile(job, tile, own);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

@@ -127,6 +127,7 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
     real linear = set(2.0f) * vec_dot(eye.hi, cones->axis);
     real furthest = (bounds + root(from_centre)) * set(1.0f + 0x1p-10f);
     real close = set(close_of(limits)), t = zero;
+    real gap = cones->spread * set(GAP), outer = bounds * set(1.0f + 0x1p-16f);
     struct beam beam = eye_of(own, scene);
     approach_origins(eye, scene, &beam);
     approach_directions(cones->axis, scene, &beam);
@@ -142,20 +143,20 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
         ACTIVE(count_of(live));
         COUNT(march_cones, step);
         real radius = mul_add(cones->spread, t, mul_add(t, set(0x1p-18f), close));
-        real touch = mul_add(cones->spread * set(GAP), t, radius);
+        real touch = mul_add(gap, t, radius);
         struct around around = look_around(t, radius, touch, live, scene, own);
         mask first = but_not(met, around.touched);
         cones->start = choose(first, t, cones->start);
         met = either(met, around.touched);
-        if (step == 0 &&
-            any(first)) { // a ray from within a shape is hit behind it, near to whatever is there
+        // A ray from within a shape is hit behind it, near to whatever is there.
+        if (step == 0 && any(first)) {
             meet_all(first, scene, own);
             live = but_not(first, live);
         }
         // Each of its rays has been hit by now, or is out of the bounds.
         mask hit = less(around.depth, zero);
         t = add_where(live, t, around.least - radius);
-        real wide = mul_add(cones->spread, t, bounds * set(1.0f + 0x1p-16f));
+        real wide = mul_add(cones->spread, t, outer);
         mask out = either(greater(mul_add(t, t + linear, from_centre), wide * wide),
                           not_less(t, furthest));
         cones->start = choose(both(live, but_not(met, out)), set(INFINITY), cones->start);
@@ -315,6 +316,7 @@ static mask can_be_least(real d, real least, const struct intervals *in) {
 // Into own->distance; the least of them from above.
 static real bounds_at(real ends, const struct bundle *b, enum meant meant,
                       const struct prepared *scene, struct own *own) {
+    COUNT(bounds_at, call);
     real least = set(INFINITY);
     struct beam beam = eye_of(own, scene);
     approach_origins(b->from, scene, &beam);
