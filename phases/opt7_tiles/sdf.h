@@ -508,7 +508,11 @@ static inline void keep_high(struct group *group, const struct found *found) {
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.)
 static inline void sdf(struct group *group, const struct prepared *scene) {
+    ACTIVE(count_of(group->live[0]) + count_of(group->live[1]) + count_of(group->live[2]) +
+           count_of(group->live[3]));
     COUNT(sdf, call);
+    ACTIVE(LANES);
+    COUNT(sdf, limits);
     struct found found;
     for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
         found.least[k] = set(INFINITY);
