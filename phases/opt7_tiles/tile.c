@@ -166,7 +166,7 @@ static void store_nothing(const struct patch *patch, const struct job *job) {
     nothing.hit.t = nothing.hit.evals = set(0.0f);
     nothing.hit.normal = (struct vec){set(0.0f), set(0.0f), set(0.0f)};
     for (int i = 0; i < BLOCKS; i++)
-        store(job->frame, block_of(patch, i), set(INFINITY), 0, &nothing);
+        store(job->frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
 }
 
 static void render_patch(const struct patch *patch, struct place origin, real start,
