@@ -209,7 +209,7 @@ def constant(file: str, pattern: str) -> float:
 def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
     """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
     radius = constant("render.c", r"#define BALL_RADIUS ([\d.]+)f")
-    tangent = constant("tiles.c", r"#define TANGENT ([\d.]+)f")
+    tangent = constant("bundles.c", r"#define TANGENT ([\d.]+)f")
     bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
     scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
     (tmp_path / "bulb.json").write_text(json.dumps(scene))
