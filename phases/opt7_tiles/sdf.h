@@ -359,6 +359,11 @@ static inline real wakes_at(real sum, const struct placed *placed) {
 // By least of distances: where a ray is hit; or that very number.
 enum meant { HIT, UNION };
 
+// The same from a place that may be inside.
+static inline real wakes_within(real sum, const struct placed *placed) {
+    return least_of(wakes_at(sum, placed), mul_add(sum, set(1.0f + 0x1p-18f), set(-placed->slack)));
+}
+
 struct group {
     enum meant meant;
     struct beam beam[GROUP];
@@ -373,26 +378,33 @@ struct found {
     real least[GROUP], limit[GROUP];
 };
 
-// `steady`, `way` and `type` are known where it is inlined.
+// `steady`, `way` and `type` are known where these are inlined.
+__attribute__((always_inline)) static inline void
+packet_distance(struct group *group, int k, int shape, const struct placed *placed, bool steady,
+                enum way way, enum shape_type type, struct found *found) {
+    ACTIVE(count_of(group->live[k]));
+    COUNT(packet_distance, call);
+    const struct approach *a = &group->beam[k].approach[shape];
+    real t = group->t[k];
+    real distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+    real sum = distance + t;
+    found->least[k] = least_of(distance, found->least[k]);
+    found->limit[k] = least_of(sum, found->limit[k]);
+    if (steady) {
+        COUNT(packet_distance, steady);
+        group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
+    }
+}
+
 __attribute__((always_inline)) static inline void
 all_distances(struct group *group, int shape, const struct placed *placed, bool steady,
               enum way way, enum shape_type type, struct found *found) {
-    COUNT(all_distances, call);
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
-        COUNT(all_distances, packet);
-        const struct approach *a = &group->beam[k].approach[shape];
-        real t = group->t[k];
-        real distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
-        real sum = distance + t;
-        found->least[k] = least_of(distance, found->least[k]);
-        found->limit[k] = least_of(sum, found->limit[k]);
-        if (steady) {
-            COUNT(all_distances, steady);
-            group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
-        }
-    }
+    if (group->count == GROUP) // unrolled
+        for (int k = 0; k < GROUP; k++)
+            packet_distance(group, k, shape, placed, steady, way, type, found);
+    else
+        for (int i = 0; i < group->count; i++)
+            packet_distance(group, group->list[i], shape, placed, steady, way, type, found);
 }
 
 // An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the

@@ -165,10 +165,11 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
         least = least_of(distance, least);
         if (placed->steady) {
             COUNT(near_hit, steady);
-            beam->wake[i * GROUP] = wakes_at(distance, placed);
+            beam->wake[i * GROUP] = wakes_within(distance, placed);
             beam->high = least_of(distance, beam->high);
         }
     }
+    beam->high = beam->high + set(1e-30f); // at distance 0 the shape is awake
     float step = (float)scene->model.march.normal_step;
     return (struct nearness){least, choose(found, shape, set(-1.0f)),
                              both(found, less(second, least + set(2.0f * step)))};
