@@ -191,8 +191,8 @@ def report(args: argparse.Namespace, result: dict, folder: Path, alone: bool) ->
     figures = []
     if result["rows"]:
         with matplotlib.rc_context(draw.STYLE):
-            for name, figure in accuracy_page.figures(result).items():
-                figures += draw.save(figure, folder / "figures" / name, accuracy_page.note(result))
+            for name, make in accuracy_page.drawings(result).items():
+                figures += draw.save(make(), folder / "figures" / name, accuracy_page.note(result))
     if args.json:
         tools = {key: value for key, value in result.items() if key.endswith("_tool")}
         more = {"convergence": result["convergence"]} if args.convergence else {}

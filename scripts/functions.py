@@ -79,7 +79,7 @@ def main() -> int:
     if args.json:
         cli.emit(result)
     else:
-        print(show.markdown(show.table(functions_page.fronts(result), functions_page.ENTRIES)))
+        print(show.markdown(show.table(functions_page.fronts(result), functions_page.ON_FRONTS)))
         print("\n".join(map(str, files)))
     bad = functions.wrong(result["entries"])
     for sentence in bad:

@@ -8,6 +8,7 @@ import math
 import secrets
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from study import cli  # first: it may start the script again with the venv's Python
@@ -88,8 +89,13 @@ def heights(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) ->
     return pair
 
 
-def measure(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) -> dict:
-    """What pareto.json has of the measurement itself: rows, what was refused, seconds by scene."""
+def measure(
+    args: argparse.Namespace, specs: list[Spec], scenes: list[Scene], keep: Callable[[dict], None]
+) -> dict:
+    """What pareto.json has of the measurement itself: rows, what was refused, seconds by scene.
+
+    `keep` is given it after each scene, with the scenes that are still to come as `unfinished`.
+    """
     size = heights(args, specs, scenes)
     rows: list[dict] = []
     skipped: list[dict] = []
@@ -103,8 +109,19 @@ def measure(args: argparse.Namespace, specs: list[Spec], scenes: list[Scene]) ->
             rows, skipped = rows + found, skipped + missing
             seconds[scene.name] = round(time.monotonic() - begun, 1)
             cli.say(f"{scene.name}: {len(found)} points, {seconds[scene.name]:.0f} s")
-    about = {"n": size[0], "antialias_n": size[1], "seconds": seconds}
-    return about | {"rows": rows, "skipped": skipped}
+            left = [one.name for one in scenes if one.name not in seconds]
+            about = {"n": size[0], "antialias_n": size[1], "seconds": dict(seconds), "unfinished": left}
+            result = about | {"rows": rows, "skipped": skipped}
+            keep(result)
+    return result
+
+
+def concluded(result: dict) -> dict:
+    """With what its rows support."""
+    rows = result["rows"]
+    winners = pareto.winners(rows)
+    sentences = [pareto.sentence(winner) for winner in winners]
+    return result | {"winners": winners, "sentences": sentences, "summary": pareto.summary(winners, rows)}
 
 
 def figures(result: dict, folder: Path) -> list[Path]:
@@ -131,7 +148,14 @@ def main() -> int:
     if not able:
         raise StudyError("no phase of these can run on this CPU", cli.CANNOT_RUN)
     result = {"schema": 1, "launches": args.launches, "seed": args.seed, "cpu": args.cpu}
-    result |= {"context": machine.context(), **measure(args, able, scenes)}
+    result["context"] = machine.context()
+
+    def keep(found: dict) -> None:
+        """A run that is killed leaves the scenes that were done; the page says which were not."""
+        if found["rows"]:
+            store.write_json(folder / pareto.FILE, concluded(result | found))
+
+    result |= measure(args, able, scenes, keep)
     rows, skipped = result["rows"], result["skipped"]
     for spec in specs:
         if what := " ".join(lacking[spec]):
@@ -140,9 +164,7 @@ def main() -> int:
     if not rows:
         pareto.say_missing(skipped)
         raise StudyError("nothing was measured: every point was refused, for the reasons above")
-    result["winners"] = pareto.winners(rows)
-    result["sentences"] = [pareto.sentence(winner) for winner in result["winners"]]
-    result["summary"] = pareto.summary(result["winners"], rows)
+    result = concluded(result)
     store.write_json(folder / pareto.FILE, result)
     drawn = figures(result, folder / "figures")
     if args.json:

@@ -13,14 +13,16 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import jinja2
 import markdown_it
+import matplotlib
 import pandas as pd
 
 import plots
 import roofline
 import tables
-from study import analysis, chapters, claims, columns, facts, ladder, paper, registry, roof, show, store
+from study import analysis, chapters, columns, draw, facts, ladder, paper, registry, roof, show, store
 from study.analysis import Data
 from study.cli import StudyError
+from study.sections import Section, reading
 
 TEMPLATES = registry.ROOT / "report" / "templates"
 OUT = registry.ROOT / "report" / "out" / "index.html"
@@ -131,6 +133,26 @@ def copied(wanted: dict[Path, str], folder: Path) -> list[dict[str, str]]:
     return made
 
 
+def drawn(section: Section, folder: Path) -> list[dict[str, str]]:
+    """Draws a chapter's figures into `folder`, from its file alone; name, caption and data URI of each.
+
+    Never those that the run's own figures/ may have: they can be of an older file.
+    """
+    made = []
+    with matplotlib.rc_context(draw.STYLE):
+        for name, drawing in section.drawn.items():
+            with reading(section.file or section.id, f"{section.script} --run {folder}"):
+                figure = drawing.make()
+                paths = draw.save(figure, folder / name, drawing.note)
+            made.append({"name": name, "caption": drawing.caption, "uri": data_uri(paths[0])})
+    return made
+
+
+def absent(section: Section) -> list[str]:
+    """Captions of the chapter's pictures that are not with its files."""
+    return [caption for path, caption in section.images.items() if not path.is_file()]
+
+
 def pictures(data: Data) -> dict[Path, str]:
     """What pictures.py draws, and its captions."""
     return {data.path / "figures" / name: text for name, text in PICTURES.items()}
@@ -148,14 +170,18 @@ def heatmaps(data: Data) -> dict[Path, str]:
 def page(data: Data, out: Path, height: int | None = None) -> str:
     """The page's HTML; tables and figures go beside `out`."""
     rows = ladder.rows(data, height)
-    tables.write(tables.make(data, rows), out.parent / "tables")
+    made = tables.make(data, rows)
+    tables.write(made, out.parent / "tables")
     ladders = [
         {
             "scene": scene,
             "size": f"{group['width'].iloc[0]}×{group['height'].iloc[0]}",
-            "parts": [(title, show.table(group.to_dict("records"), part)) for part, title in columns.PARTS],
+            "parts": [
+                (title, show.table(records, columns.sized(part, records))) for part, title in columns.PARTS
+            ],
         }
         for scene, group in ladder.ladders(rows).items()
+        for records in [group.to_dict("records")]
     ]
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -165,6 +191,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         lstrip_blocks=True,
     )
     found = chapters.all_of(data)
+    figures_folder = out.parent / "figures"
     return environment.get_template("index.html.j2").render(
         run="/".join(data.path.resolve().parts[-2:]),
         data=data,
@@ -175,15 +202,16 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         headlines=headlines(rows),
         ladders=ladders,
         runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
-        figures={figure["name"]: figure for figure in figures(data, rows, out.parent / "figures")},
+        figures={figure["name"]: figure for figure in figures(data, rows, figures_folder)},
         sections=found,
-        images={section.id: copied(section.images, out.parent / "figures") for section in found},
-        inline=counted_figures(data, out.parent / "figures"),
+        images={one.id: drawn(one, figures_folder) + copied(one.images, figures_folder) for one in found},
+        absent={one.id: absent(one) for one in found},
+        inline=counted_figures(data, figures_folder),
         verification=show.table(data.pairs, columns.VERIFICATION),
         failing=[pair for pair in data.pairs if pair.get("within_tolerance") is False],
-        pictures=copied(pictures(data), out.parent / "figures"),
-        heatmaps=copied(heatmaps(data), out.parent / "figures"),
-        claims=claims.check(data, rows),
+        pictures=copied(pictures(data), figures_folder),
+        heatmaps=copied(heatmaps(data), figures_folder),
+        claims=made["claims"][0].astype(object).to_dict("records"),
         paper=show.table(paper.ladder().to_dict("records"), columns.PAPER),
         phases=phases(data),
     )

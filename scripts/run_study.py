@@ -198,6 +198,15 @@ def functions(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("functions", *([] if options.part or options.full else ["--quick"]), "--run", str(run))
 
 
+def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """The growth of every program, or in a minute and a half that of the first and the last two rungs."""
+    names = [name for name in rungs() if cpu_supports(Spec.parse(name))]
+    quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--seconds", "90"]
+    return judged(
+        "scaling", *(["--full"] if options.full else [] if options.part else quick), "--run", str(run)
+    )
+
+
 def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
@@ -217,6 +226,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "stability": ("hard cases", stability),
     "pareto": ("speed against error", pareto),
     "functions": ("functions: speed against ulp", functions),
+    "scaling": ("how cost grows", scaling),
     "toolchains": ("compilers and flags", toolchains),
 }
 ON_REQUEST = {"toolchains"}  # minutes of building: by make toolchains, and with --full

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's."""
+"""Tables of a run as CSV, Markdown and JSON: ladder, runtime, verification, what was counted, the paper's,
+and what became of the papers' claims."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, columns, ladder, paper, show, store
+from study import analysis, chapters, claims, columns, ladder, paper, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -29,7 +30,7 @@ def ladder_text(rows: pd.DataFrame) -> str:
         records = group.to_dict("records")
         lines.append(f"### {scene}, {records[0]['width']}×{records[0]['height']}\n")
         for part, title in columns.PARTS:
-            lines += [f"{title}\n", show.markdown(show.table(records, part))]
+            lines += [f"{title}\n", show.markdown(show.table(records, columns.sized(part, records)))]
     return "\n".join(lines)
 
 
@@ -45,7 +46,18 @@ def make(data: Data, rows: pd.DataFrame) -> Made:
         made["verification"] = pairs, show.markdown(show.table(data.pairs, columns.VERIFICATION))
     for section in chapters.all_of(data):
         made |= {part.name: (part.frame, part.markdown) for part in section.parts}
+    found = claims.check(data, rows)
+    made["claims"] = claims.frame(found), show.markdown(show.table(found, claims.COLUMNS))
     return made
+
+
+def flat(rows: pd.DataFrame) -> pd.DataFrame:
+    """For CSV: an interval's entries as columns of their own, `ms.value`, `ms.low` …"""
+    if not any(isinstance(value, dict) for value in rows.to_numpy().ravel()):
+        return rows
+    made = pd.json_normalize(rows.to_dict("records"), sep=".")
+    split = {name for name in made if any(other.startswith(f"{name}.") for other in made)}
+    return made.drop(columns=sorted(split))  # what is left of them: rows that had none
 
 
 def write(made: Made, folder: Path) -> list[Path]:
@@ -53,7 +65,7 @@ def write(made: Made, folder: Path) -> list[Path]:
     paths = []
     for name, (rows, text) in made.items():
         paths += [folder / f"{name}.{suffix}" for suffix in ("csv", "md", "json")]
-        store.write_text(paths[-3], rows.to_csv(index=False))
+        store.write_text(paths[-3], flat(rows).to_csv(index=False))
         store.write_text(paths[-2], text)
         store.write_json(paths[-1], rows.to_dict("records"))
     return paths
@@ -80,11 +92,13 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
         title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
-        parts += [title, show.markdown(show.table(records, columns.README))]
+        parts += [title, show.markdown(show.table(records, columns.sized(columns.README, records)))]
+    at = columns.truth_height(rows.to_dict("records"))
+    truth = f", or to truth where the head says so: of pictures{at}, whatever size was timed" if at else ""
     note = (
         f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
-        "speed-ups are ratios of medians of one interleaved run on one thread; errors are against baseline, "
-        "in linear RGB. "
+        "speed-ups are ratios of medians of one interleaved run on one thread; errors are in linear RGB, "
+        f"against baseline{truth}. "
         "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
     )
     block = "\n".join([*parts, note])

@@ -23,8 +23,8 @@ struct placed {
     enum way way;
     enum shape_type type;
     bool turned, repeated;
-    bool steady; // its distance changes no faster than the place: see sdf()
-    float slack; // by which sdf() mistrusts it, where the place is within the shape
+    bool steady; // its distance changes no faster than the place: see scene_distances()
+    float slack; // by which scene_distances() mistrusts it, where the place is within the shape
     float index; // in the scene
     float position[3], position_lo[3];
     float turn[3][3]; // rows: the three rotations as one matrix

@@ -272,7 +272,7 @@ static inline real bulb_wakes_at(real square, real t) {
 }
 
 // At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
-// is inlined in sdf().
+// is inlined in all_distances().
 __attribute__((always_inline)) static inline real
 distance_at(struct vec p, const struct placed *placed, enum shape_type type, mask live) {
     switch (type) {
@@ -363,7 +363,7 @@ struct group {
     int list[GROUP], count; // of the packets that have a live ray
 };
 
-// What sdf() has found so far of each packet. `limit`: distance + t of the nearest is no more.
+// What scene_distances() has found so far of each packet. `limit`: distance + t of the nearest is no more.
 struct found {
     real least[GROUP], limit[GROUP];
 };
@@ -473,22 +473,23 @@ static inline void keep_high(struct group *group, const struct found *found) {
         group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
 }
 
+// An evaluation of the scene's distance begins, of one packet. −∞ where no ray is left.
+static inline void sdf(const struct group *group, int k, struct found *found) {
+    ACTIVE(count_of(group->live[k]));
+    COUNT(sdf, call);
+    found->least[k] = set(INFINITY);
+    found->limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.)
-static inline void sdf(struct group *group, const struct prepared *scene) {
-    ACTIVE(count_of(group->live[0]) + count_of(group->live[1]) + count_of(group->live[2]) +
-           count_of(group->live[3]));
-    COUNT(sdf, call);
-    ACTIVE(LANES);
-    COUNT(sdf, limits);
+static inline void scene_distances(struct group *group, const struct prepared *scene) {
     struct found found;
-    for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
-        found.least[k] = set(INFINITY);
-        found.limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
-    }
+    for (int k = 0; k < GROUP; k++)
+        sdf(group, k, &found);
     for (int n = 0; n < scene->model.shape_count; n++) {
         int i = scene->order[n];
         if (n == scene->steady_count)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,7 +24,6 @@ from study.registry import ROOT, Scene, Spec
 from study.run import DriverError
 
 BASELINE = "baseline"
-NO_GAIN = 1.05  # a step that gains no more than this gains nothing worth its trouble
 FACTOR = 4  # of the anti-aliased comparison of fractal scenes, each way
 ERRORS = ("psnr_db", "fraction_over_1_255", "max_abs", "mask_mismatch_ppm", "non_finite")
 Case = tuple[Spec, str]  # a program and the name of a scene
@@ -47,23 +45,14 @@ class Ablation:
     @property
     def claim(self) -> float | None:
         """The speed-up that the paper states."""
-        match = re.match(r"(\d+(?:\.\d+)?)×", self.paper)
-        return float(match[1]) if match else None
+        return verdicts.stated(self.paper)
 
     def holds(self, gain: stats.Interval, failed: Iterable[str]) -> str:
         """The paper's claim held against what was found, in the words of study.verdicts; "" for no claim."""
-        if self.claim is None and not self.paper.startswith(("no gain", "not satisfying")):
-            return ""
-        if not gain.sufficient:
-            return verdicts.FEW
-        if self.claim is None:  # what the paper gave up: too wrong, or no faster
-            given_up = self.paper.startswith("not satisfying") and list(failed)
-            if given_up or gain.high <= NO_GAIN:
-                return verdicts.HOLDS
-            return verdicts.FAILS if gain.low > NO_GAIN else verdicts.WITHIN
-        if gain.low >= self.claim:
-            return verdicts.HOLDS
-        return verdicts.FAILS if gain.high < self.claim else verdicts.WITHIN
+        verdict, _ = verdicts.held(self.paper, gain, failed)
+        if verdict != verdicts.UNSURE:
+            return verdict
+        return verdicts.WITHIN if gain.sufficient else verdicts.FEW
 
 
 def said(row: Mapping[str, Any]) -> str:
@@ -72,7 +61,7 @@ def said(row: Mapping[str, Any]) -> str:
         return row["claim"]
     high = row["gain"]["high"] if isinstance(row["gain"], Mapping) else row["gain"].high
     why = ["too wrong"] * bool(row["paper"].startswith("not satisfying") and row["failed"])
-    why += ["no faster"] * bool(high <= NO_GAIN)
+    why += ["no faster"] * bool(high <= verdicts.NO_GAIN)
     return f"{row['claim']}: {' and '.join(why)}"
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -158,8 +159,9 @@ def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Colum
     rows = result["rows"]
     fractal = [row for row in rows if row["converged_only"]]
     converged = (result.get("convergence") or {}).get("rows", [])
+    heights = " and ".join(map(str, sorted({row["height"] for row in rows})))
     made = [
-        ("accuracy", "Error to truth", rows, ERRORS),
+        ("accuracy", f"Error to truth, at n = {heights}", rows, ERRORS),
         (
             "accuracy-averaged",
             "Where truth is converged only: depth and averaged pictures",
@@ -273,11 +275,11 @@ def convergence(table: dict[str, Any]) -> Figure:
     return made
 
 
-def figures(result: dict[str, Any]) -> dict[str, Figure]:
-    """Name → figure, of what there is."""
-    made = {"accuracy-where": places(result["rows"])} if result["rows"] else {}
+def drawings(result: dict[str, Any]) -> dict[str, Callable[[], Figure]]:
+    """Name → what draws the figure, of what there is."""
+    made = {"accuracy-where": partial(places, result["rows"])} if result["rows"] else {}
     if (result.get("convergence") or {}).get("rows"):
-        made["accuracy-convergence"] = convergence(result["convergence"])
+        made["accuracy-convergence"] = partial(convergence, result["convergence"])
     return made
 
 

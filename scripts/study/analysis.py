@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,7 @@ class Data:
     cells: list[Cell]
     pairs: list[dict[str, Any]]
     notes: list[str]
+    kept: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)  # worked out once, by name
 
     def cell(self, scene: str, spec: str, height: int, width: int, threads: int = 1) -> Cell | None:
         wanted = (scene, spec, height, width, threads)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pandas as pd
 
@@ -26,6 +27,8 @@ from study.show import (
     word,
     yes,
 )
+
+TO_TRUTH = "to truth"  # in a head: this column is of accuracy.json
 
 
 def _load(row: Row) -> str:
@@ -58,6 +61,29 @@ def _truth_psnr(name: str) -> Callable[[Row], str]:
         return found if found == NOTHING or not row.get("truth_converged_only") else f"{found} (4×4)"
 
     return text
+
+
+def truth_height(rows: Sequence[Row]) -> str:
+    """“ at n = 180”: how high the pictures held against truth were; "" where none was."""
+    found = {row.get("truth_height") for row in rows}
+    heights = sorted(int(height) for height in found if height is not None and not pd.isna(height))
+    return f" at n = {' and '.join(map(str, heights))}" if heights else ""
+
+
+def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
+    """The columns, with the height of the pictures in the heads of those to truth (their own or the group's).
+
+    They may be of another size than the time beside them.
+    """
+    at = truth_height(rows)
+    made = []
+    for column in shown:
+        if TO_TRUTH in column.group:
+            column = replace(column, group=column.group + at)
+        elif TO_TRUTH in column.name:
+            column = replace(column, name=column.name.replace(TO_TRUTH, TO_TRUTH + at))
+        made.append(column)
+    return made
 
 
 LADDER = [

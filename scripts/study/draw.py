@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +34,15 @@ STYLE = {
     "axes.spines.right": False,
     "hatch.linewidth": 0.6,
 }
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that the files of the run suffice for; drawn (under STYLE) only where it is shown."""
+
+    caption: str
+    note: str  # stands under it
+    make: Callable[[], Figure]
 
 
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:

@@ -28,7 +28,13 @@ FUNCTIONS = ("sqrt", "rsqrt", "exp", "log", "pow", "sin", "cos", "atan2", "acos"
 ROUNDS, QUICK_ROUNDS = 25, 7
 NORMALISE_ROUNDS = 11
 VECTORS, QUICK_VECTORS = 20_000_000, 16_384
-TABLES = {"rsqrtss": "scalar", "rsqrtps": "SSE", "vrsqrtps": "AVX2", "vrsqrt14ps": "AVX-512"}
+TABLES = {  # instruction: instruction set, precision
+    "rsqrtss": ("scalar", "float"),
+    "rsqrtps": ("SSE", "float"),
+    "vrsqrtps": ("AVX2", "float"),
+    "vrsqrt14ps": ("AVX-512", "float"),
+    "vrsqrt14pd": ("AVX-512", "double"),
+}
 ARTICLE = {
     "cpu": "Core 2 Duo, 1.6 GHz",
     "vectors": VECTORS,
@@ -139,21 +145,25 @@ def normalise(vectors: int, rounds: int, seed: int, cpu: int | None) -> list[Row
 
 
 def rsqrt_tables(rows: Sequence[Row]) -> list[Row]:
-    """SHA-256 of each instruction's results for all 2²⁴ floats in [1, 4): little-endian floats in order."""
-    arguments = np.arange(1 << 24, dtype=np.uint32) + np.uint32(0x3F800000)
-    exact = 1 / np.sqrt(arguments.view(np.float32).astype(np.float64))
+    """SHA-256 of each instruction's results for all 2²⁴ floats in [1, 4), little-endian, in order.
+
+    That of doubles gets the same arguments, as doubles. Whose CPU it was is the file's `context`.
+    """
+    bits = np.arange(1 << 24, dtype=np.uint32) + np.uint32(0x3F800000)
+    arguments = bits.view(np.float32)
+    exact = 1 / np.sqrt(arguments.astype(np.float64))
     found = []
-    for instruction, isa in TABLES.items():
+    for instruction, (isa, precision) in TABLES.items():
         name = f"{instruction.removeprefix('v')} + 0"
-        wanted = (name, isa, "rsqrt", "float")
+        wanted = (name, isa, "rsqrt", precision)
         entry = next(
             (r for r in rows if (r["name"], r["isa"], r["function"], r["precision"]) == wanted), None
         )
-        row: Row = {"instruction": instruction, "isa": isa}
+        row: Row = {"instruction": instruction, "isa": isa, "precision": precision}
         if entry is None or entry["missing"]:
             found.append(row | {"missing": (entry or {}).get("missing") or "no such entry"})
             continue
-        values = evaluate(entry, arguments.view(np.float32))
+        values = evaluate(entry, arguments)
         error = float(np.max(np.abs(values.astype(np.float64) / exact - 1)))
         found.append(row | {"sha256": hashlib.sha256(values).hexdigest(), "max_relative_error": error})
     return found
@@ -168,17 +178,22 @@ def add_edges(rows: list[Row]) -> None:
             )
 
 
+def on_front(row: Row, rows: Sequence[Row], time: str = "stream_ns") -> bool:
+    """Whether none of `rows`, all of its function and precision, is as fast and exact, and better in one."""
+    mine = (row[time]["value"], row["max_ulp"])
+    others = ((r[time]["value"], r["max_ulp"]) for r in rows)
+    return not any(a <= mine[0] and b <= mine[1] and (a, b) != mine for a, b in others)
+
+
 def mark_front(rows: Sequence[Row]) -> None:
-    """`front`: whether no other of its function and precision is as fast and as exact, and better in one."""
-    judged = [r for r in rows if r.get("max_ulp") is not None and "stream_ns" in r]
-    for row in judged:
-        mine = (row["stream_ns"]["value"], row["max_ulp"])
-        others = (
-            (r["stream_ns"]["value"], r["max_ulp"])
-            for r in judged
-            if (r["function"], r["precision"]) == (row["function"], row["precision"]) and r is not row
-        )
-        row["front"] = not any(a <= mine[0] and b <= mine[1] and (a, b) != mine for a, b in others)
+    """`front` to each entry with a time and an error: whether it is on the front of throughput."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if row.get("max_ulp") is not None and "stream_ns" in row:
+            groups.setdefault((row["function"], row["precision"]), []).append(row)
+    for group in groups.values():
+        for row in group:
+            row["front"] = on_front(row, group)
 
 
 def without(rows: Sequence[Row], mpfr: bool) -> list[str]:

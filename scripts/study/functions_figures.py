@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +15,28 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from study import functions, show
-from study.draw import COLOURS, MARKERS, plain_log, save
+from study.draw import COLOURS, MARKERS, Drawing, plain_log, save
 from study.functions_page import TITLES, judged
 
 Row = dict[str, Any]
 FAMILIES = ("libm", "instruction", "bit trick", "own", "libmvec", "SLEEF")
 LOOKS = {name: (COLOURS[i], MARKERS[i]) for i, name in enumerate(FAMILIES)}
+# What is on the axis of time, and how to read it.
+TIMES = {"stream_ns": "ns per element, throughput", "latency_ns": "ns per call, latency"}
 SIZES = {"scalar": 22, "SSE": 34, "AVX2": 52, "AVX-512": 80}
 
 
-def _label(axes: Axes, rows: Sequence[Row], marks: Sequence[Row]) -> None:
+def _label(axes: Axes, rows: Sequence[Row], marks: Sequence[Row], time: str) -> None:
     """Names at the points, each where it covers no other name or mark as far as sixteen places allow."""
     (left, right), (low, high) = (np.log(axes.get_xlim()), np.log(axes.get_ylim()))
     wide, tall = 280, 230  # points, of a panel
 
     def place_of(row: Row) -> tuple[float, float]:
         x = (math.log(row["max_ulp"]) - left) / (right - left) * wide
-        return x, (math.log(row["stream_ns"]["value"]) - low) / (high - low) * tall
+        return x, (math.log(row[time]["value"]) - low) / (high - low) * tall
 
     taken = [(x - 4, y - 4, x + 4, y + 4) for x, y in map(place_of, marks)]
-    for row in sorted(rows, key=lambda r: -r["stream_ns"]["value"]):
+    for row in sorted(rows, key=lambda r: -r[time]["value"]):
         x, y = place_of(row)
         name = f"{row['name']}, {row['isa']}"
         length = 3.6 * len(name)
@@ -50,7 +53,7 @@ def _label(axes: Axes, rows: Sequence[Row], marks: Sequence[Row]) -> None:
         taken.append(box)
         place = {"xytext": (dx, dy), "textcoords": "offset points", "ha": ha}
         line = {"arrowstyle": "-", "color": "#999999", "linewidth": 0.5}
-        point = (row["max_ulp"], row["stream_ns"]["value"])
+        point = (row["max_ulp"], row[time]["value"])
         axes.annotate(name, point, **place, fontsize=6.5, arrowprops=line if abs(dy) > 9 else None)
 
 
@@ -59,23 +62,23 @@ def _overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return max(0, min(a[2], b[2]) - max(a[0], b[0])) * max(0, min(a[3], b[3]) - max(a[1], b[1]))
 
 
-def _panel(axes: Axes, rows: Sequence[Row], title: str) -> None:
+def _panel(axes: Axes, rows: Sequence[Row], title: str, time: str) -> None:
+    front = sorted((r for r in rows if functions.on_front(r, rows, time)), key=lambda r: r["max_ulp"])
     for row in rows:
         colour, marker = LOOKS[row["family"]]
         axes.scatter(
             row["max_ulp"],
-            row["stream_ns"]["value"],
+            row[time]["value"],
             s=SIZES[row["isa"]],
             marker=marker,
-            facecolor=colour if row["front"] else "white",
+            facecolor=colour if row in front else "white",
             edgecolor=colour,
             linewidth=1.1,
-            zorder=4 if row["front"] else 3,
+            zorder=4 if row in front else 3,
         )
-    front = sorted((r for r in rows if r["front"]), key=lambda r: r["max_ulp"])
     axes.plot(
         [r["max_ulp"] for r in front],
-        [r["stream_ns"]["value"] for r in front],
+        [r[time]["value"] for r in front],
         color="#555555",
         linewidth=1,
         drawstyle="steps-post",
@@ -83,8 +86,8 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str) -> None:
     )
     axes.set(title=title, xscale="log", yscale="log")
     axes.margins(0.12, 0.14)
-    scalar = [r for r in rows if r["family"] == "libm" and not r["front"]]
-    _label(axes, [*front, *scalar], rows)
+    scalar = [r for r in rows if r["family"] == "libm" and r not in front]
+    _label(axes, [*front, *scalar], rows, time)
     plain_log(axes.yaxis)
     low, high = axes.get_xlim()
     if high / low < 1e5:  # beyond it powers of ten are shorter
@@ -93,24 +96,27 @@ def _panel(axes: Axes, rows: Sequence[Row], title: str) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def figure(result: Row, precision: str) -> Figure:
-    """A panel per function: largest error in ulp against ns per element, the front filled and named."""
+def figure(result: Row, precision: str, time: str = "stream_ns") -> Figure:
+    """A panel per function: largest error in ulp against time, the front filled and named."""
     made = Figure(figsize=(13.5, 11.5), layout="constrained")
     grid = made.subplots(3, 3)
     made.suptitle(
-        f"Functions in {precision}: left is more exact, down is faster", x=0.01, ha="left", fontsize=12
+        f"Functions in {precision}, {TIMES[time].partition(', ')[2]}: left is more exact, down is faster",
+        x=0.01,
+        ha="left",
+        fontsize=12,
     )
     for axes, function in zip(grid.flat, functions.FUNCTIONS, strict=True):
-        rows = judged(result, function, precision)
+        rows = judged(result, function, precision, time)
         if not rows:
             axes.set_axis_off()
             axes.set_title(f"{TITLES[function]}: no errors measured")
             continue
-        _panel(axes, rows, TITLES[function])
+        _panel(axes, rows, TITLES[function], time)
     for axes in grid[-1]:
         axes.set_xlabel("largest error, ulp")
     for axes in grid[:, 0]:
-        axes.set_ylabel("ns per element, throughput")
+        axes.set_ylabel(TIMES[time])
     marks = [
         Line2D([], [], color=c, marker=m, linestyle="none", label=name) for name, (c, m) in LOOKS.items()
     ]
@@ -153,7 +159,14 @@ def normalise_figure(result: Row) -> Figure:
     return made
 
 
-def note(result: Row) -> str:
+ABOUT = {
+    "stream_ns": "Throughput: independent elements, however many at once.",
+    "latency_ns": "Latency: a chain in which each call waits for the last, less the chain's own cost; a call "
+    "of a vector is as long for all its lanes.",
+}
+
+
+def note(result: Row, time: str = "stream_ns") -> str:
     cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
     how = (
         "a quick run, one float in thousands: the largest errors are lower bounds"
@@ -162,7 +175,7 @@ def note(result: Row) -> str:
     )
     return (
         f"{cpu}; median of {result['rounds']} interleaved rounds on one thread, arrays in the L1 cache. "
-        f"Errors: {how}. Doubles against MPFR."
+        f"Errors: {how}. Doubles against MPFR. {ABOUT[time]}"
     )
 
 
@@ -183,9 +196,25 @@ def normalise_note(result: Row) -> str:
     )
 
 
+def drawings(result: Row) -> dict[str, Drawing]:
+    """Name → figure, of throughput and of latency in each precision, and of normalisation."""
+    made = {}
+    for time, word in (("stream_ns", ""), ("latency_ns", "-latency")):
+        for precision in ("float", "double"):
+            about = f"{precision.capitalize()}s: {TIMES[time]}, against the largest error"
+            draw = partial(figure, result, precision, time)
+            made[f"functions-{precision}{word}"] = Drawing(about, note(result, time), draw)
+    if result["normalise"]:
+        about = "Normalising vectors, from the first cache to memory"
+        draw = partial(normalise_figure, result)
+        made["normalise"] = Drawing(about, normalise_note(result), draw)
+    return made
+
+
 def save_all(result: Row, folder: Path) -> list[Path]:
-    """functions-float, functions-double and normalise, each as SVG and PNG."""
-    files = []
-    for precision in ("float", "double"):
-        files += save(figure(result, precision), folder / f"functions-{precision}", note(result))
-    return files + save(normalise_figure(result), folder / "normalise", normalise_note(result))
+    """Every figure as SVG and PNG."""
+    return [
+        file
+        for name, drawing in drawings(result).items()
+        for file in save(drawing.make(), folder / name, drawing.note)
+    ]

@@ -12,27 +12,40 @@ TITLES = {"rsqrt": "1/√x", "sqrt": "√x", "pow": "xʸ", "exp": "eˣ", "log": 
 TITLES |= {name: f"{name} x" for name in ("sin", "cos", "acos")}
 
 
-def judged(result: Row, function: str, precision: str) -> list[Row]:
-    """Entries with a time and a finite error, fastest first."""
+def judged(result: Row, function: str, precision: str, time: str = "stream_ns") -> list[Row]:
+    """Entries with a time and a finite error, fastest first.
+
+    A latency that the noise of the chain's own cost leaves at nothing is none.
+    """
     rows = [
         r
         for r in result["entries"]
         if (r["function"], r["precision"]) == (function, precision)
         and r.get("max_ulp") is not None
-        and "stream_ns" in r
+        and time in r
+        and r[time]["value"] > 0
     ]
-    return sorted(rows, key=lambda r: r["stream_ns"]["value"])
+    return sorted(rows, key=lambda r: r[time]["value"])
+
+
+FRONTS = {"stream_ns": "throughput", "latency_ns": "latency"}
 
 
 def fronts(result: Row) -> list[Row]:
-    """The front of every function and precision, and libm beside it."""
-    return [
-        row
-        for precision in ("float", "double")
-        for function in functions.FUNCTIONS
-        for row in judged(result, function, precision)
-        if row["front"] or row["family"] == "libm"
-    ]
+    """The fronts of every function and precision, and libm beside them; `fronts`: those it is on."""
+    made = []
+    for precision in ("float", "double"):
+        for function in functions.FUNCTIONS:
+            rows = {time: judged(result, function, precision, time) for time in FRONTS}
+            for row in rows["stream_ns"]:
+                on = [
+                    word
+                    for time, word in FRONTS.items()
+                    if row in rows[time] and functions.on_front(row, rows[time], time)
+                ]
+                if on or row["family"] == "libm":
+                    made.append({**row, "fronts": on})
+    return made
 
 
 def _figure(name: str, digits: int = 3):
@@ -72,6 +85,15 @@ ENTRIES = [
     Column("error", "largest at", _worst),
     Column("error", "arguments tried", lambda r: f"{r['count']:,}" if r.get("count") else show.NOTHING),
 ]
+
+
+def _on(front: str) -> Column:
+    return Column(front, "front", lambda r: "✓" if front in r["fronts"] else show.NOTHING)
+
+
+ON_FRONTS = [column for column in ENTRIES if column.name not in ("largest at", "arguments tried")]
+ON_FRONTS.insert(4, _on("throughput"))
+ON_FRONTS.insert(7, _on("latency"))
 NORMALISE = [
     Column("", "vectors", lambda r: f"{r['vectors']:,}"),
     Column("", "kernel", lambda r: r["name"]),
@@ -85,9 +107,23 @@ NORMALISE = [
 ]
 TABLES = [
     Column("", "instruction", lambda r: r["instruction"]),
-    Column("", "SHA-256 of its 2²⁴ results in [1, 4)", lambda r: r.get("sha256") or r["missing"]),
+    Column("", "CPU", lambda r: r["cpu"]),
+    Column(
+        "", "SHA-256 of its results for the 2²⁴ floats in [1, 4)", lambda r: r.get("sha256") or r["missing"]
+    ),
     Column("", "largest relative error", lambda r: show.number(r.get("max_relative_error"), 6)),
 ]
+
+
+def tables(result: Row) -> list[Row]:
+    """The approximate reciprocal roots, each with the CPU whose they are: maker, family, model, stepping."""
+    cpu = (result.get("context") or {}).get("cpu") or {}
+    signature = [cpu.get(key) for key in ("vendor", "family", "model_number", "stepping")]
+    about = [cpu.get("model") or "unknown CPU", cpu.get("microarchitecture")]
+    if None not in signature:
+        about.append("{}, family {}, model {}, stepping {}".format(*signature))
+    name = "; ".join(part for part in about if part)
+    return [{**row, "cpu": name} for row in result["rsqrt_tables"]]
 
 
 def _span(span: Row | None) -> str:
@@ -117,34 +153,3 @@ TARGETS = [
     Column("errors", "double, samples of", _both("double")),
     Column("", "timed on", _both("timed")),
 ]
-
-
-def edges(result: Row, function: str, precision: str) -> show.Table:
-    """A row per implementation whose values agree (its instruction sets named), a column per edge argument.
-
-    ✓ where the value is what C asks, else the value and what it should be.
-    """
-    groups: dict[tuple, list[Row]] = {}
-    for row in result["entries"]:
-        if (row["function"], row["precision"]) == (function, precision) and row.get("edges"):
-            key = (row["name"], tuple((e["value"], e["right"]) for e in row["edges"]))
-            groups.setdefault(key, []).append(row)
-    rows = [
-        {"name": name, "isa": ", ".join(r["isa"] for r in same), "edges": same[0]["edges"]}
-        for (name, _), same in groups.items()
-    ]
-    columns = [Column("", "implementation", lambda r: r["name"]), Column("", "ISA", lambda r: r["isa"])]
-    for i, case in enumerate(rows[0]["edges"] if rows else []):
-        columns.append(
-            Column(
-                "f of",
-                case["argument"],
-                lambda r, i=i: _edge(r["edges"][i]),
-                lambda r, i=i: "" if r["edges"][i]["right"] else "bad",
-            )
-        )
-    return show.table(rows, columns)
-
-
-def _edge(edge: Row) -> str:
-    return f"✓ {edge['value']}" if edge["right"] else f"{edge['value']}, not {edge['exact']}"

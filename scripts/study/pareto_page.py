@@ -144,6 +144,11 @@ ABOUT = {  # of one figure alone
 }
 
 
+def _unfinished(result: dict[str, Any]) -> str:
+    left = ", ".join(result.get("unfinished") or ())
+    return f"The run ended before {left}. " if left else ""
+
+
 def note(result: dict[str, Any], measure: str = FIRST) -> str:
     cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
     averaged = result.get("antialias_n", result["n"])
@@ -151,7 +156,7 @@ def note(result: dict[str, Any], measure: str = FIRST) -> str:
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
         "of phases that could use more: equal resources. Large marks: the scene's own parameters; small: "
         "other hit distances and step caps; hollow: an approximated root. "
-        f"{pareto.left_out(result.get('rows', ()))} "
+        f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
         "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
         "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
         f"hit distance and steps, and pictures of it are judged as 4 × 4 averages at n = {averaged}. "

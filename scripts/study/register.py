@@ -1,59 +1,35 @@
 """The claims register: statements of the four papers that no sweep alone can check, held against what a run
 has counted, profiled, compared with truth or timed on the side. Statements about a sweep: study.claims.
 
-Each check takes (run folder, data, claim) and returns what was found here and a verdict. A file that is not
-there is "not measured", never a verdict.
+Each check takes (data, claim) and returns a study.verdicts.Found. A file that is not there is "not measured",
+never a verdict.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from study import ablations, flops, roof, show, store
+from study import ablations, compilers, flops, roof, stats
 from study.analysis import Data
-from study.cli import StudyError
-from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART
-
-HEIGHT, VECTORS = 720, 20_000_000  # the papers' sizes: at a smaller one a statement holds in part at most
-NEAR = 1.10  # a figure within 10 % of the stated one is taken to be it
+from study.compilers import known, read
+from study.stats import Interval
+from study.verdicts import (
+    FAILS,
+    HOLDS,
+    NEVER,
+    PART,
+    Found,
+    figure,
+    held,
+    judged,
+    missing,
+    near,
+    sized,
+)
 
 Claim = dict[str, Any]
-Found = tuple[str, str]  # what was found here, verdict
-
-
-def read(path: Path) -> dict[str, Any]:
-    """The JSON object in `path`, {} where there is no such file. Raises StudyError for what is none."""
-    if not path.exists():
-        return {}
-    found = store.read_json(path)
-    if not isinstance(found, dict):
-        raise StudyError(f"{path}: must be a JSON object; make it again with the script that wrote it")
-    return found
-
-
-def known(value: Any) -> bool:
-    """Whether it is a finite number: JSON's null is none."""
-    return isinstance(value, (int, float)) and math.isfinite(value)
-
-
-def sized(verdict: str, here: float, stated: float) -> str:
-    """A statement that was not tried at the size it is about holds in part at most."""
-    return PART if verdict == HOLDS and not here >= stated else verdict
-
-
-def judged(here: float, stated: float) -> str:
-    """Near the stated figure, or beyond it: holds. In part while it points the same way from 1."""
-    if here >= stated / NEAR:
-        return HOLDS
-    return PART if here > 1 and stated > 1 else FAILS
-
-
-def near(here: float, stated: float) -> str:
-    """For figures that should be met and not beaten; NaN fails."""
-    return HOLDS if stated / NEAR <= here <= stated * NEAR else FAILS
 
 
 def _declared(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
@@ -72,88 +48,133 @@ def _count(one: dict[str, Any]) -> float:
 
 def _flops(data: Data, claim: Claim) -> Found:
     one = _declared(data).get((claim["scene"], claim["phase"]))
-    if one is None or one["height"] != 720:
-        return "", OPEN
+    if one is None or one["height"] != claim["n"]:
+        return missing(f"count of {claim['phase']} on {claim['scene']} at n = {claim['n']:.0f}")
     giga = _count(one) / 1e9
-    return f"{giga:.2f} GFLOP by the paper's convention", near(giga, claim["value"])
+    text = f"{giga:.2f} GFLOP by the paper's convention"
+    return Found(text, *near(giga, claim["value"]), value=giga, n=one["height"])
+
+
+def _pair(
+    data: Data, one: tuple[str, str], base: tuple[str, str]
+) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """The counts of two (scene, phase), where they are of one height."""
+    made = _declared(data)
+    first, second = made.get(one), made.get(base)
+    return (first, second) if first and second and first["height"] == second["height"] else None
 
 
 def _flop_cut(data: Data, claim: Claim) -> Found:
-    made = _declared(data)
-    one, base = (made.get((claim["scene"], claim[key])) for key in ("phase", "base"))
-    if not one or not base or one["height"] != base["height"]:
-        return "", OPEN
-    cut = 100 * (1 - _count(one) / _count(base))
-    verdict = near(cut, claim["value"])
-    return f"{cut:.1f} % at n = {one['height']}", verdict if verdict == HOLDS else PART if cut > 0 else FAILS
+    scene = claim["scene"]
+    pair = _pair(data, (scene, claim["phase"]), (scene, claim["base"]))
+    if not pair:
+        return missing(f"counts of {claim['phase']} and {claim['base']} on {scene}")
+    cut, n = 100 * (1 - _count(pair[0]) / _count(pair[1])), pair[0]["height"]
+    verdict, why = near(cut, claim["value"])
+    if verdict == FAILS and cut > 0:
+        verdict, why = PART, f"a cut, {why}"
+    return sized(Found(f"{cut:.1f} % at n = {n}", verdict, why, cut, n=n), claim["n"])
 
 
 def _flop_ratio(data: Data, claim: Claim) -> Found:
-    made = _declared(data)
-    one, base = (made.get((claim[key], claim["phase"])) for key in ("scene", "base"))
-    if not one or not base or one["height"] != base["height"]:
-        return "", OPEN
-    ratio = _count(one) / _count(base)
-    verdict = HOLDS if ratio > claim["value"] else PART if ratio > 1 else FAILS
-    return f"{ratio:.2f}× as many at n = {one['height']}", verdict
+    pair = _pair(data, (claim["scene"], claim["phase"]), (claim["base"], claim["phase"]))
+    if not pair:
+        return missing(f"counts of {claim['phase']} on {claim['scene']} and {claim['base']}")
+    ratio, stated, n = _count(pair[0]) / _count(pair[1]), claim["value"], pair[0]["height"]
+    if ratio > stated:
+        verdict, why = HOLDS, f"more than {stated:g}"
+    else:
+        verdict, why = (PART, f"more, and not {stated:g}") if ratio > 1 else (FAILS, "no more")
+    return sized(Found(f"{ratio:.2f}× as many at n = {n}", verdict, why, ratio, n=n), claim["n"])
 
 
 def _points(data: Data) -> dict[tuple[str, str], dict[str, Any]]:
-    found, limits, _ = roof.read(data.path, strict=False)
-    table = roof.rows(data, found, limits)
-    if table.empty:
-        return {}
-    rows = roof.headline(table).to_dict("records")
-    return {(row["scene"], row["phase"]): row for row in rows}
+    """Points of the roofline by scene and phase; kept with the run, for six claims ask for them."""
+    if "points" not in data.kept:
+        found, limits, _ = roof.read(data.path, strict=False)
+        table = roof.rows(data, found, limits)
+        rows = [] if table.empty else roof.headline(table).to_dict("records")
+        data.kept["points"] = {(row["scene"], row["phase"]): row for row in rows}
+    return data.kept["points"]
+
+
+PAPERS = "paper_convention_flops_per_core_cycle"
+SHARE = "paper_convention_share_of_avx2_peak"
+
+
+def _gain_flops(data: Data, claim: Claim) -> Found:
+    """FLOPs per core cycle by the paper's convention, `phase` over `base`, at the largest size of both."""
+    points = _points(data)
+    one, base = (points.get((claim["scene"], claim[key])) for key in ("phase", "base"))
+    if not one or not base or one["height"] != base["height"]:
+        return missing(f"count of {claim['phase']} and {claim['base']} beside their times")
+    cells = [data.cell(claim["scene"], r["phase"], r["height"], r["width"]) for r in (base, one)]
+    ratio = stats.ratio_interval(*(cell.values["core_cycles"] for cell in cells if cell))
+    more = one["paper_convention_flops"] / base["paper_convention_flops"]
+    if not more > 0:
+        return missing(f"count of {claim['phase']} and {claim['base']} by the paper's convention")
+    ends = [more * x for x in (ratio.value, ratio.low, ratio.high)]
+    gain = Interval(*ends, ratio.launches, ratio.sufficient)
+    text = f"{one[PAPERS]:.3g} over {base[PAPERS]:.3g} flop/core cycle at n = {one['height']}: "
+    text += f"{gain.text().replace(' ', '× ', 1)}, with {more:.3g}× the FLOPs"
+    return sized(figure(gain, text, *judged(gain.value, claim["value"]), one["height"]), claim["n"])
 
 
 def _more_flops_per_cycle(data: Data, claim: Claim) -> Found:
     points = _points(data)
     pairs = [
-        (phase, row["flops_per_core_cycle"], points[claim["base"], phase]["flops_per_core_cycle"])
+        (phase, row, points[claim["base"], phase])
         for (scene, phase), row in points.items()
         if scene == claim["scene"] and (claim["base"], phase) in points
     ]
+    name = "flops_per_core_cycle"
+    pairs = [(phase, a[name], b[name], a["height"]) for phase, a, b in pairs if a[name] > 0 and b[name] > 0]
     if not pairs:
-        return "", OPEN
-    text = "; ".join(f"{phase} {a:.3g} against {b:.3g}" for phase, a, b in pairs)
-    higher = sum(a > b for _, a, b in pairs)
-    return text, HOLDS if higher == len(pairs) else PART if higher else FAILS
+        return missing("count of what was timed")
+    text = "; ".join(f"{phase} {a:.3g} against {b:.3g}" for phase, a, b, _ in pairs)
+    higher, least = sum(a > b for _, a, b, _ in pairs), min(a / b for _, a, b, _ in pairs)
+    verdict = HOLDS if higher == len(pairs) else PART if higher else FAILS
+    n = min(height for *_, height in pairs)
+    why = f"more in {higher} of {len(pairs)} phases"
+    return sized(Found(f"{text} flop/core cycle", verdict, why, least, n=n), claim["n"])
 
 
 def _share_of_peak(data: Data, claim: Claim) -> Found:
     row = _points(data).get((claim["scene"], claim["phase"]), {})
-    share = 100 * row.get("paper_convention_share_of_avx2_peak", math.nan)
+    share = 100 * row.get(SHARE, math.nan)
     if not share > 0:
-        return "", OPEN
-    return f"{share:.1f} % (the paper's convention)", judged(share, claim["value"])
+        return missing(f"ceilings, or count of {claim['phase']} on {claim['scene']}")
+    verdict, why = judged(share, claim["value"])
+    text = f"{share:.1f} % (the paper's convention)"
+    return sized(Found(text, verdict, why, share, n=row["height"]), claim["n"])
 
 
 def _share_falls(data: Data, claim: Claim) -> Found:
     points = _points(data)
-    one, base = (points.get((claim["scene"], claim[key]), {}) for key in ("phase", "base"))
-    shares = [100 * row.get("paper_convention_share_of_avx2_peak", math.nan) for row in (base, one)]
+    rows = [points.get((claim["scene"], claim[key]), {}) for key in ("base", "phase")]
+    shares = [100 * row.get(SHARE, math.nan) for row in rows]
     if not all(share > 0 for share in shares):
-        return "", OPEN
+        return missing(f"ceilings, or counts of {claim['phase']} and {claim['base']}")
     text = f"from {shares[0]:.1f} % to {shares[1]:.1f} %, of the roof of its own precision"
-    return text, HOLDS if shares[1] < shares[0] else FAILS
+    verdict, why = (HOLDS, "it decreases") if shares[1] < shares[0] else (FAILS, "it does not decrease")
+    n = min(row["height"] for row in rows)
+    return sized(Found(text, verdict, why, shares[1] / shares[0], n=n), claim["n"])
 
 
 def _ablation(data: Data, claim: Claim) -> Found:
-    rows = ablations.read(data.path / "ablations.json")["rows"]
-    for row in rows:
-        if (row["ablation"], row["scene"]) == (claim["phase"], claim["scene"]):
-            gain = show.interval(
-                {"g": row["gain"]["value"], "g_low": row["gain"]["low"], "g_high": row["gain"]["high"]},
-                "g",
-                3,
-                "×",
-            )
-            psnr = row["psnr_db"]
-            picture = "not finite" if row["non_finite"] else "identical picture"  # JSON's null is either
-            picture = picture if psnr is None else f"{psnr:.1f} dB to baseline"
-            return f"{gain}, {picture}", row["claim"] or OPEN
-    return "", OPEN
+    for row in ablations.read(data.path / "ablations.json")["rows"]:
+        if (row["ablation"], row["scene"]) != (claim["phase"], claim["scene"]):
+            continue
+        gain = Interval(**row["gain"])
+        psnr = row["psnr_db"]
+        picture = "not finite" if row["non_finite"] else "identical picture"  # JSON's null is either
+        picture = picture if psnr is None else f"{psnr:.1f} dB to baseline"
+        text = f"{gain.text().replace(' ', '× ', 1)}, {picture}"
+        verdict, why = held(row["paper"], gain, row["failed"])
+        if not verdict:
+            return Found(text, NEVER, "the step's patch states no claim of the paper's")
+        return sized(figure(gain, text, verdict, why, row["height"]), claim["n"])
+    return missing(f"ablation {claim['phase']} on {claim['scene']}")
 
 
 def _hottest(data: Data, claim: Claim) -> Found:
@@ -165,8 +186,10 @@ def _hottest(data: Data, claim: Claim) -> Found:
         together = sum(share for name, share in shares.items() if name in mine)
         rest = max((share, name) for name, share in shares.items() if name not in mine)
         text = f"{100 * together:.0f} % of the time together; next: {rest[1]}, {100 * rest[0]:.0f} %"
-        return text, HOLDS if together > rest[0] else FAILS
-    return "", OPEN
+        verdict = HOLDS if together > rest[0] else FAILS
+        why = f"{'more' if verdict == HOLDS else 'no more'} than the next"
+        return sized(Found(text, verdict, why, 100 * together, n=profile["height"]), claim["n"])
+    return missing(f"profile of baseline on {claim['scene']}, without inlining")
 
 
 def _never_misses(data: Data, claim: Claim) -> Found:
@@ -174,31 +197,11 @@ def _never_misses(data: Data, claim: Claim) -> Found:
         if (row["scene"], row["phase"]) == (claim["scene"], claim["phase"]):
             ppm, height = row["false_misses_ppm"], row["height"]
             if not known(ppm):
-                return "no pixel of truth is proved", OPEN
+                return missing("pixel that truth proves")
             text = f"{ppm:.3g} ppm of the pixels missed at n = {height}, by proof"
-            return text, sized(HOLDS, height, HEIGHT) if ppm == 0 else FAILS  # one miss refutes at any size
-    return "", OPEN
-
-
-def _compilers(data: Data, claim: Claim) -> Found:
-    rows = read(data.path / "toolchains.json").get("rows", [])
-    if not rows:
-        return "", OPEN
-    ms = {
-        (row["compiler"], row["phase"], row["flags"]): row["ms"]["value"]
-        for row in rows
-        if row["scene"] == claim["scene"] and known((row["ms"] or {}).get("value"))
-    }
-    if not any(compiler == "icx" for compiler, _, _ in ms):
-        return "no icx on this machine", NEVER
-    pairs = [(ms.get(("gcc", *what)), t) for (compiler, *what), t in ms.items() if compiler == "icx"]
-    gains = [gcc / icx for gcc, icx in pairs if gcc]
-    if not gains:
-        return "no program by icx has its like by gcc", OPEN
-    faster = sum(gain > 1 for gain in gains)
-    text = f"{min(gains):.2f} to {max(gains):.2f}× of gcc's speed; icx is faster in {faster} of {len(gains)}"
-    text += " pairs of the same phase and flags"
-    return text, HOLDS if faster == len(gains) else PART if faster else FAILS
+            verdict, why = (HOLDS, "none is missed") if ppm == 0 else (FAILS, "one miss refutes at any size")
+            return sized(Found(text, verdict, why, ppm, n=height), claim["n"])
+    return missing(f"accuracy of {claim['phase']} on {claim['scene']}")
 
 
 def _normalize(data: Data, claim: Claim) -> Found:
@@ -206,28 +209,33 @@ def _normalize(data: Data, claim: Claim) -> Found:
     mine = [row for row in rows if row["isa"] == "SSE" and row["name"].endswith("+ 1")]
     mine = [row for row in mine if known((row["speedup"] or {}).get("value"))]
     if not mine:
-        return "", OPEN
+        return missing("functions.json")
     row = max(mine, key=lambda row: row["vectors"])
-    here = row["speedup"]["value"]
-    text = f"{here:.2f}× for {row['vectors']:,} vectors"
-    return text, sized(judged(here, claim["value"]), row["vectors"], VECTORS)
+    gain, n = row["speedup"], row["vectors"]
+    ends = [gain.get(end) for end in ("low", "high")]
+    low, high = (end if known(end) else math.nan for end in ends)
+    text = f"{gain['value']:.2f}× for {n:,} vectors"
+    verdict, why = judged(gain["value"], claim["value"])
+    return sized(Found(text, verdict, why, gain["value"], low, high, n), claim["n"], unit="vectors = ")
 
 
 def _later(data: Data, claim: Claim) -> Found:
-    return "", NEVER
+    return Found("", NEVER)
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "flops": _flops,
     "flop_cut": _flop_cut,
     "flop_ratio": _flop_ratio,
+    "flops_gain": _gain_flops,
     "more_flops_per_cycle": _more_flops_per_cycle,
     "share_of_peak": _share_of_peak,
     "share_falls": _share_falls,
     "ablation": _ablation,
     "hottest": _hottest,
     "never_misses": _never_misses,
-    "compilers": _compilers,
+    "compilers": compilers.slightly_better,
+    "best_compiler": compilers.best,
     "normalize": _normalize,
     "later": _later,
 }

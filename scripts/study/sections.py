@@ -14,6 +14,7 @@ import pandas as pd
 from study import ablations, bounds, columns, flops, hotspots, libm, roof, show, table1
 from study.analysis import Data
 from study.cli import StudyError
+from study.draw import Drawing
 from study.show import Column, Row, Table
 
 
@@ -40,7 +41,7 @@ class Part:
 class Section:
     """A chapter of the page. `lacking`: the command that would fill it, where there is nothing; `remarks`:
     how to read the tables, and what was left out; `details`: more of that, behind a summary; `figures`: names
-    of the plots that belong above them.
+    of the plots that belong above them; `drawn`: file names and figures made from `file` by `script`.
     """
 
     id: str
@@ -50,7 +51,10 @@ class Section:
     remarks: list[str] = field(default_factory=list)
     details: list[str] = field(default_factory=list)
     figures: Sequence[str] = ()
-    images: dict[Path, str] = field(default_factory=dict)  # files and their captions, below the tables
+    file: Path | None = None
+    script: str = ""
+    drawn: dict[str, Drawing] = field(default_factory=dict)
+    images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
     html: str = ""  # a fragment of its own, in place of tables
 
 

@@ -25,7 +25,7 @@ class Column:
     @property
     def wraps(self) -> bool:
         """Whether its cells may break into lines: intervals and words, never plain numbers."""
-        return "[95" in self.name or self.name in ("tolerance", "flags")
+        return "[95" in self.name or self.name in ("tolerance", "flags", "implementations")
 
 
 def yes(value: Any) -> bool:

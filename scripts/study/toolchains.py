@@ -69,14 +69,14 @@ def resolved(compiler: str) -> str:
 
 
 def present(names: list[str]) -> tuple[list[str], list[dict[str, str]]]:
-    """Compilers that are there, and a reason for each that is not. gcc must be: everything is over it."""
+    """Compilers that are there, and a reason for each that is not. gcc must be, asked for or not."""
     found = [name for name in names if shutil.which(name)]
     lacking = [
         {"compiler": name, "reason": f"{name} is not installed; it would add its programs to the table"}
         for name in names
         if name not in found
     ]
-    if BASE[0] not in found:
+    if not shutil.which(BASE[0]):
         raise StudyError("gcc is missing: every ratio is over it; install gcc", cli.CANNOT_RUN)
     return found, lacking
 

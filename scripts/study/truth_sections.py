@@ -1,32 +1,47 @@
 """What a run was held against truth with, as chapters of its page: speed against error, accuracy, hard cases,
-functions, compilers. Each is made from its one file; a broken file ends in a StudyError that names it.
+functions, growth of cost, compilers. Each is made from its one file; a broken file ends in a StudyError that
+names it.
 """
 
 from __future__ import annotations
 
+import math
+from functools import partial
 from pathlib import Path
 
 from study import (
     accuracy,
     accuracy_page,
     functions,
+    functions_edges_page,
     functions_figures,
     functions_page,
     hard_page,
     pareto,
     pareto_page,
+    scaling,
+    scaling_page,
+    scaling_tables,
     show,
     toolchains,
 )
+from study.draw import Drawing
 from study.pareto import Row
 from study.sections import Section, part, reading
 from study.show import Column
+
+SPEED = {  # captions
+    "psnr_db": "Speed against error to truth; the front is the line",
+    "psnr_ideal_db": "Speed against error to truth with the ideal shadow",
+    "false_ppm": "Speed against false hits and misses",
+    "dt_p99": "Speed against |Δt|",
+}
 
 
 def headline(path: Path) -> Section:
     """Speed against error to truth: the figure, the sentences, the fastest at each level."""
     file = path / pareto.FILE
-    parts, remarks, images = [], [], {}
+    parts, remarks, drawn = [], [], {}
     with reading(file, f"scripts/pareto.py --run {path}"):
         result = pareto.read(file)
         if result["rows"]:
@@ -41,23 +56,27 @@ def headline(path: Path) -> Section:
             caption = "Every point of the grid"
             parts += part("pareto-points", caption, rows, pareto_page.POINTS, folded=True)
             remarks = [*pareto.summary(winners, rows), pareto_page.note(result), pareto_page.ABOUT["dt_p99"]]
-            captions = {
-                "psnr_db": "Speed against error to truth; the front is the line",
-                "psnr_ideal_db": "Speed against error to truth with the ideal shadow",
-                "false_ppm": "Speed against false hits and misses",
-                "dt_p99": "Speed against |Δt|",
-            }
-            images = {
-                path / "figures" / f"{name}.png": captions[measure]
-                for measure, name in pareto_page.FIGURES.items()
-            }
-    return Section("pareto", "Speed against error", "make pareto", parts, remarks, images=images)
+            for measure, name in pareto_page.FIGURES.items():
+                able = [row for row in rows if not math.isnan(pareto.badness(row, measure))]
+                if able:
+                    draw = partial(pareto_page.figure, able, measure)
+                    drawn[name] = Drawing(SPEED[measure], pareto_page.note(result, measure), draw)
+    about = {"file": file, "script": "scripts/pareto.py", "drawn": drawn}
+    return Section("pareto", "Speed against error", "make pareto", parts, remarks, **about)
+
+
+def _again(result: Row) -> str:
+    """The command that renders the pictures of these rows again."""
+    scenes = " ".join(dict.fromkeys(row["scene"] for row in result["rows"]))
+    more = " --convergence" if result.get("convergence") else ""
+    sizes = " ".join(dict.fromkeys(str(row["height"]) for row in result["rows"]))
+    return f"scripts/accuracy.py --scene {scenes} -n {sizes}{more}"
 
 
 def errors(path: Path) -> Section:
     """Every phase against truth, where its bad pixels lie, the Mandelbulb's convergence."""
     file = path / accuracy.FILE
-    parts, remarks, images = [], [], {}
+    parts, remarks, images, drawn, script = [], [], {}, {}, "scripts/accuracy.py"
     with reading(file, f"scripts/accuracy.py --run {path}"):
         result = accuracy.read(path)
         for name, caption, rows, columns in accuracy_page.tables(result):
@@ -68,13 +87,19 @@ def errors(path: Path) -> Section:
                 "accuracy-where": "Pixels that are wrong, and where they lie",
                 "accuracy-convergence": "The Mandelbulb: precision against hit distance",
             }
-            images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
-            images |= {
+            note = accuracy_page.note(result)
+            drawn = {
+                name: Drawing(captions[name], note, draw)
+                for name, draw in accuracy_page.drawings(result).items()
+            }
+            script = _again(result)
+            images = {
                 path / row["picture"]: f"{row['scene']} by {row['phase']}: where it is wrong"
                 for row in result["rows"]
                 if row.get("picture") and row["phase"] in ("baseline", "opt4")
             }
-    return Section("accuracy", "Error to truth", "make accuracy", parts, remarks, images=images)
+    about = {"file": file, "script": script, "drawn": drawn, "images": images}
+    return Section("accuracy", "Error to truth", "make accuracy", parts, remarks, **about)
 
 
 def hard(path: Path) -> Section:
@@ -90,28 +115,52 @@ def hard(path: Path) -> Section:
 def approximations(path: Path) -> Section:
     """Functions: ns against ulp, the normalisation of 20 million vectors, the reciprocal root's tables."""
     file = path / functions.FILE
-    parts, remarks, images = [], [], {}
+    parts, remarks, drawn = [], [], {}
     with reading(file, f"scripts/functions.py --run {path}"):
         if file.exists():
             result = functions.read(path)
-            caption = "The front of each function: nothing is faster and nearer"
-            parts += part("functions", caption, functions_page.fronts(result), functions_page.ENTRIES)
+            caption = "The fronts of each function: nothing is nearer and faster, by throughput or by latency"
+            parts += part("functions", caption, functions_page.fronts(result), functions_page.ON_FRONTS)
+            for name, of in functions_edges_page.TABLES.items():
+                rows = functions_edges_page.rows(result, of)
+                caption = functions_edges_page.caption(result, of)
+                parts += part(name, caption, rows, functions_edges_page.columns(rows))
             vectors = result["normalise"]
             parts += part("normalise", "Vectors normalised", vectors, functions_page.NORMALISE)
-            caption = "Approximate reciprocal roots of this CPU: IEEE does not say what they are"
-            parts += part("rsqrt", caption, result["rsqrt_tables"], functions_page.TABLES, folded=True)
+            caption = "Approximate reciprocal roots, by CPU: IEEE does not say what they are"
+            parts += part("rsqrt", caption, functions_page.tables(result), functions_page.TABLES, folded=True)
+            caption = "What each function is tried and timed on"
+            parts += part(
+                "functions-targets", caption, result["targets"], functions_page.TARGETS, folded=True
+            )
             caption = "Every implementation"
             parts += part("functions-all", caption, result["entries"], functions_page.ENTRIES, folded=True)
-            remarks = [functions_figures.note(result), functions_figures.normalise_note(result)]
+            remarks = [functions_edges_page.remark(result), functions_figures.note(result)]
+            remarks += [functions_figures.normalise_note(result)] if vectors else []
+            drawn = functions_figures.drawings(result)
+    about = {"file": file, "script": "scripts/functions.py", "drawn": drawn}
+    remarks = [remark for remark in remarks if remark]
+    return Section("functions", "Functions: speed against ulp", "make functions", parts, remarks, **about)
+
+
+def growth(path: Path) -> Section:
+    """How cost grows: exponents beside the paper's law, the two goals, the generated scenes."""
+    file = path / scaling.FILE
+    parts, remarks, images = [], [], {}
+    with reading(file, f"scripts/scaling.py --run {path}"):
+        result = scaling.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in scaling_tables.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks = [scaling_page.note(result)]
             captions = {
-                "functions-float": "Floats: ns per element against the largest error",
-                "functions-double": "Doubles: ns per element against the largest error",
-                "normalise": "Normalising vectors, from the first cache to memory",
+                "scaling-time": "Time of a frame against what it depends on, with fitted power laws",
+                "scaling-evals": "Evaluations of a camera ray's march against the same",
+                "scaling-error": "Error against the same",
+                "scaling-scenes": "The generated scenes: the same share of the picture covered by any number",
             }
             images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
-    return Section(
-        "functions", "Functions: speed against ulp", "make functions", parts, remarks, images=images
-    )
+    return Section("scaling", "How cost grows", "make scaling", parts, remarks, images=images)
 
 
 def _number(name: str):

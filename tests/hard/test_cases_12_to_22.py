@@ -9,6 +9,7 @@ import json
 import math
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -113,6 +114,17 @@ def test_penumbra_by_sampling(strength: float) -> None:
     assert np.abs(np.clip(least, 0, 1) - known).max() < 2e-3
     assert known.min() < 0.01 and np.ptp(known) > 0.2
     assert whole["light"]["position"] == c16.LIGHT
+
+
+@pytest.mark.parametrize("strength", c16.CASE.strengths)
+def test_a_picture_without_its_penumbra_fails(strength: float) -> None:
+    """The shadow's own steps from pixel to pixel, in closed form, are above the limit at every strength: what
+    is lit evenly leaves all of them out."""
+    seen, known = c16.truth(strength)
+    pairs = seen[:, 1:] & seen[:, :-1]
+    assert c16.CASE.failed(float(np.abs(np.diff(known, axis=1))[pairs].max()))
+    even = SimpleNamespace(render=lambda scene, size: {"R": np.full(size[::-1], 0.3, np.float32)})
+    assert c16.CASE.failed(c16.run(even, strength).error)
 
 
 def test_torus_rim_by_distance() -> None:

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from study import ablations, blocks, claims, flops, images, paper, patches, registry, run, stats
+from study import ablations, blocks, flops, images, paper, patches, registry, run, stats, verdicts
 from study.ablations import Ablation
 from study.build import build
 from study.cli import StudyError
@@ -451,33 +451,33 @@ def interval(low: float, high: float, launches: int = 6) -> stats.Interval:
 @pytest.mark.parametrize(
     ("paper", "low", "high", "failed", "verdict"),
     [
-        ("1.3× (x)", 1.3, 1.4, [], claims.HOLDS),
-        ("1.3× extra (x)", 1.2, 1.4, [], claims.WITHIN),
-        ("1.3× (x)", 1.1, 1.29, [], claims.FAILS),
-        ("no gain (x)", 0.9, 1.04, [], claims.HOLDS),
-        ("no gain (x)", 1.01, 1.03, [], claims.HOLDS),
-        ("no gain (x)", 0.9, 1.9, [], claims.WITHIN),
-        ("no gain (x)", 1.06, 1.1, [], claims.FAILS),
-        ("not satisfying (x)", 1.5, 1.6, ["psnr_db"], claims.HOLDS),
-        ("not satisfying (x)", 1.5, 1.6, [], claims.FAILS),
-        ("not satisfying (x)", 0.8, 0.9, [], claims.HOLDS),
+        ("1.3× (x)", 1.3, 1.4, [], verdicts.HOLDS),
+        ("1.3× extra (x)", 1.2, 1.4, [], verdicts.WITHIN),
+        ("1.3× (x)", 1.1, 1.29, [], verdicts.FAILS),
+        ("no gain (x)", 0.9, 1.04, [], verdicts.HOLDS),
+        ("no gain (x)", 1.01, 1.03, [], verdicts.HOLDS),
+        ("no gain (x)", 0.9, 1.9, [], verdicts.WITHIN),
+        ("no gain (x)", 1.06, 1.1, [], verdicts.FAILS),
+        ("not satisfying (x)", 1.5, 1.6, ["psnr_db"], verdicts.HOLDS),
+        ("not satisfying (x)", 1.5, 1.6, [], verdicts.FAILS),
+        ("not satisfying (x)", 0.8, 0.9, [], verdicts.HOLDS),
         ("chosen against (x)", 0.8, 0.9, [], ""),
     ],
 )
 def test_claims_are_held_against_the_interval(paper, low, high, failed, verdict):
     assert ablation(paper=paper).holds(interval(low, high), failed) == verdict
     if verdict:
-        assert ablation(paper=paper).holds(interval(low, high, 5), failed) == claims.FEW
+        assert ablation(paper=paper).holds(interval(low, high, 5), failed) == verdicts.FEW
 
 
 def test_a_step_that_was_given_up_says_why():
-    row = {"paper": "not satisfying (x)", "paper_value": None, "claim": claims.HOLDS, "failed": ["psnr_db"]}
+    row = {"paper": "not satisfying (x)", "paper_value": None, "claim": verdicts.HOLDS, "failed": ["psnr_db"]}
     assert ablations.said(row | {"gain": interval(0.8, 0.9)}).endswith(": too wrong and no faster")
     assert ablations.said(row | {"gain": {"high": 1.9}}).endswith(": too wrong")
     assert ablations.said(row | {"failed": [], "gain": {"high": 0.9}}).endswith(": no faster")
     assert ablations.said(row | {"paper": "no gain", "gain": {"high": 0.9}}).endswith(": no faster")
-    assert ablations.said(row | {"paper_value": 1.3, "gain": {"high": 0.9}}) == claims.HOLDS
-    assert ablations.said(row | {"claim": claims.FAILS, "gain": {"high": 1.9}}) == claims.FAILS
+    assert ablations.said(row | {"paper_value": 1.3, "gain": {"high": 0.9}}) == verdicts.HOLDS
+    assert ablations.said(row | {"claim": verdicts.FAILS, "gain": {"high": 1.9}}) == verdicts.FAILS
 
 
 def test_an_approximation_may_be_off_but_not_undefined():
@@ -535,7 +535,7 @@ def test_the_table(tmp_path):
         *small, "--phase", "opt1+bulb", "--launches", "1", "--no-flops", "--scene", "mandelbulb", "trio"
     )
     assert done.returncode == 0, done.stderr
-    assert "insufficient" in done.stdout and "1.38×" in done.stdout and claims.FEW in done.stdout
+    assert "insufficient" in done.stdout and "1.38×" in done.stdout and verdicts.FEW in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -168,7 +168,8 @@ def test_tables_and_figures_from_the_file_alone(command, house, disc):
     assert names == ["accuracy", "accuracy-averaged", "accuracy-where"]
     text = accuracy_page.text(result)
     assert text.count("identical") and accuracy_page.MARK in text
-    (figure,) = accuracy_page.figures(result).values()
+    (draw,) = accuracy_page.drawings(result).values()
+    figure = draw()
     bars = figure.axes[0].containers[where.CLASSES.index("silhouette")]
     bad = next(row for row in result["rows"] if row["phase"] == "opt4")["bad_pixels"]
     assert [bar.get_width() for bar in bars] == [0, pytest.approx(1e6 * bad / (HEIGHT * WIDTH))]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from study import functions, functions_figures, functions_page, show
+from study import functions, functions_edges_page, functions_figures, functions_page, show
 from study.cli import StudyError
 
 ROOT = Path(__file__).parents[2]
@@ -53,7 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_script_and_page(folder: Path) -> None:
     result = functions.read(folder)
     assert {r["function"] for r in result["entries"]} == set(functions.FUNCTIONS)
-    names = ("functions-float", "functions-double", "normalise")
+    names = [f"functions-{p}{time}" for p in ("float", "double") for time in ("", "-latency")] + ["normalise"]
     assert {f.name for f in (folder / "figures").iterdir()} == {
         f"{n}.{s}" for n in names for s in ("svg", "png")
     }
@@ -61,14 +61,15 @@ def test_script_and_page(folder: Path) -> None:
         if not row["missing"]:
             assert row["stream_ns"]["value"] > 0 and row["edges"]
     front = functions_page.fronts(result)
-    text = show.markdown(show.table(front, functions_page.ENTRIES))
+    text = show.markdown(show.table(front, functions_page.ON_FRONTS))
     for function in functions.FUNCTIONS:
         assert functions_page.TITLES[function] in text
     ranges = show.markdown(show.table(result["targets"], functions_page.TARGETS))
     assert "every float of [1.175e-38, 3.403e+38]" in ranges and "±[1e-18" not in ranges
     assert "18.35×" in functions_figures.normalise_note(result)
-    assert "✓" in show.markdown(functions_page.edges(result, "log", "float"))
-    assert show.markdown(show.table(result["rsqrt_tables"], functions_page.TABLES)).count("\n") == 6
+    assert "entries agree with it at every input tried" in functions_edges_page.remark(result)
+    tables = functions_page.tables(result)
+    assert show.markdown(show.table(tables, functions_page.TABLES)).count(tables[0]["cpu"]) == 5
     assert show.markdown(show.table(result["normalise"], functions_page.NORMALISE)).count("SSE") == 3
 
 

@@ -359,6 +359,29 @@ def test_no_row_at_all_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert caught.value.exit_status == cli.BAD_INPUT and not list(tmp_path.iterdir())
 
 
+def test_a_killed_run_leaves_the_scenes_that_were_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pareto as command
+
+    def study_scene(scene, *_):
+        if scene.name == "trio":
+            raise KeyboardInterrupt
+        pace = {"value": 5.0, "low": 4.0, "high": 6.0, "launches": 6}
+        return [row("opt4", 5, 61, n=16, scene=scene.name, ns_per_pixel=pace)], []
+
+    monkeypatch.setattr(measuring, "study_scene", study_scene)
+    words = ["pareto.py", "--scene", "scene0", "trio", "cubes", "-n", "16", "--phase", "baseline"]
+    monkeypatch.setattr(sys, "argv", [*words, "--run", str(tmp_path)])
+    with pytest.raises(KeyboardInterrupt):
+        command.main()
+    kept = pareto.read(tmp_path / pareto.FILE)
+    assert [r["scene"] for r in kept["rows"]] == ["scene0"] and kept["unfinished"] == ["trio", "cubes"]
+    assert len(kept["winners"]) == len(kept["sentences"]) > 0
+    assert "The run ended before trio, cubes." in pareto_page.note(kept)
+    assert "ended before" not in pareto_page.note(kept | {"unfinished": []})
+
+
 def test_the_page_has_what_the_file_says(tmp_path: Path) -> None:
     import json
 

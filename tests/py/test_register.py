@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ from study import analysis, claims, paper, register
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
+from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, judged, near
 
 
 @pytest.fixture
@@ -44,10 +46,15 @@ def counted(data: Data, **giga: float) -> None:
     put(data, "counts.json", {"schema": 1, "declared": one, "measured": []})
 
 
+README = (ROOT / "results" / "paper" / "README.md").read_text(encoding="utf-8")
+
+
 def test_every_claim_has_a_check_a_source_and_a_command_or_a_reason() -> None:
+    lines = {text: int(n) for text, n in re.findall(r"^\| (P\d) \|.*\| (\d+) \| `\w{64}` \|$", README, re.M)}
     for claim in paper.read("claims").to_dict("records"):
         assert claim["quantity"] in claims.CHECKS or claim["quantity"] in register.CHECKS
         assert isinstance(claim["source"], str) and isinstance(claim["quote"], str)
+        assert 1 <= claim["line"] <= lines[claim["text"]], claim
         assert isinstance(claim["command"], str) or isinstance(claim["note"], str)
     assert {claim["text"] for claim in paper.read("claims").to_dict("records")} == {"P1", "P2", "P3", "P4"}
 
@@ -56,51 +63,48 @@ def test_a_run_without_files_measures_nothing(data: Data) -> None:
     for name, check in register.CHECKS.items():
         if name == "later":
             continue
-        claim = {"scene": "scene0", "phase": "opt1", "base": "baseline", "value": 2.0}
-        assert check(data, claim) == ("", register.OPEN), name
+        claim = {"scene": "scene0", "phase": "opt1", "base": "baseline", "value": 2.0, "n": 720}
+        assert check(data, claim)[:2] == ("", OPEN), name
+        assert "this run has no" in check(data, claim).why, name
 
 
 @pytest.mark.parametrize(
     ("here", "verdict"),
-    [(20.68, register.HOLDS), (21.7, register.HOLDS), (23, register.FAILS), (18, register.FAILS)],
+    [(20.68, HOLDS), (21.7, HOLDS), (23, FAILS), (18, FAILS)],
 )
 def test_flops_hold_within_ten_percent_either_way(data: Data, here: float, verdict: str) -> None:
     counted(data, scene0__baseline=here)
-    claim = {"scene": "scene0", "phase": "baseline", "value": 20.68}
+    claim = {"scene": "scene0", "phase": "baseline", "value": 20.68, "n": 720}
     assert register.CHECKS["flops"](data, claim)[1] == verdict
 
 
 def test_no_number_never_holds() -> None:
-    assert register.near(math.nan, 1.0) == register.FAILS
-    assert register.judged(math.nan, 2.0) == register.FAILS
+    assert near(math.nan, 1.0)[0] == FAILS
+    assert judged(math.nan, 2.0)[0] == FAILS
 
 
-@pytest.mark.parametrize(
-    ("opt1", "verdict"), [(49, register.HOLDS), (60, register.PART), (101, register.FAILS)]
-)
+@pytest.mark.parametrize(("opt1", "verdict"), [(49, HOLDS), (60, PART), (101, FAILS)])
 def test_a_cut_holds_in_part_when_it_is_another(data: Data, opt1: float, verdict: str) -> None:
     counted(data, scene0__baseline=100, scene0__opt1=opt1)
-    claim = {"scene": "scene0", "phase": "opt1", "base": "baseline", "value": 51}
+    claim = {"scene": "scene0", "phase": "opt1", "base": "baseline", "value": 51, "n": 720}
     assert register.CHECKS["flop_cut"](data, claim)[1] == verdict
 
 
-@pytest.mark.parametrize(
-    ("bulb", "verdict"), [(21, register.HOLDS), (16, register.PART), (9, register.FAILS)]
-)
+@pytest.mark.parametrize(("bulb", "verdict"), [(21, HOLDS), (16, PART), (9, FAILS)])
 def test_more_than_twice_means_more_than_twice(data: Data, bulb: float, verdict: str) -> None:
     counted(data, scene0__baseline=10, mandelbulb__baseline=bulb)
-    claim = {"scene": "mandelbulb", "phase": "baseline", "base": "scene0", "value": 2}
+    claim = {"scene": "mandelbulb", "phase": "baseline", "base": "scene0", "value": 2, "n": 720}
     assert register.CHECKS["flop_ratio"](data, claim)[1] == verdict
 
 
 def test_a_single_miss_refutes_never(data: Data) -> None:
-    claim = {"scene": "scene0", "phase": "baseline", "value": 0}
-    cases = [(0.0, 720, register.HOLDS), (0.0, 719, register.PART), (None, 720, register.OPEN)]
-    cases += [(0.5, 720, register.FAILS), (0.5, 90, register.FAILS)]
+    claim = {"scene": "scene0", "phase": "baseline", "value": 0, "n": 720}
+    cases = [(0.0, 720, HOLDS), (0.0, 719, PART), (None, 720, OPEN)]
+    cases += [(0.5, 720, FAILS), (0.5, 90, FAILS)]
     for ppm, height, verdict in cases:
         row = {"scene": "scene0", "phase": "baseline", "height": height, "false_misses_ppm": ppm}
         put(data, "accuracy.json", {"rows": [row]})
-        text, found = register.CHECKS["never_misses"](data, claim)
+        text, found, *_ = register.CHECKS["never_misses"](data, claim)
         assert found == verdict
         assert ppm is None or f"n = {height}" in text
 
@@ -108,11 +112,11 @@ def test_a_single_miss_refutes_never(data: Data) -> None:
 @pytest.mark.parametrize(
     ("here", "vectors", "verdict"),
     [
-        (19.0, 20_000_000, register.HOLDS),
-        (19.0, 19_999_999, register.PART),
-        (5.0, 20_000_000, register.PART),
-        (0.9, 1024, register.FAILS),
-        (None, 20_000_000, register.OPEN),
+        (19.0, 20_000_000, HOLDS),
+        (19.0, 19_999_999, PART),
+        (5.0, 20_000_000, PART),
+        (0.9, 1024, FAILS),
+        (None, 20_000_000, OPEN),
     ],
 )
 def test_normalising_holds_at_the_claims_size_alone(
@@ -120,17 +124,17 @@ def test_normalising_holds_at_the_claims_size_alone(
 ) -> None:
     row = {"isa": "SSE", "name": "RSQRTPS + 1", "vectors": vectors, "speedup": {"value": here}}
     put(data, "functions.json", {"normalise": [row]})
-    text, found = register.CHECKS["normalize"](data, {"value": 18.35})
+    text, found, *_ = register.CHECKS["normalize"](data, {"value": 18.35, "n": 20_000_000})
     assert found == verdict and (here is None or f"{vectors:,} vectors" in text)
 
 
 @pytest.mark.parametrize(
     ("icx", "verdict"),
     [
-        ((9, 19), register.HOLDS),
-        ((9, 21), register.PART),
-        ((10, 20), register.FAILS),
-        ((None, 21), register.FAILS),
+        ((9, 19), HOLDS),
+        ((9, 21), PART),
+        ((10, 20), FAILS),
+        ((None, 21), FAILS),
     ],
 )
 def test_icx_is_held_against_gcc_by_the_same_flags(data: Data, icx: tuple, verdict: str) -> None:
@@ -141,22 +145,24 @@ def test_icx_is_held_against_gcc_by_the_same_flags(data: Data, icx: tuple, verdi
     flags = "and fast-math", "as shipped"
     rows = [row("gcc", f, ms) for f, ms in zip(flags, (10, 20), strict=True)]
     put(data, "toolchains.json", {"rows": rows})
-    claim = {"scene": "scene0"}
-    assert register.CHECKS["compilers"](data, claim)[1] == register.NEVER
+    claim = {"scene": "scene0", "n": math.nan}
+    assert register.CHECKS["compilers"](data, claim)[1] == NEVER
     rows += [row("icx", f, ms) for f, ms in zip(flags, icx, strict=True)]
     put(data, "toolchains.json", {"rows": rows})
     assert register.CHECKS["compilers"](data, claim)[1] == verdict
     put(data, "toolchains.json", {"rows": rows[2:]})
-    assert register.CHECKS["compilers"](data, claim)[1] == register.OPEN
+    assert register.CHECKS["compilers"](data, claim)[1] == OPEN
 
 
 def test_an_ablation_that_is_not_finite_is_not_identical(data: Data) -> None:
-    gain = {"value": 2.0, "low": 1.9, "high": 2.1}
-    row = {"ablation": "opt1+a", "scene": "scene0", "gain": gain, "psnr_db": None, "claim": register.HOLDS}
+    gain = {"value": 2.0, "low": 1.9, "high": 2.1, "launches": 6, "sufficient": True}
+    row = {"ablation": "opt1+a", "scene": "scene0", "gain": gain, "psnr_db": None, "claim": HOLDS}
+    row |= {"paper": "1.5× (x)", "failed": [], "height": 720}
     for bad, word in ((0, "identical picture"), (5, "not finite")):
         result = {"rows": [row | {"non_finite": bad}], "skipped": [], "failures": []}
         put(data, "ablations.json", result)
-        text, _ = register.CHECKS["ablation"](data, {"phase": "opt1+a", "scene": "scene0"})
+        claim = {"phase": "opt1+a", "scene": "scene0", "n": 720}
+        text, *_ = register.CHECKS["ablation"](data, claim)
         assert text.endswith(f", {word}")
 
 
@@ -164,19 +170,25 @@ def test_an_ablation_that_is_not_finite_is_not_identical(data: Data) -> None:
 def test_a_broken_file_is_an_error_that_names_it(data: Data, broken: str) -> None:
     (data.path / "accuracy.json").write_text(broken)
     with pytest.raises(StudyError, match=r"accuracy\.json"):
-        register.CHECKS["never_misses"](data, {"scene": "scene0", "phase": "baseline"})
+        register.CHECKS["never_misses"](data, {"scene": "scene0", "phase": "baseline", "n": 720})
 
 
-@pytest.mark.parametrize("module", ["register", "claims", "ablations"])
+@pytest.mark.parametrize("module", ["register", "claims", "ablations", "compilers", "verdicts"])
 def test_each_module_can_be_imported_alone(module: str) -> None:
     subprocess.run([sys.executable, "-c", f"import study.{module}"], cwd=ROOT / "scripts", check=True)
 
 
 def test_the_hottest_are_taken_together(data: Data) -> None:
-    claim = {"scene": "scene0", "base": "sincos|rotate_point"}
-    for rest, verdict in ((0.29, register.HOLDS), (0.31, register.FAILS)):
+    claim = {"scene": "scene0", "base": "sincos|rotate_point", "n": 720}
+    for rest, verdict in ((0.29, HOLDS), (0.31, FAILS)):
         shares = {"sincos (libm)": 0.2, "vec_norm": rest, "rotate_point": 0.1}
         functions = [{"function": name, "share": share} for name, share in shares.items()]
-        one = {"scene": "scene0", "phase": "baseline", "variant": "calls", "functions": functions}
+        one = {
+            "scene": "scene0",
+            "phase": "baseline",
+            "variant": "calls",
+            "height": 720,
+            "functions": functions,
+        }
         put(data, "hotspots.json", {"profiles": [one]})
         assert register.CHECKS["hottest"](data, claim)[1] == verdict

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import documented
 import numpy as np
 import pytest
 
@@ -62,6 +63,7 @@ def test_what_does_not_build_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_missing_compiler_is_named_and_gcc_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     found, lacking = toolchains.present(["gcc", "no-such-cc"])
     assert found == ["gcc"] and lacking[0]["compiler"] == "no-such-cc"
+    assert toolchains.present(["no-such-cc"])[0] == []  # gcc is there, though nobody asked for it
     monkeypatch.setenv("PATH", os.devnull)
     with pytest.raises(StudyError, match="gcc is missing") as caught:
         toolchains.present(["gcc"])
@@ -99,6 +101,9 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
     assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
     assert [row["flags"] for row in made["rows"]] == ["as shipped", "and contraction"]
     assert made["rows"][0]["changed_fraction"] == 0
+    described = documented.keys("toolchains.json")
+    assert set(made["rows"][0]) <= described and set(made) - {"schema", "rows"} <= described
+    assert {f"truth_{name}" for name in ("psnr_db", "rmse", *toolchains.HITS)} <= described
 
 
 def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
@@ -155,6 +160,7 @@ def test_non_finite_is_of_the_picture_itself() -> None:
     broken["R"][3, 3] = np.nan
     sound = {name: exact()[name] for name in images.AOVS}
     row = measured(exact(), sound, broken, "two_spheres")
+    assert row["ms"].value == 1 and row["speedup"].value == 2  # it takes 1 ms where gcc as shipped takes 2
     assert row["non_finite"] == 0 and row["truth_psnr_db"] == np.inf
     assert truth_sections._psnr(cli.plain(row)) == "not finite"
     assert measured(exact(), broken, sound, "two_spheres")["non_finite"] == 1

@@ -1,0 +1,249 @@
+"""The claims register, on runs made to order: how far a statement was tried, threads, compilers, commands."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import tables
+from study import analysis, claims, cli, ladder, paper, register, roof
+from study.analysis import Cell, Data
+from study.registry import ROOT
+from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, WORDS, Found, sized
+
+STEADY = (0.999, 1.0, 1.001, 1.0, 0.9995, 1.0005)
+CLAIM = {"scene": "scene0", "phase": "baseline", "base": "baseline", "note": "no size is named"}
+
+
+def cell(spec: str, n: int, pace: float, threads: int = 1, spread: tuple = STEADY, lanes: int = 1) -> Cell:
+    """`pace`: ns per pixel of its median launch; n pixels square."""
+    ns = pd.Series([pace * n * n * part for part in spread])
+    values = pd.DataFrame({"ns": ns, "core_cycles": 4 * ns})
+    return Cell("scene0", spec, n, n, threads, {"lanes": lanes}, values)
+
+
+@pytest.fixture
+def run(tmp_path: Path):
+    def make(*cells: Cell, cpus: int = 2) -> Data:
+        context = {"cpu": {"logical_cpus": cpus}}
+        return Data(tmp_path, context, {}, pd.DataFrame(), list(cells), [], [])
+
+    return make
+
+
+def rows_of(data: Data) -> pd.DataFrame:
+    """What ladder.rows gives `speedup`: which size is the headline's."""
+    n = max(one.height for one in data.cells)
+    return pd.DataFrame([{"scene": "scene0", "height": n, "width": n, "headline": True}])
+
+
+def judge(what: str, data: Data, **claim: object) -> Found:
+    return claims.CHECKS[what](data, rows_of(data), CLAIM | claim)
+
+
+WILD = (0.5, 1.0, 1.5, 0.7, 1.3, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("paces", "spread", "verdict"),
+    [
+        ({500: 100, 2000: 109}, STEADY, HOLDS),
+        ({500: 100, 1999: 109}, STEADY, PART),  # "for every n" up to 2000
+        ({500: 100, 2000: 112}, STEADY, FAILS),
+        ({500: 112, 1000: 100, 1500: 105}, STEADY, FAILS),  # refuted at any size of the range
+        ({500: 100, 2000: 112}, WILD, UNSURE),
+        ({50: 150, 500: 100, 2000: 105}, STEADY, HOLDS),  # below the paper's range nothing is stated
+        ({50: 150, 90: 100}, STEADY, UNSURE),
+        ({2000: 100}, STEADY, OPEN),
+    ],
+)
+def test_constant_over_n(run, paces: dict[int, float], spread: tuple, verdict: str) -> None:
+    data = run(*(cell("baseline", n, pace, spread=spread) for n, pace in paces.items()))
+    found = judge("constant", data, n=2000)
+    assert found.verdict == verdict
+    if verdict == PART:
+        assert "over n = 500 … 1999" in found.why and "n = 2,000" in found.why
+    if len(paces) == 2:
+        assert found.value == pytest.approx(max(paces.values()) / min(paces.values()))
+
+
+@pytest.mark.parametrize(
+    ("small", "large", "n", "verdict"),
+    [(100, 50, 2000, HOLDS), (100, 50, 200, PART), (50, 100, 2000, FAILS), (50, 100, 200, UNSURE)],
+)
+def test_a_gain_that_grows_is_known_at_the_papers_size_alone(run, small, large, n, verdict) -> None:
+    base = [cell("baseline", size, 1000) for size in (100, n)]
+    fast = [cell("opt4", size, pace) for size, pace in ((100, small), (n, large))]
+    found = judge("grows", run(*base, *fast), phase="opt4", n=2000)
+    assert found.verdict == verdict and (n == 2000 or "n = 100 … 200" in found.why)
+    assert found.value == pytest.approx(small / large)
+
+
+@pytest.mark.parametrize(
+    ("pace", "n", "lanes", "verdict"),
+    [
+        (40, 2000, 8, HOLDS),
+        (40, 200, 8, PART),
+        (60, 2000, 8, FAILS),
+        (60, 200, 8, UNSURE),  # the paper: small n gain less, where there are lanes
+        (60, 200, 1, FAILS),
+        (50, 2000, 8, UNSURE),
+    ],
+)
+def test_a_speedup_says_how_far_it_was_tried(run, pace, n, lanes, verdict) -> None:
+    found = judge(
+        "speedup",
+        run(cell("baseline", n, 1000), cell("opt4", n, pace, lanes=lanes)),
+        phase="opt4",
+        value=20,
+        n=2000,
+    )
+    assert found.verdict == verdict and found.value == pytest.approx(1000 / pace)
+    assert found.low < found.value < found.high and ("tried at n = 200" in found.why) == (n == 200)
+
+
+@pytest.mark.parametrize("verdict", [HOLDS, PART, FAILS, UNSURE])
+def test_the_size_rule(verdict: str) -> None:
+    found = Found("x", verdict, "so it is", 1.0, n=100)
+    assert sized(found, 100) == sized(found, math.nan) == found
+    short = sized(found, 101)
+    assert short.verdict == (PART if verdict == HOLDS else verdict)
+    assert short.why == "so it is; tried at n = 100, stated for up to n = 101"
+    assert sized(found._replace(n=None), 101).verdict == short.verdict
+    assert sized(Found("", OPEN, "no file"), 101) == Found("", OPEN, "no file")
+
+
+@pytest.mark.parametrize(
+    ("cpus", "threads", "pace", "verdict"),
+    [
+        (2, 2, 51, NEVER),
+        (4, 2, 51, NEVER),
+        (4, 4, 30, HOLDS),
+        (4, 4, 60, PART),
+        (4, 4, 101, FAILS),
+        (2, 1, 100, OPEN),
+    ],
+)
+def test_threads_need_the_cores(run, cpus: int, threads: int, pace: float, verdict: str) -> None:
+    """2.67 is out of two threads' reach; what they gave stands beside that. 100 ns on one thread."""
+    cells = [cell("opt4", 180, 100), cell("opt5_threads", 180, 100), cell("opt5_threads", 90, 1, 2)]
+    cells = [*cells[:2], cell("opt5_threads", 180, pace, threads)]
+    claim = {"phase": "opt5_threads", "base": "opt4", "value": 2.67, "n": math.nan}
+    found = judge("threads", run(*cells, cpus=cpus), **claim)
+    assert found.verdict == verdict
+    if threads > 1:
+        assert found.value == pytest.approx(100 / pace) and f"on {cpus} CPUs" in found.here
+        assert f"{threads} threads over opt4: {100 / pace:.3g}" in found.here
+    if verdict == NEVER:
+        assert f"{threads} threads on {cpus} CPUs" in found.why and "needs 3 cores" in found.why
+        assert "no size is named" in found.why
+
+
+def test_float_over_double_is_flops_per_cycle_and_not_time(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the time with three quarters of the FLOPs: 1.5 times the flops/cycle, where 2 were by time."""
+    data = run(cell("opt3", 2000, 100), cell("opt4", 2000, 50))
+    flops = {"opt3": 4e6 * 400, "opt4": 4e6 * 300}
+    points = pd.DataFrame(
+        {
+            **{"scene": "scene0", "phase": name, "height": 2000, "width": 2000, "flops_per_core_cycle": 9.0},
+            **{"paper_convention_flops": count},
+            "paper_convention_flops_per_core_cycle": count / (4e6 * 4 * pace),
+        }
+        for (name, count), pace in zip(flops.items(), (100, 50), strict=True)
+    )
+    monkeypatch.setattr(roof, "rows", lambda *_: points)
+    for stated, verdict in ((1.5, HOLDS), (1.8, PART)):
+        claim = CLAIM | {"phase": "opt4", "base": "opt3", "value": stated, "n": 2000}
+        found = register.CHECKS["flops_gain"](data, claim)
+        assert found.verdict == verdict and found.value == pytest.approx(1.5)
+        assert found.low < 1.5 < found.high
+
+
+def timed(**ms: float) -> dict[str, object]:
+    rows = []
+    for name, value in ms.items():
+        compiler, _, phase = name.partition("_")
+        about = {"compiler": compiler, "phase": phase, "flags": "as shipped", "scene": "mandelbulb", "n": 90}
+        rows.append(about | {"ms": {"value": value, "low": value - 1, "high": value + 1}})
+    return {"rows": rows}
+
+
+@pytest.mark.parametrize(
+    ("ms", "verdict"),
+    [
+        ({"gcc_opt4": 10, "gcc_opt1": 90, "icx_opt4": 15, "icx_opt1": 50}, HOLDS),  # the best alone counts
+        ({"gcc_opt4": 15, "icx_opt4": 10}, FAILS),
+        ({"gcc_opt4": 10, "icx_opt4": 11}, UNSURE),
+        ({"gcc_opt4": 10, "clang_opt4": 5, "icx_opt4": 15}, HOLDS),  # gcc against ICC is what is said
+        ({"gcc_opt4": 10, "clang_opt4": 12}, NEVER),
+        ({"icx_opt4": 10}, OPEN),
+    ],
+)
+def test_the_best_performance_is_gccs(run, ms: dict[str, float], verdict: str) -> None:
+    data = run()
+    (data.path / "toolchains.json").write_text(json.dumps(timed(**ms)))
+    claim = {"scene": "mandelbulb", "n": math.nan}
+    found = register.CHECKS["best_compiler"](data, claim)
+    assert found.verdict == verdict
+    if verdict == NEVER:  # why, and what there is without it
+        assert found.why == "there is no icx on this machine: gcc and clang alone were timed"
+        assert "fastest by gcc: 10 ms" in found.here and "fastest by clang: 12 ms" in found.here
+        assert register.CHECKS["compilers"](data, claim)[:3] == found[:3]
+    assert register.CHECKS["best_compiler"](data, claim | {"scene": "scene0"}).verdict == OPEN
+
+
+def test_both_halves_of_the_sentence_on_compilers_are_there() -> None:
+    found = {claim["quantity"]: claim for claim in paper.read("claims").to_dict("records")}
+    assert "slightly better performance over GCC" in found["compilers"]["quote"]
+    assert (
+        "for computationally intensive scenes we reach the best performance"
+        in found["best_compiler"]["quote"]
+    )
+    assert {found[name]["scene"] for name in ("compilers", "best_compiler")} == {"scene0", "mandelbulb"}
+
+
+def test_every_word_is_in_the_readme() -> None:
+    readme = (ROOT / "results" / "paper" / "README.md").read_text(encoding="utf-8")
+    assert all(f"\n| {word} | " in readme for word in WORDS)
+    for what in {*claims.CHECKS, *register.CHECKS}:
+        assert f"`{what}`" in readme
+
+
+def test_the_register_is_written_with_the_tables(tmp_path: Path) -> None:
+    source = ROOT / "tests" / "fixtures" / "run"
+    data = analysis.load(source)
+    rows = ladder.rows(data)
+    paths = tables.write(tables.make(data, rows), tmp_path)
+    found = pd.read_csv(tmp_path / "claims.csv")
+    assert len(found) == len(paper.read("claims")) and set(found["verdict"]) <= set(WORDS)
+    assert found["why"].notna().all() and found["line"].gt(0).all() and found["unit"].notna().sum() > 30
+    one = found[found["quote"].str.startswith("up to 32.1")].iloc[0]
+    assert (one["stated"], one["line"], one["value"], one["n"]) == (32.1, 321, pytest.approx(32.0), 180)
+    assert one["low"] < 32 < one["high"] and one["verdict"] == UNSURE
+    assert one["command"] == "scripts/sweep.py --scene scene0"
+    text = (tmp_path / "claims.md").read_text(encoding="utf-8")
+    assert "up to 32.1× speed-up" in text and "| 321 |" in text and UNSURE in text
+    stored = json.loads((tmp_path / "claims.json").read_text(encoding="utf-8"))
+    assert [row["verdict"] for row in stored] == list(found["verdict"]) and tmp_path / "claims.json" in paths
+
+
+COMMANDS = sorted({c for c in paper.read("claims")["command"] if isinstance(c, str)})
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_works_without_a_run(command: str) -> None:
+    """What reads a run that is there already fails in a fresh clone. A script takes the options named."""
+    program, *options = command.split()
+    if program == "make":
+        names = (ROOT / "Makefile").read_text(encoding="utf-8")
+        assert [f"\n{name}:" in names for name in options] == [True]
+        return
+    done = subprocess.run([sys.executable, ROOT / program, "-h"], capture_output=True, text=True)
+    assert done.returncode == cli.OK and "[RUN]" not in done.stdout
+    assert all(word in done.stdout for word in options if word.startswith("--"))

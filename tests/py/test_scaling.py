@@ -1,0 +1,472 @@
+"""How cost grows: power laws and coverages whose answer is known, the budget, errors, goals, bad input."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+import scaling as command
+from study import cli, run, scaling, scaling_errors, scaling_fit, scaling_goals, scaling_page, scaling_scenes
+from study import scaling_series as series
+from study.cli import StudyError
+from study.draw import STYLE, save
+from study.registry import ROOT, Spec
+from study.run import DriverError
+from study.scaling import First
+from study.scaling_series import Picture, Point
+from study.stats import Interval
+
+SCRIPT = ROOT / "scripts" / "scaling.py"
+OPT4, BASE = Spec("opt4", "opt4"), Spec("baseline", "baseline")
+
+
+def noisy(xs: list[float], exponent: float, seed: int, launches: int = 12, noise: float = 0.03) -> list:
+    random = np.random.default_rng(seed)
+    return [2.5 * x**exponent * np.exp(noise * random.standard_normal(launches)) for x in xs]
+
+
+# The fit.
+
+
+@pytest.mark.parametrize("exponent", [-1.0, 0.0, 0.5, 1.0, 2.0])
+def test_a_law_without_noise_is_found_exactly(exponent: float) -> None:
+    xs = [100, 200, 400, 1600]
+    found = scaling_fit.fit(xs, [[7 * x**exponent] * 6 for x in xs])
+    assert found.exponent.value == pytest.approx(exponent, abs=1e-12)
+    assert found.factor == pytest.approx(7, rel=1e-9) and found.worst == pytest.approx(1)
+    assert (found.exponent.low, found.exponent.high) == (pytest.approx(exponent), pytest.approx(exponent))
+    assert found.holds is True and found.off == []
+
+
+def test_the_order_of_the_points_does_not_matter() -> None:
+    xs, values = [1, 4, 16, 64], noisy([1, 4, 16, 64], 0.8, 1)
+    turned = scaling_fit.fit(xs[::-1], values[::-1])
+    straight = scaling_fit.fit(xs, values)
+    assert turned.exponent.value == pytest.approx(straight.exponent.value, abs=1e-12)
+    assert (turned.first_x, turned.last_x) == (1, 64)
+    assert turned.last.value == pytest.approx(straight.last.value, abs=1e-12)
+
+
+def test_the_interval_holds_the_true_exponent_about_as_often_as_it_says(monkeypatch) -> None:
+    monkeypatch.setattr(scaling_fit, "RESAMPLES", 1000)
+    xs = [1, 4, 16, 64, 256]
+    held, widths = 0, []
+    for seed in range(200):
+        law = scaling_fit.fit(xs, noisy(xs, 1.3, seed), seed=seed).exponent
+        held += law.low <= 1.3 <= law.high
+        widths.append(law.high - law.low)
+    assert 0.88 <= held / 200 <= 0.995  # of 95 %, which medians of twelve just miss
+    # Of a least-squares slope through medians: 2·1.96·σ·√(π/2)/√launches/√Σ(x−x̄)², x = log 4^i.
+    spread = math.sqrt(math.pi / 2) * 0.03 / math.sqrt(12) / math.sqrt(10 * math.log(4) ** 2)
+    assert np.median(widths) == pytest.approx(2 * 1.96 * spread, rel=0.25)
+
+
+def test_a_constant_below_a_law_is_no_power_law_and_the_places_are_said() -> None:
+    xs = [1, 4, 16, 64, 256, 1024]
+    found = scaling_fit.fit(xs, [[x + 20] * 6 for x in xs])
+    assert found.holds is False and {1, 16} <= set(found.off)
+    assert found.first.value == pytest.approx(math.log(24 / 21) / math.log(4))
+    assert found.last.value == pytest.approx(math.log(1044 / 276) / math.log(4))
+    slope, height = np.polyfit(np.log(xs), np.log(np.add(xs, 20)), 1)  # another least squares
+    assert (found.exponent.value, found.factor) == (pytest.approx(slope), pytest.approx(math.exp(height)))
+    residuals = np.exp(np.log(np.add(xs, 20)) - (slope * np.log(xs) + height))
+    farthest = int(np.abs(np.log(residuals)).argmax())
+    assert found.worst == pytest.approx(residuals[farthest]) and found.worst_x == xs[farthest]
+
+
+def test_noise_alone_breaks_no_law() -> None:
+    xs = [1, 4, 16, 64]
+    values = [[x * f for f in (0.7, 0.8, 0.95, 1.05, 1.2, 1.4)] for x in xs]
+    values[2] = [
+        16 * f for f in (0.7, 0.75, 0.8, 1.6, 1.7, 1.8)
+    ]  # its median is 20 % up, its interval is not
+    assert scaling_fit.fit(xs, values).holds is True
+
+
+def test_too_few_launches_have_no_interval_and_two_points_no_verdict() -> None:
+    few = scaling_fit.fit([1, 2, 4], [[1] * 5, [2] * 6, [4] * 6])
+    assert math.isnan(few.exponent.low) and "insufficient" in scaling_fit.text(few.exponent)
+    assert "insufficient" in scaling_fit.text(cli.plain(few)["exponent"])  # as it comes back from the file
+    assert scaling_fit.fit([1, 2], [[1] * 6, [2] * 6]).holds is None
+
+
+@pytest.mark.parametrize(
+    ("xs", "samples"),
+    [
+        ([1], [[1.0]]),
+        ([1, 1], [[1.0], [2.0]]),
+        ([1, 2], [[1.0], [0.0]]),
+        ([1, 2], [[1.0], [math.nan]]),
+        ([1, 2], [[1.0], []]),
+        ([0, 2], [[1.0], [1.0]]),
+        ([1, 2, 3], [[1.0], [2.0]]),
+    ],
+)
+def test_what_no_law_goes_through_is_refused(xs: list, samples: list) -> None:
+    with pytest.raises(StudyError, match="a power law is fitted through"):
+        scaling_fit.fit(xs, samples)
+
+
+# The scenes.
+
+
+def hits(scene: dict, width: int, height: int) -> np.ndarray:
+    """Which camera rays meet a shape, by each shape's own equations: quadratic, slabs, eight half-spaces."""
+    half = math.tan(math.radians(scene["camera"]["vertical_fov_degrees"]) / 2)
+    i, j = np.meshgrid(np.arange(width), np.arange(height))
+    x = (2 * (i + 0.5) / width - 1) * width / height * half
+    y = (1 - 2 * (j + 0.5) / height) * half
+    d = np.stack([x, y, np.ones_like(x)], -1).reshape(-1, 3)
+    found = np.zeros(len(d), bool)
+    for shape in scene["shapes"]:
+        o = -np.array(shape["position"])
+        if shape["type"] == "sphere":
+            a, b, c = (d * d).sum(1), d @ o, o @ o - shape["radius"] ** 2
+            found |= b * b - a * c >= 0
+            continue
+        if shape["type"] == "box":
+            normals = np.eye(3)
+            bounds = np.array(shape["half_size"])
+        else:
+            normals = np.array([(1, s, t) for s in (1, -1) for t in (1, -1)], float)
+            bounds = np.full(4, shape["radius"])
+        along, start = d @ normals.T, normals @ o
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one, other = (-bounds - start) / along, (bounds - start) / along
+        near, far = np.fmin(one, other).max(1), np.fmax(one, other).min(1)
+        found |= (near <= far) & (far > 0)
+    return found
+
+
+@pytest.mark.parametrize("arrangement", scaling_scenes.ARRANGEMENTS)
+@pytest.mark.parametrize("count", [1, 16, 150])
+def test_the_share_of_rays_that_hit_is_the_stated_one(arrangement: str, count: int) -> None:
+    scene = scaling_scenes.data(arrangement, count, seed=3)
+    assert len(scene["shapes"]) == count
+    # A lattice has rays of equal gauge, so that the share can leap by a few of them.
+    assert hits(scene, *scaling_scenes.RAYS).mean() == pytest.approx(scaling_scenes.COVERAGE, abs=0.005)
+    # Of a picture of another size: its own sampling of the outlines.
+    assert hits(scene, 213, 120).mean() == pytest.approx(scaling_scenes.COVERAGE, abs=0.015)
+
+
+def test_the_factor_lies_between_rays_and_not_on_one() -> None:
+    assert scaling_scenes.quantile(np.array([1.0, 4, 2, 3]), 0.5) == 2.5
+    assert scaling_scenes.quantile(np.array([1, 2, 2, 2 + 1e-9, 5.0]), 0.6) == pytest.approx(3.5)
+    assert scaling_scenes.quantile(np.array([1, 2, 2, 2, 5.0]), 0.3) == 1.5
+
+
+def test_a_rendered_scene_covers_what_it_should(tmp_path: Path) -> None:
+    from study import images
+
+    scene = scaling_scenes.of_shapes("clustered", 60, 1, tmp_path)
+    run.render("baseline", scene.path, 45, 80, aov=True, out=tmp_path / "a.exr")
+    made = images.read(tmp_path / "a.exr")["id"] >= 0
+    assert (made != hits(scene.data, 80, 45).reshape(45, 80)).mean() < 0.002
+
+
+def test_the_camera_is_outside_every_shape() -> None:
+    for arrangement, count, seed in itertools.product(scaling_scenes.ARRANGEMENTS, (1, 4, 40), (1, 2)):
+        scene = scaling_scenes.data(arrangement, count, seed)
+        for shape in scene["shapes"]:
+            around = scaling_scenes.AROUND[shape["type"]] / scaling_scenes.SIZES[shape["type"]]
+            reach = around * (shape.get("radius") or shape["half_size"][0])
+            assert np.linalg.norm(shape["position"]) > reach
+
+
+def test_scenes_are_made_by_their_seed_alone(tmp_path: Path) -> None:
+    one, same, other = (scaling_scenes.data("scattered", 20, seed) for seed in (1, 1, 2))
+    assert one == same and one != other
+    first = scaling_scenes.of_shapes("scattered", 20, 1, tmp_path)
+    assert first.data == one and json.loads(first.path.read_text()) == one
+    stamp = first.path.stat().st_mtime_ns
+    assert scaling_scenes.of_shapes("scattered", 20, 1, tmp_path).path.stat().st_mtime_ns == stamp
+
+
+def test_the_driver_takes_the_largest_scene_and_there_is_no_larger(tmp_path: Path) -> None:
+    scene = scaling_scenes.of_shapes("corridors", scaling_scenes.MOST_SHAPES, 1, tmp_path)
+    assert len(scene.data["shapes"]) == 4096
+    assert run.render("baseline", scene.path, 1, 1, max_steps=1)["frames"]
+    for count in (0, 4097):
+        with pytest.raises(StudyError, match="a scene has 1 to 4096"):
+            scaling_scenes.of_shapes("scattered", count, 1, tmp_path)
+    with pytest.raises(StudyError, match="no arrangement 'strewn'; there are scattered"):
+        scaling_scenes.of_shapes("strewn", 4, 1, tmp_path)
+
+
+def test_nearly_every_ray_of_the_hall_is_mirrored_as_often_as_it_may_be() -> None:
+    """By unfolding: mirror k is met at x = ±2 after (2 + 4k)/|dx| of the way, inside the bounds."""
+    scene = scaling_scenes.hall(16)
+    aim = np.array(scene["camera"]["look_at"])
+    half = math.tan(math.radians(scene["camera"]["vertical_fov_degrees"]) / 2)
+    right = np.cross([0, 1, 0], aim)
+    u, v = np.meshgrid(np.linspace(-1, 1, 81) * half * 16 / 9, np.linspace(-1, 1, 45) * half)
+    d = aim + u[..., None] * right + v[..., None] * np.array([0, 1, 0])
+    s = (2 + 4 * 16) / np.abs(d[..., 0])  # the way to the seventeenth wall, of which the first is no bounce
+    inside = np.hypot(s * d[..., 1], s * d[..., 2]) < scene["march"]["bounds_radius"]
+    assert scene["march"]["max_bounces"] == 16 and inside.mean() > 0.9
+
+
+# The budget.
+
+
+def line(xs: tuple[int, ...] = (1, 4, 16, 64), grows: float = 1) -> series.Series:
+    return series.Series("shapes-x", "t", "x", xs, grows, 1, 90, lambda x: None)  # type: ignore[arg-type]
+
+
+def test_points_are_taken_from_the_cheapest_on_while_the_time_lasts() -> None:
+    asked = []
+
+    def first(point: Point) -> First:
+        asked.append((str(point.spec), point.x))
+        return First((1.0 if point.spec == BASE else 0.3) * point.x, 0, None)
+
+    plan = scaling.choose(line(), [BASE, OPT4], 40.0, 6, first)
+    # Six launches: 6.4 s of baseline at 1; 2.2 s and 7.6 s of opt4 at 1 and 4. The next take 28 s and 34 s.
+    assert asked == [("baseline", 1), ("opt4", 1), ("opt4", 4)]
+    assert plan.spent <= 40 and {p.x for p in plan.taken if p.spec == OPT4} == {1, 4}
+    missing = {(row["phase"], row["x"]) for row in plan.left_out}
+    assert missing == {("baseline", 4), ("baseline", 16), ("baseline", 64), ("opt4", 16), ("opt4", 64)}
+    guesses = {(r["phase"], r["x"]): r["foreseen_s"] for r in plan.left_out}
+    assert guesses["opt4", 16] == pytest.approx(4.8) and guesses["baseline", 4] == pytest.approx(4)
+    assert all(row["reason"] for row in plan.left_out)
+
+
+def test_every_program_has_three_points_before_any_has_a_fourth() -> None:
+    asked = []
+
+    def first(point: Point) -> First:
+        asked.append(point.spec)
+        return First(2.0 if point.spec == BASE else 0.01, 0, None)
+
+    plan = scaling.choose(line((1, 2, 3, 4, 5, 6), 0), [BASE, OPT4], 70.0, 6, first)
+    # Three of baseline take 3 · 12.4 s, under 0.6 of 70 s; two more fit, a sixth and its first frame not.
+    assert asked[:6].count(BASE) == 3 and sum(p.spec == OPT4 for p in plan.taken) == 6
+    assert sum(p.spec == BASE for p in plan.taken) == 5
+
+
+def test_with_time_for_all_nothing_is_left_out() -> None:
+    plan = scaling.choose(line(), [BASE, OPT4], 1e9, 6, lambda p: First(0.001 * p.x, 0, None))
+    assert len(plan.taken) == 8 and not plan.left_out
+
+
+def test_a_refused_point_ends_its_program_and_no_other() -> None:
+    def first(point: Point) -> First:
+        if point.spec == BASE and point.x == 4:
+            raise DriverError(4, "too many shapes")
+        return First(0.001, 0, None)
+
+    plan = scaling.choose(line(), [BASE, OPT4], 1e9, 6, first)
+    assert [(r["phase"], r["x"], r["reason"]) for r in plan.left_out] == [("baseline", 4, "too many shapes")]
+    assert sum(p.spec == OPT4 for p in plan.taken) == 4
+
+
+def test_a_frame_is_foreseen_from_those_before_never_flatter_than_the_series() -> None:
+    assert series.foreseen(None, (4, 2.0), 16, 1) == pytest.approx(8)
+    assert series.foreseen((1, 1.0), (4, 8.0), 16, 1) == pytest.approx(64)  # x^1.5 seen
+    assert series.foreseen((1, 1.0), (4, 1.0), 16, 1) == pytest.approx(4)  # flat so far: x^1 all the same
+    assert series.foreseen((1, 1.0), (4, 4.0**5), 16, 1) == pytest.approx(4.0**5 * 16)  # at most one more
+
+
+def test_threads_are_powers_of_two_and_all() -> None:
+    assert [series.thread_counts(n) for n in (1, 2, 6, 8)] == [(1,), (1, 2), (1, 2, 4, 6), (1, 2, 4, 8)]
+
+
+# Errors, goals, pictures.
+
+
+def test_errors_to_a_picture_are_those_known_by_hand(blank, miss) -> None:
+    reference, made = blank(10, 10, 0.5), blank(10, 10, 0.6)
+    miss(made, (0, 0))
+    for name in "RGB":
+        made[name][0, 0] = 0.6
+    found = scaling_errors.against(reference, made, exact=False)
+    assert found["psnr_db"] == pytest.approx(20, abs=1e-4) and found["wrong_ppm"] == pytest.approx(10_000)
+
+
+def test_errors_to_truth_count_proved_pixels_and_known_colours(blank, miss) -> None:
+    exact, made = blank(10, 10, 0.5), blank(10, 10, 0.5)
+    for prefix, name in itertools.product(("ideal.", "none."), "RGB"):
+        exact[prefix + name] = exact[name].copy()
+    for name, value in (("shadow", 1), ("status", 2), ("status.all", 2)):
+        exact[name] = np.full((10, 10), value, np.float32)
+    miss(made, (slice(0, 2), 0))  # two wrong pixels, of which truth has proved one
+    for name in "RGB":
+        made[name][0, 0] = made[name][1, 0] = 0.5
+    exact["status"][0, 0] = exact["status.all"][0, 0] = 0
+    exact["R"][0, 0] = np.nan
+    found = scaling_errors.against(exact, made, exact=True)
+    assert found["wrong_ppm"] == pytest.approx(1e6 / 99) and found["psnr_db"] == math.inf
+
+
+def test_without_truth_the_first_double_program_stands_for_it() -> None:
+    points = [Point("s", 1, Spec(name, name)) for name in ("opt4", "opt3", "opt2")]
+    assert scaling_errors.finest(points).spec.phase == "opt3"
+    assert scaling_errors.finest(points[:1]).spec.phase == "opt4"
+
+
+def test_peak_memory_is_the_renders_own_and_the_frame_is_taken_off(tmp_path: Path) -> None:
+    scene = ROOT / "common" / "scenes" / "two_spheres.json"
+    small, large = (
+        run.render("baseline", scene, height, height, max_steps=1)["frames"][0]["max_rss_kib"]
+        for height in (16, 1024)
+    )
+    held = np.ones(8 << 20)  # 64 MiB of this process, which are none of the render's
+    status = Path("/proc/self/status").read_text().split("VmHWM:")[1]
+    assert held.nbytes == 64 << 20 and int(status.split()[0]) > 65536 > 20_000 > small > 0
+    assert large - small == pytest.approx(12 * 1024, rel=0.1)  # KiB: 12 bytes a pixel of 1024 × 1024
+    picture = Picture("two_spheres", scene, 1024, 1024)
+    assert scaling.above_frame(large, picture) == pytest.approx(small / 1024, abs=1.5)
+    assert scaling.above_frame(12 * 1024, picture) == 0
+    untold = scaling.above_frame(0, picture)
+    assert math.isnan(untold) and scaling_goals.under({("scene0", 1): 2.0, ("scene0", 2): untold}) == "missed"
+
+
+def row(phase: str, x: int, ns: float, name: str = "shapes-scattered", **more: object) -> dict:
+    return {
+        **{"series": name, "phase": phase, "x": x, "n": 90, "width": 160, "threads": 1, "max_steps": None},
+        **{"scene": "s", "ns": [ns] * 6, "ms": Interval(ns / 1e6, ns / 1e6, ns / 1e6, 6, True)},
+        **{"ns_per_pixel": Interval(ns, ns, ns, 6, True), "coverage": 0.4, "above_frame_mib": 2.0},
+        **{"evals_per_ray": 10.0 * x, "non_finite": 0, "psnr_db": 60.0, "rmse": 0.001, "reference": "truth"},
+        **{"wrong_ppm": 0.0},
+        **more,
+    }
+
+
+def test_the_goals_are_judged_at_their_size_only() -> None:
+    rows = [row("a", 16, 100), row("a", 4096, 399), row("b", 16, 100), row("b", 4096, 401), row("c", 16, 9)]
+    rows += [row("c", 1024, 9), row("d", 16, 1)]
+    memory = [
+        {"phase": phase, "scene": scene, "threads": 1, "above_frame_mib": mib}
+        for phase, scene, mib in (("a", "scene0", 2.0), ("a", "scattered", 63.9), ("b", "scene0", 64.0))
+    ] + [{"phase": "d", "scene": "scene0", "threads": 2, "above_frame_mib": 3.0}]
+    a, b, c, d = scaling_goals.goals(rows, memory, list("abcd"))
+    assert (a["shapes_goal"], b["shapes_goal"], c["shapes_goal"], d["shapes_goal"]) == (
+        "met",
+        "missed",
+        "not measured",
+        "not measured",
+    )
+    assert a["ratio"].value == pytest.approx(3.99) and c["shapes"] == 1024 and d["ratio"] is None
+    assert (a["memory_goal"], b["memory_goal"], c["memory_goal"]) == ("met", "missed", "not measured")
+    assert d["memory_goal"] == "met, scattered not measured" and a["above_frame_mib"] == 63.9
+    assert scaling_goals.judged(Interval(math.nan, math.nan, math.nan, 0, False), 4) == "not measured"
+    assert scaling_goals.judged(Interval(3, 2, 5, 6, True), 4) == "cannot be told apart here"
+    assert scaling_goals.judged(Interval(3, math.nan, math.nan, 5, False), 4) == "too few launches"
+
+
+def test_verdicts_beside_the_papers_law() -> None:
+    xs = [1, 4, 16, 64]
+
+    def said(exponent: float, paper: float | None = 1) -> str:
+        return scaling_goals.verdict(scaling_fit.fit(xs, [[x**exponent] * 6 for x in xs]), paper)
+
+    assert said(1.04) == "as the paper's law" and said(0.5) == "grows slower than the paper's bound"
+    assert said(1.2) == "grows faster than the paper's law" and said(1.2, None) == "a power law"
+    bent = scaling_fit.fit(xs, [[x + 20] * 6 for x in xs])
+    assert scaling_goals.verdict(bent, 1).startswith("no power law: off at 1, 4")
+
+
+def result(rows: list[dict]) -> dict:
+    known = [one for one in series.series(90, 1, Path("nowhere")).values() if one.name == "shapes-scattered"]
+    made = {
+        **{"schema": 1, "n": 90, "launches": 6, "rows": rows, "left_out": [], "thumbnails": [], "memory": []},
+        **{"fits": scaling_goals.fits(rows, known), "goals": scaling_goals.goals(rows, [], ["opt4"])},
+        **{"axes": {known[0].name: known[0].axis}, "titles": {known[0].name: known[0].title}, "context": {}},
+    }
+    return json.loads(json.dumps(cli.plain(made), allow_nan=False))  # as it comes back from the file
+
+
+def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:
+    from study import truth_sections
+
+    made = result([row("opt4", x, 1e6 * x**0.5) for x in (1, 16, 64)] + [row("opt3", 1, 5e5)])
+    with matplotlib.rc_context(STYLE):
+        drawn = scaling_page.figures(made, tmp_path)
+        time = save(drawn["scaling-time"], tmp_path / "figures" / "scaling-time", scaling_page.note(made))
+    assert set(drawn) == {"scaling-time", "scaling-evals", "scaling-error"}
+    text = time[0].read_text()
+    assert "x^0.50" in text and "number of shapes, scattered" in text
+    assert truth_sections.growth(tmp_path).parts == []
+    (tmp_path / scaling.FILE).write_text(json.dumps(made))
+    chapter = truth_sections.growth(tmp_path)
+    assert [part.name for part in chapter.parts] == ["scaling", "scaling-goals", "scaling-points"]
+    cells = [text for text, _ in chapter.parts[0].table.cells[0]]
+    assert "0.50" in cells[3] and "grows slower than the paper's bound" in cells
+    (tmp_path / scaling.FILE).write_text('{"rows": [1]}')
+    with pytest.raises(StudyError, match=r"scaling\.json: not what scripts/scaling\.py writes"):
+        truth_sections.growth(tmp_path)
+
+
+def test_labels_keep_apart_and_inside() -> None:
+    places = scaling_page._places([0.9, 0.91, 0.92, 0.1])
+    assert all(b - a >= scaling_page.APART - 1e-9 for a, b in itertools.pairwise(sorted(places)))
+    assert (
+        max(places) <= 1 and places[0] < places[1] < places[2] and places[3] == pytest.approx(0.1, abs=0.05)
+    )
+
+
+# The command.
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--series", "shape"], "no series 'shape'; there are n-scene0"),
+        (["--phase", "opt9x"], "no phase 'opt9x'"),
+        (["--phase", "truth"], "truth: is truth itself"),
+        (["-n", "8"], "'8': must be a whole number of at least 16"),
+        (["--seconds", "nan"], "'nan': must be a number of at least 1"),
+        (["--launches", "0"], "must be a whole number of at least 1"),
+        (["--cpu", "4096"], "CPU 4096 is not available"),
+        (["--run", "{tmp}/file/run"], "cannot be written to"),
+        (["--series", "memory", "--run", "{tmp}"], "nothing was measured"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    (tmp_path / "file").write_text("")
+    arguments = [word.format(tmp=tmp_path) for word in words]
+    if "--run" not in words:
+        arguments += ["--run", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", ["scaling.py", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main(command.main)
+    errors = capsys.readouterr().err
+    assert ended.value.code == cli.BAD_INPUT and said in errors and "Traceback" not in errors
+    assert not list(tmp_path.rglob("scaling.json"))
+
+
+def test_from_end_to_end(tmp_path: Path) -> None:
+    """Two small series of two programs: rows, fits, thumbnails, and truth beside them."""
+    words = [
+        "--series",
+        "bounces",
+        "threads",
+        "--phase",
+        "opt1",
+        "opt5_threads",
+        "-n",
+        "16",
+        "--launches",
+        "1",
+    ]
+    # Far more time than it takes: what is measured must not hang on how fast this machine is now.
+    words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
+    done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True)
+    assert done.returncode == cli.OK, done.stderr
+    made = json.loads(done.stdout)
+    assert made == json.loads((tmp_path / scaling.FILE).read_text())
+    threads = [one for one in made["rows"] if one["series"] == "threads"]
+    assert {one["phase"] for one in threads} == {"opt5_threads"} and threads[0]["threads"] == 1
+    chain = [one for one in made["rows"] if (one["series"], one["phase"]) == ("bounces", "opt1")]
+    assert [one["x"] for one in chain][:3] == [1, 2, 3] and all(one["coverage"] == 1 for one in chain)
+    assert chain[0]["reference"] == "truth" and chain[0]["psnr_db"] > 60 and chain[0]["wrong_ppm"] == 0
+    assert (tmp_path / "figures" / "scaling-time.png").stat().st_size > 1000
+    assert (tmp_path / made["thumbnails"][0]["picture"]).is_file()
