@@ -35,5 +35,8 @@ static inline struct beam eye_of(struct own *own, const struct prepared *scene) 
 
 // Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.
 struct list list_of(const bool *wanted, const struct prepared *scene, int *shapes);
+// The same for rays that are to be hit: all shapes where a Mandelbulb is wanted. Its estimate is no bound, a march leaps
+// over what is thin, and what it finds hangs on every step from the ray's origin on.
+struct list hit_list(const bool *wanted, const struct prepared *scene, int *shapes);
 
 #endif

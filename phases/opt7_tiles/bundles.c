@@ -188,7 +188,7 @@ static struct list listed(const struct bundle *b, enum meant meant, const struct
                                   : can_be_hit(own->distance[i], &in, close);
         own->wanted[i] = (bits(here) & ~1u) != 0;
     }
-    return list_of(own->wanted, scene, shapes);
+    return (meant == HIT ? hit_list : list_of)(own->wanted, scene, shapes);
 }
 
 void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
@@ -201,7 +201,6 @@ void meet(const struct rays *rays, const real *length, enum meant meant, struct 
         struct bundle b = bundle_of(rays, length, &scene->model);
         list = listed(&b, meant, scene, world->own, shapes);
     }
-    world->group.meant = meant;
     for (int k = 0; k < GROUP; k++)
         world->group.beam[k].list = list;
 }

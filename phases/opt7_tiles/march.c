@@ -161,7 +161,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
         return;
     }
     for (int step = 1; group->count > 0; step++) {
-        sdf(group, scene);
+        scene_distances(group, scene);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -397,7 +397,7 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
         group->t[k] = set((float)model->march.surface_offset);
     }
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        sdf(group, world->scene);
+        scene_distances(group, world->scene);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (soft ? soft_step(&rays[k], k, strength_sq, group, model)

@@ -142,7 +142,6 @@ static struct placed place_shape(int index, const struct shape *shape,
         break;
     default:
         p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
-        p.b = p.a + fmaxf(0.05f, 2.0f * (float)limits->hit_distance); // well outside
         p.bailout = (float)shape->mandelbulb.bailout;
         p.iterations = shape->mandelbulb.iterations;
         break;

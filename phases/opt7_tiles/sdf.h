@@ -276,7 +276,7 @@ static inline real bulb_wakes_at(real square, real t) {
 }
 
 // At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
-// is inlined in sdf().
+// is inlined in all_distances().
 __attribute__((always_inline)) static inline real
 distance_at(struct vec p, const struct placed *placed, enum shape_type type, mask live) {
     switch (type) {
@@ -356,16 +356,12 @@ static inline real wakes_at(real sum, const struct placed *placed) {
     return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
 }
 
-// By least of distances: where a ray is hit; or that very number.
-enum meant { HIT, UNION };
-
 // The same from a place that may be inside.
 static inline real wakes_within(real sum, const struct placed *placed) {
     return least_of(wakes_at(sum, placed), mul_add(sum, set(1.0f + 0x1p-18f), set(-placed->slack)));
 }
 
 struct group {
-    enum meant meant;
     struct beam beam[GROUP];
     real t[GROUP], distance[GROUP]; // of the last step
     real high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
@@ -373,7 +369,7 @@ struct group {
     int list[GROUP], count; // of the packets that have a live ray
 };
 
-// What sdf() has found so far of each packet. `limit`: distance + t of the nearest is no more.
+// What scene_distances() has found so far of each packet. `limit`: distance + t of the nearest is no more.
 struct found {
     real least[GROUP], limit[GROUP];
 };
@@ -442,37 +438,6 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
     }
 }
 
-// Whether every ray under way is well outside of a Mandelbulb's ball: as to where it is hit the distance to that
-// stands for the estimate, which is less than it.
-static inline bool off_balls(struct group *group, int shape, const struct placed *placed,
-                             struct found *found) {
-    COUNT(off_balls, call);
-    real gap[GROUP];
-    mask near = no_lane();
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
-        COUNT(off_balls, packet);
-        const struct approach *a = &group->beam[k].approach[shape];
-        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
-        real r = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p);
-        near = either(near, less_in(group->live[k], r, set(placed->b)));
-        gap[k] = r - set(placed->a);
-    }
-    if (any(near))
-        return false;
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
-        COUNT(off_balls, off);
-        found->least[k] = least_of(gap[k], found->least[k]);
-        found->limit[k] = least_of(gap[k] + group->t[k], found->limit[k]);
-        group->beam[k].wake[shape * GROUP] =
-            mul_add(gap[k], set(1.0f - 0x1p-18f), group->t[k] - set(placed->error));
-    }
-    return true;
-}
-
 static inline bool sleeps(const real *wake, const struct found *found) {
     COUNT(sleeps, call);
     mask awake = below(wake[0], found->limit[0]);
@@ -514,22 +479,23 @@ static inline void keep_high(struct group *group, const struct found *found) {
         group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
 }
 
+// An evaluation of the scene's distance begins, of one packet. −∞ where no ray is left.
+static inline void sdf(const struct group *group, int k, struct found *found) {
+    ACTIVE(count_of(group->live[k]));
+    COUNT(sdf, call);
+    found->least[k] = set(INFINITY);
+    found->limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.)
-static inline void sdf(struct group *group, const struct prepared *scene) {
-    ACTIVE(count_of(group->live[0]) + count_of(group->live[1]) + count_of(group->live[2]) +
-           count_of(group->live[3]));
-    COUNT(sdf, call);
-    ACTIVE(LANES);
-    COUNT(sdf, limits);
+static inline void scene_distances(struct group *group, const struct prepared *scene) {
     struct found found;
-    for (int k = 0; k < GROUP; k++) { // −∞ where no ray is left
-        found.least[k] = set(INFINITY);
-        found.limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
-    }
+    for (int k = 0; k < GROUP; k++)
+        sdf(group, k, &found);
     const struct list *list = &group->beam[0].list;
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
@@ -540,9 +506,6 @@ static inline void sdf(struct group *group, const struct prepared *scene) {
         const struct placed *placed = &scene->placed[i];
         if (n < list->steady)
             shape_distances(group, i, placed, true, &found);
-        else if (group->meant == HIT && placed->trust == BALL &&
-                 off_balls(group, i, placed, &found))
-            continue;
         else if (placed->type == SHAPE_MANDELBULB)
             bulb_distances(group, i, placed, &found);
         else

@@ -173,7 +173,6 @@ static void render_patch(const struct patch *patch, struct place origin, real st
                          struct list list, const struct job *job, struct world *world) {
     COUNT(render_patch, call);
     struct rays rays = {.start = start};
-    world->group.meant = HIT;
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct shaded seen[GROUP];
         for (int k = 0; k < GROUP; k++) {
@@ -218,11 +217,12 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
         if (!(bits(there) >> lane & 1))
             continue;
         struct patch patch = patch_of(tile, lane, job->frame);
-        if (start[lane] == INFINITY)
+        if (start[lane] == INFINITY) {
             store_nothing(&patch, job);
-        else
-            render_patch(&patch, origin, set(start[lane]), list_of_cone(lane, scene, &own), job,
-                         &world);
+            continue;
+        }
+        struct list list = list_of_cone(lane, scene, &own, &start[lane]);
+        render_patch(&patch, origin, set(start[lane]), list, job, &world);
     }
 }
 

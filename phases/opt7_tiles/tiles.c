@@ -133,9 +133,19 @@ struct list list_of(const bool *wanted, const struct prepared *scene, int *shape
     return (struct list){count, steady, shapes, order};
 }
 
-struct list list_of_cone(int lane, const struct prepared *scene, struct own *own) {
-    COUNT(list_of_cone, call);
+struct list hit_list(const bool *wanted, const struct prepared *scene, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
+        if (wanted[i] && scene->placed[i].trust == BALL)
+            return scene->all;
+    return list_of(wanted, scene, shapes);
+}
+
+struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start) {
+    COUNT(list_of_cone, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
         own->wanted[i] = bits(own->met[i]) >> lane & 1;
-    return list_of(own->wanted, scene, own->tile);
+        if (own->wanted[i] && scene->placed[i].trust == BALL)
+            *start = 0.0f;
+    }
+    return hit_list(own->wanted, scene, own->tile);
 }

@@ -32,7 +32,11 @@ struct cones {
 // such a place that the normal there asks for it.
 void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
                  struct own *own);
-struct list list_of_cone(int lane, const struct prepared *scene, struct own *own);
+// Where a Mandelbulb is on it, `start` is the camera.
+struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start);
+
+// By least of distances: where a ray is hit; or that very number.
+enum meant { HIT, UNION };
 
 // Lists for the rays of a group, in its beams. HIT: what a ray can hit, and what is near such a place; UNION: the
 // least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
