@@ -188,7 +188,9 @@ static struct list listed(const struct bundle *b, enum meant meant, const struct
                                   : can_be_hit(own->distance[i], &in, close);
         own->wanted[i] = (bits(here) & ~1u) != 0;
     }
-    return (meant == HIT ? hit_list : list_of)(own->wanted, scene, shapes);
+    if (meant == HIT)
+        return hit_list(own->wanted, scene, shapes);
+    return list_of(own->wanted, scene, shapes);
 }
 
 void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
