@@ -140,7 +140,10 @@ def check_picture(run: Run) -> None:
     evals = p["evals"]
     assert (evals == np.rint(evals)).all(), f"{run}: evals are not whole"
     most = np.inf if phase.family == registry.TRUTH else limits["max_steps"]  # its evaluations are no steps
-    assert (evals >= 1).all() and (evals <= most).all(), f"{run}: evals from {evals.min()} to {evals.max()}"
+    least = p["start"] >= 0 if "start" in p else 1  # none where a whole cone misses
+    assert (evals >= least).all() and (evals <= most).all(), (
+        f"{run}: evals from {evals.min()} to {evals.max()}"
+    )
     normal = np.stack([p["N.x"], p["N.y"], p["N.z"]], axis=-1)
     assert (normal[miss] == 0).all(), f"{run}: a miss has a normal"
     length = np.linalg.norm(normal[~miss], axis=-1)
