@@ -207,6 +207,11 @@ def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
     )
 
 
+def views(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Every rung on views it was not tuned on, or in a minute and a half the newest ones."""
+    return judged("views", *(["--full"] if options.part or options.full else []), "--run", str(run))
+
+
 def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
@@ -226,6 +231,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "stability": ("hard cases", stability),
     "pareto": ("speed against error", pareto),
     "functions": ("functions: speed against ulp", functions),
+    "views": ("views that nothing was tuned on", views),
     "scaling": ("how cost grows", scaling),
     "toolchains": ("compilers and flags", toolchains),
 }

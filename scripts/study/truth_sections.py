@@ -24,6 +24,9 @@ from study import (
     scaling_tables,
     show,
     toolchains,
+    views_measure,
+    views_page,
+    views_tables,
 )
 from study.draw import Drawing
 from study.pareto import Row
@@ -161,6 +164,24 @@ def growth(path: Path) -> Section:
             }
             images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
     return Section("scaling", "How cost grows", "make scaling", parts, remarks, images=images)
+
+
+def elsewhere(path: Path) -> Section:
+    """Each rung against its parent on further views: where constants were tuned, and everywhere else."""
+    file = path / views_measure.FILE
+    parts, remarks, images = [], [], {}
+    with reading(file, f"scripts/views.py --run {path}"):
+        result = views_measure.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in views_tables.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks = [views_page.note(result)]
+            captions = {
+                views_page.RATIOS: "Gain of each rung over its parent on every view",
+                views_page.SHEET: "The views: each scene's own and three further ones",
+            }
+            images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
+    return Section("views", "Views it was not tuned on", "make views", parts, remarks, images=images)
 
 
 def _number(name: str):
