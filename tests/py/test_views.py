@@ -37,6 +37,8 @@ def test_the_pivot_is_ahead_at_the_mean_distance_of_what_has_a_place() -> None:
     assert views.pivot(scene((1, 0, 10), (-5, 2, 20))) == pytest.approx([0, 0, 15])
     assert views.pivot(scene((0, 0, 10), (0, 0, -90))) == pytest.approx([0, 0, 10])  # behind: no matter
     assert views.pivot(scene(look_at=[0, 0, 4])) == pytest.approx([0, 0, 4])  # planes have no place
+    behind = scene((0, 0, 10), position=[0, 0, -20], look_at=[0, 0, 0])  # the plane's 0, 0, 0 is no place
+    assert views.pivot(behind) == pytest.approx([0, 0, 10])
     slanted = scene((6, 0, 8), look_at=[3, 0, 4])  # along (0.6, 0, 0.8)
     assert views.pivot(slanted) == pytest.approx([6, 0, 8])
 
@@ -57,6 +59,7 @@ def test_nothing_but_the_camera_changes_and_the_same_view_is_made_each_time(tmp_
     trio = registry.find_scene("trio")
     made, again = (views.of(trio, tmp_path, lambda path, point: 1.0) for _ in range(2))
     assert [view.name for view in made] == ["own", "left", "right", "near"] and made == again
+    assert made[1].scene.data["camera"]["position"][0] < 0 < made[2].scene.data["camera"]["position"][0]
     for view in made[1:]:
         kept = {key: value for key, value in view.scene.data.items() if key != "camera"}
         assert kept == {key: value for key, value in trio.data.items() if key != "camera"}
@@ -190,6 +193,12 @@ def test_median_worst_case_and_verdict(ratios, median, worst, verdict) -> None:
     assert (found["verdict"], found["views"]) == (verdict, 3)
 
 
+def test_a_gain_within_the_noise_is_none() -> None:
+    unsure = stats.ratio_interval([100.0] * 3 + [125.0] * 4, [100.0] * 7)  # 1.25 by its median
+    noisy = row("trio", "own", 1) | {"ratio": unsure}
+    assert views_gains.ends(noisy)[0] == 1.25 and not views_gains.wins(noisy) and not views_gains.loses(noisy)
+
+
 def test_too_few_launches_say_nothing() -> None:
     pairs = [([100.0] * 5, [50.0] * 6)]
     found = views_gains.median_ratio(pairs)
@@ -228,9 +237,9 @@ def test_the_largest_error_is_shown_beside_the_parents_and_nan_is_the_largest() 
     (found,) = views_gains.rungs([*map(parent, mine), *mine])
     low = found["to_truth"]
     assert (low["view"], low["psnr_db"], low["parent_db"], found["to_base"]) == ("left", 41.0, 70.0, None)
-    mine[0]["psnr_db"] = mine[0]["rmse"] = None  # no value: a picture that is not finite
+    mine[2]["psnr_db"] = mine[2]["rmse"] = None  # no value: a picture that is not finite
     (found,) = views_gains.rungs([*map(parent, mine), *mine])
-    assert found["to_truth"]["no_value"] and found["to_truth"]["view"] == "own"
+    assert found["to_truth"]["no_value"] and found["to_truth"]["view"] == "near"
 
 
 def test_errors_are_those_known_by_hand(blank, miss) -> None:
