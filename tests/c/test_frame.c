@@ -408,6 +408,9 @@ static void every_width_shows_the_same_bytes(void **state) {
         float near = (float)change;
         memcpy(&bits, &near, sizeof bits);
         s.frame.rgb[i] = i % 2 ? random_float(&seed) : from_bits(bits + (uint32_t)(i / 2 % 4) - 2);
+        static const float not_finite[] = {NAN, -NAN, INFINITY, -INFINITY};
+        if (i % 13 == 0)
+            s.frame.rgb[i] = not_finite[i / 13 % 4];
         expected[i] = (uint8_t)formula(s.frame.rgb[i]);
     }
     for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
