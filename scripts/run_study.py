@@ -212,6 +212,12 @@ def views(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("views", *(["--full"] if options.part or options.full else []), "--run", str(run))
 
 
+def frames(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Frames a second of the newest phases, of all with threads where it was asked for."""
+    seconds = "600" if options.part or options.full else "45"
+    return judged("frames", "--seconds", seconds, "--run", str(run))
+
+
 def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
@@ -232,6 +238,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "pareto": ("speed against error", pareto),
     "functions": ("functions: speed against ulp", functions),
     "views": ("views that nothing was tuned on", views),
+    "frames": ("frames a second", frames),
     "scaling": ("how cost grows", scaling),
     "toolchains": ("compilers and flags", toolchains),
 }

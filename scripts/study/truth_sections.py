@@ -12,6 +12,8 @@ from pathlib import Path
 from study import (
     accuracy,
     accuracy_page,
+    frames,
+    frames_page,
     functions,
     functions_edges_page,
     functions_figures,
@@ -182,6 +184,20 @@ def elsewhere(path: Path) -> Section:
             }
             images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
     return Section("views", "Views it was not tuned on", "make views", parts, remarks, images=images)
+
+
+def rates(path: Path) -> Section:
+    """Frames a second, presenting included, against the two goals."""
+    file = path / frames.FILE
+    parts, remarks, drawn = [], [], {}
+    with reading(file, f"scripts/frames.py --run {path}"):
+        result = frames.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in frames_page.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
+    about = {"file": file, "script": "scripts/frames.py", "drawn": drawn}
+    return Section("frames", "Frame rates", "make frames", parts, remarks, **about)
 
 
 def _number(name: str):
