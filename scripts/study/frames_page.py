@@ -144,8 +144,8 @@ def note(result: Row) -> str:
         f"{cpu}; {result['threads']} threads, {result['launches']} interleaved launches. A frame is its "
         "rendering on all cores, and gamma and 8 bits on one of them; the driver calibrates clocks between "
         f"two frames, which is in neither. Hit distance: {HALF} is half of what a pixel covers at the mean "
-        "distance of the shapes; secondary rays start three of them off the surface then, as they would end at "
-        "once otherwise. Errors are of these very pictures, in linear RGB, to the fastest double phase."
+        "distance of the shapes; secondary rays start three of them off the surface then, as they would end "
+        "at once otherwise. Errors are of these very pictures, in linear RGB, to the fastest double phase."
     )
 
 
