@@ -110,6 +110,8 @@ def test_bad_numbers_are_refused(text):
         ("opt2@opt1 opt2", True, "opt2"),
         ("opt2@opt3 opt2@opt4", True, "opt2@opt3"),
         ("opt3@opt4 opt3", True, "opt3 opt2@opt3"),
+        ("opt4 opt5_threads opt6_wide", True, "opt4 opt5_threads opt6_wide opt2@opt4"),
+        ("opt6_wide opt4", True, "opt6_wide opt4 opt2@opt6_wide"),
     ],
 )
 def test_specs_are_different_programs_with_the_second_base(names, second_base, specs):
