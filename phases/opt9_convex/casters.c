@@ -78,6 +78,7 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
 }
 
 void see_along(const struct rays *r, int i, struct near *near, const struct convex *work) {
+    COUNT(see_along, call);
     const struct placed *s = &work->scene->placed[i];
     near->wakes = set(-INFINITY);
     if (s->way == LINEAR)

@@ -20,6 +20,7 @@ int crowd_along(struct vec origin, struct vec direction, mask active, const stru
 
 // What a packet of shadow rays knows of the shapes near it: all that are within `within` of the centre.
 static inline real distance_between(struct vec a, struct vec b) {
+    COUNT(distance_between, call);
     struct vec v = {a.x - b.x, a.y - b.y, a.z - b.z};
     return vec_norm(v);
 }

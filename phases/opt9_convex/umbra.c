@@ -232,6 +232,7 @@ static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *
 
 // The same of rays that have been sorted; of a packet that has none, the first ray's.
 static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    COUNT(sorted, call);
     return (struct rays){.active = first_lanes(count),
                          .point = gathered_vec(field + S_POINT, order, count),
                          .local = gathered_vec(field + S_LOCAL, order, count),
@@ -364,6 +365,7 @@ struct walk {
 };
 
 static void look_around(struct walk *w, const struct convex *work) {
+    COUNT(look_around, call);
     struct march *m = &w->march;
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
@@ -391,10 +393,13 @@ static void look_around(struct walk *w, const struct convex *work) {
 // See nearest(); what is known of the list's shapes is packed.
 static real nearest_about(const struct vicinity *v, const struct near *nears, real t, mask still,
                           const struct prepared *scene) {
+    ACTIVE(LANES - count_of(still));
     real least = set(INFINITY);
     for (int k = 0; k < v->count; k++) {
+        COUNT(nearest_about, shape);
         if (!any(but_not(still, not_less(least + t, v->wakes[k]))))
             continue;
+        COUNT(nearest_about, awake);
         real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
         v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
         least = least_of(least, h);
@@ -402,7 +407,7 @@ static real nearest_about(const struct vicinity *v, const struct near *nears, re
     return least;
 }
 
-static void advance(struct walk *w, real strength, real hit, const struct convex *work) {
+static void walk_on(struct walk *w, real strength, real hit, const struct convex *work) {
     struct march *m = &w->march;
     mask done = m->done;
     if (all(either(done, w->waits))) {
@@ -411,6 +416,8 @@ static void advance(struct walk *w, real strength, real hit, const struct convex
         if (all(done))
             return;
     }
+    ACTIVE(LANES - count_of(either(done, w->waits)));
+    COUNT(walk_on, step);
     mask still = either(done, w->waits);
     struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
     real h = nearest_about(&w->near, m->nears, m->t, still, work->scene);
@@ -427,6 +434,7 @@ static void advance(struct walk *w, real strength, real hit, const struct convex
 }
 
 static void cast_crowd(int first, const struct convex *work) {
+    COUNT(cast_crowd, call);
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
     float (*field)[QUEUE_ROOM] = desk->shadow;
@@ -441,7 +449,7 @@ static void cast_crowd(int first, const struct convex *work) {
         .asked = set(INFINITY)};
     begin(&w.rays, desk->near, desk->casters, work, &w.march);
     for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
-        advance(&w, strength, hit, work);
+        walk_on(&w, strength, hit, work);
     add_light(w.rays.active,
               vec_scale(gathered_vec(field + S_LIGHT, order, count),
                         root(w.march.square / w.march.divisor)),
