@@ -194,7 +194,7 @@ def test_few_steps_are_each_taken(steps: str, tmp_path: Path) -> None:
 
 
 def test_the_workers_are_the_parents() -> None:
-    """Their tests are opt5_threads's: refused threads, pins and memory, sleep between frames, no data race."""
+    """Their tests are opt5_threads's: refused threads, pins, memory; sleep between frames; no data race."""
     for name in ("threads.h", "threads.c"):
         mine, first = ((ROOT / "phases" / phase / name).read_text() for phase in (PHASE, "opt6_wide"))
         assert mine.replace("OPT9", "OPT6").replace(PHASE, "opt6_wide").split() == first.split(), name
