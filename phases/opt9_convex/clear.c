@@ -96,6 +96,7 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
     real leaves =
         root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
     real way = least_of(distance - offset, leaves - along);
+    real reach = mul_add(way, set(1.0f + 0x1p-21f), hit);
     mask open = active;
     for (int k = 0; k < work->desk->shadings && any(open); k++) {
         int i = work->desk->shading[k];
@@ -115,7 +116,7 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
             real t;
             blocked = enter(o, d, s, asked, &t, &at);
             blocked =
-                both(blocked, less(t, way + hit)); // a light may be in it by less than float tells
+                both(blocked, less(t, reach)); // a light may be in it by less than float tells
             mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
             if (any(within)) {
                 COUNT(reaches_light, within);
