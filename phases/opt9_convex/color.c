@@ -144,12 +144,13 @@ static mask in_bounds_nearly(const struct stage *at, mask asked, const struct pr
 
 static inline mask in_bounds(const struct stage *at, const struct prepared *scene) {
     double radius = scene->model.march.bounds_radius;
-    real square = vec_dot(at->point, at->point), bound = set((float)(radius * radius));
-    mask near = less(absolute(square - bound), bound * set(0x1p-16f));
-    near = both(near, at->hit.found);
-    if (any(near))
-        return either(in_bounds_nearly(at, near, scene), but_not(near, not_less(bound, square)));
-    return not_less(bound, square);
+    float bound = (float)(radius * radius);
+    real square = vec_dot(at->point, at->point);
+    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
+    if (!any(asked))
+        return all_lanes();
+    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
+    return either(in_bounds_nearly(at, asked, scene), but_not(asked, not_less(set(bound), square)));
 }
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
