@@ -29,7 +29,7 @@ void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     mask own = same_shape(r->shape, i);
     struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
     real t;
-    mask in = enter(o, d, s, but_not(own, met), &t, &at);
+    mask behind, in = enter(o, d, s, but_not(own, met), &t, &at, &behind);
     in = both(in, less(t, r->first));
     if (any(in)) {
         COUNT(enter_on_the_way, in);

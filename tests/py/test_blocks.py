@@ -279,9 +279,8 @@ def test_a_ray_has_one_direction(measured, tmp_path):
         least = hit.reshape(-1, high, hit.shape[1] // wide, wide).any(axis=(1, 3)).sum()
         assert packets > rays >= least > packets / 2
     else:
-        if (
-            ROOT / "phases" / phase.name / "tiles.h"
-        ).exists():  # patches of 8 × 8, but for those that meet nothing
+        # patches of 8 × 8, but for those that meet nothing
+        if (ROOT / "phases" / phase.name / "tiles.h").exists():
             packets = patches_drawn(phase.name) * (8 // high) * (8 // wide)
         assert rays == packets
     callers = [callees["get_direction"] for callees in one.edges.values() if "get_direction" in callees]
