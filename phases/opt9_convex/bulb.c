@@ -6,25 +6,25 @@
 #include "bulb.h"
 #include "stage.h"
 
-#include <stdalign.h>
-
 enum { REFILL = LANES / 4 }; // ended lanes
 
 struct lanes {
-    alignas(64) float field[B_FIELDS][LANES];
+    real field[B_FIELDS];
     unsigned live; // a bit for each lane
 };
 
 static int refill(struct lanes *to, int next, int count, float steps, const struct desk *desk) {
-    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended && next < count;
-         ended &= ended - 1, next++) {
-        int lane = __builtin_ctz(ended);
-        for (int i = 0; i < B_BORN; i++)
-            to->field[i][lane] = desk->bulb[i][next];
-        to->field[B_BORN][lane] = steps;
-        to->live |= 1u << lane;
-    }
-    return next;
+    unsigned ended = ~to->live & ((1u << LANES) - 1);
+    int more = __builtin_popcount(ended) - (count - next);
+    for (; more > 0; more--)
+        ended &= ended - 1;
+    if (!ended)
+        return next;
+    for (int i = 0; i < B_BORN; i++)
+        to->field[i] = expand(to->field[i], ended, &desk->bulb[i][next]);
+    to->field[B_BORN] = choose(lanes_of(ended), set(steps), to->field[B_BORN]);
+    to->live |= ended;
+    return next + __builtin_popcount(ended);
 }
 
 struct packet {
@@ -37,7 +37,7 @@ struct packet {
 };
 
 static inline wide wide_field(const struct lanes *from, int field) {
-    return wide_sum(load(from->field[field]), load(from->field[field + B_REST]));
+    return wide_sum(from->field[field], from->field[field + B_REST]);
 }
 
 static inline struct wide_vec wide_fields(const struct lanes *from, int first) {
@@ -46,8 +46,7 @@ static inline struct wide_vec wide_fields(const struct lanes *from, int first) {
 }
 
 static inline struct vec fields(const struct lanes *from, int first) {
-    return (struct vec){load(from->field[first]), load(from->field[first + 1]),
-                        load(from->field[first + 2])};
+    return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
 }
 
 static inline struct packet packet_of(const struct lanes *from) {
@@ -56,10 +55,10 @@ static inline struct packet packet_of(const struct lanes *from) {
                            fields(from, B_ORIGIN),
                            fields(from, B_DIRECTION),
                            wide_field(from, B_T),
-                           load(from->field[B_TO]),
-                           load(from->field[B_BORN]),
-                           load(from->field[B_HEIGHT]),
-                           load(from->field[B_SLOPE]),
+                           from->field[B_TO],
+                           from->field[B_BORN],
+                           from->field[B_HEIGHT],
+                           from->field[B_SLOPE],
                            lanes_of(~from->live),
                            no_lane()};
 }
@@ -91,17 +90,17 @@ static inline void advance(struct packet *p, real t, real h, real hit_distance, 
 static void retire(const struct packet *p, struct lanes *from, struct desk *desk) {
     real t = narrow(p->t);
     struct wide_vec at = place_of(p);
-    float place[3][LANES], way[LANES];
+    float place[3][LANES], way[LANES], slots[LANES];
     unload(narrow(at.x), place[0]);
     unload(narrow(at.y), place[1]);
     unload(narrow(at.z), place[2]);
-    unload(load(from->field[B_BEFORE]) + t, way);
-    unload(t, from->field[B_T]);
-    unload(narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)}),
-           from->field[B_T + B_REST]);
+    unload(from->field[B_BEFORE] + t, way);
+    unload(from->field[B_SLOT], slots);
+    from->field[B_T] = t;
+    from->field[B_T + B_REST] = narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest), slot = (int)from->field[B_SLOT][lane];
+        int lane = __builtin_ctz(rest), slot = (int)slots[lane];
         if (way[lane] < desk->met[slot]) {
             desk->met[slot] = way[lane];
             desk->met_shape[slot] = desk->shape;
@@ -140,7 +139,7 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
     for (int k = 0; k < ABREAST; k++) {
         lanes[k].live = 0;
         for (int i = 0; i < B_FIELDS; i++) // a point to work on, and nothing comes of it
-            unload(set(2.0f), lanes[k].field[i]);
+            lanes[k].field[i] = set(2.0f);
     }
     real hit_distance = set(fmaxf((float)limits->hit_distance, 0x1p-24f));
     float most = (float)limits->max_steps, steps = 0.0f;

@@ -190,6 +190,15 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
+// The other way round: floats in a row into the lanes of `to`.
+static inline real expand(real a, unsigned to, const float *from) {
+    float lanes[LANES];
+    unload(a, lanes);
+    for (; to; to &= to - 1)
+        lanes[__builtin_ctz(to)] = *from++;
+    return load(lanes);
+}
+
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     float lanes[3][LANES];

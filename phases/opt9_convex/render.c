@@ -267,7 +267,8 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->bulbs ? (frame->height > 256 ? 128 : 64) : 8,
+    struct frame_job job = {{prepared, view, frame,
+                             prepared->bulbs ? (frame->height > 256 ? 128 : 64) : 8,
                              prepared->solids && set_eyes(prepared, view)},
                             kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
