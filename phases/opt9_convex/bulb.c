@@ -69,6 +69,7 @@ static inline wide wide_along(wide origin, wide direction, wide t) {
 }
 
 static inline struct wide_vec place_of(const struct packet *p) {
+    COUNT(place_of, call);
     return (struct wide_vec){wide_along(p->origin.x, p->direction.x, p->t),
                              wide_along(p->origin.y, p->direction.y, p->t),
                              wide_along(p->origin.z, p->direction.z, p->t)};
@@ -76,6 +77,8 @@ static inline struct wide_vec place_of(const struct packet *p) {
 
 // t: before the step, as a float. `oldest`: rays that old have had their steps.
 static inline void advance(struct packet *p, real t, real h, real hit_distance, real oldest) {
+    ACTIVE(LANES - count_of(p->done));
+    COUNT(advance, call);
     real height = mul_add(t, p->slope, p->height), least = least_of(h, height);
     mask reached = but_not(p->done, less(least, hit_distance));
     real step = drop(p->done, least);
@@ -87,7 +90,9 @@ static inline void advance(struct packet *p, real t, real h, real hit_distance, 
 }
 
 // What has ended gives its answer and is no longer live.
-static void retire(const struct packet *p, struct lanes *from, struct desk *desk) {
+static void retire_bulb(const struct packet *p, struct lanes *from, struct desk *desk) {
+    ACTIVE(count_of(lanes_of(from->live)));
+    COUNT(retire_bulb, call);
     real t = narrow(p->t);
     struct wide_vec at = place_of(p);
     float place[3][LANES], way[LANES], slots[LANES];
@@ -112,13 +117,15 @@ static void retire(const struct packet *p, struct lanes *from, struct desk *desk
 }
 
 // A step of all packets. How many lanes have ended.
-static inline int step_all(const struct placed *s, struct packet *p, real hit_distance,
-                           real oldest) {
+static inline int step_bulbs(const struct placed *s, struct packet *p, real hit_distance,
+                             real oldest) {
     struct wide_vec exact[ABREAST];
     struct vec at[ABREAST];
     mask done[ABREAST];
     real t[ABREAST], h[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
+        ACTIVE(LANES - count_of(p[k].done));
+        COUNT(step_bulbs, packet);
         t[k] = narrow(p[k].t);
         exact[k] = place_of(&p[k]);
         at[k] = vec_along(p[k].near_origin, p[k].near_direction, t[k]);
@@ -134,6 +141,7 @@ static inline int step_all(const struct placed *s, struct packet *p, real hit_di
 }
 
 void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    COUNT(march_bulb, call);
     desk->shape = s->index;
     struct lanes lanes[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
@@ -156,11 +164,11 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
         while (ended < enough) {
             steps += 1.0f;
-            ended = step_all(s, p, hit_distance, set(steps - most));
+            ended = step_bulbs(s, p, hit_distance, set(steps - most));
         }
         live = 0;
         for (int k = 0; k < ABREAST; k++) {
-            retire(&p[k], &lanes[k], desk);
+            retire_bulb(&p[k], &lanes[k], desk);
             live |= lanes[k].live;
         }
     } while (next < count || live);
@@ -183,8 +191,11 @@ static void pack_wide(mask m, wide a, float (*field)[BULB_ROOM], int at) {
 int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
                 const struct ray *ray, real end, int slot, const struct prepared *scene,
                 struct desk *desk) {
+    ACTIVE(count_of(ray->active));
+    COUNT(gather_bulb, call);
     real height = set(INFINITY), slope = set(0.0f);
     if (scene->plane >= 0) {
+        COUNT(gather_bulb, plane);
         const struct placed *plane = &scene->placed[scene->plane];
         height = height_over(plane, ray->origin);
         slope = vec_dot(vec_set(plane->normal), ray->direction);
@@ -200,6 +211,8 @@ int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wid
                      both(less(before - half, to), greater(to, zero)));
     if (!any(near))
         return count;
+    ACTIVE(count_of(near));
+    COUNT(gather_bulb, near);
     float (*field)[BULB_ROOM] = desk->bulb;
     const wide values[] = {c.x, c.y, c.z, d.x, d.y, d.z, way};
     for (int i = 0; i < B_REST; i++)
@@ -217,6 +230,8 @@ void take_bulb(struct stage *at, int slot, const struct desk *desk) {
     mask met = both(at->ray.active, less(t, at->hit.t));
     if (!any(met))
         return;
+    ACTIVE(count_of(met));
+    COUNT(take_bulb, call);
     struct vec local = {load(desk->met_at[0] + slot), load(desk->met_at[1] + slot),
                         load(desk->met_at[2] + slot)};
     at->hit.found = either(at->hit.found, met);

@@ -19,6 +19,8 @@ struct bulb {
 };
 
 static inline struct bulb bulb_begin(struct vec p, mask done) {
+    ACTIVE(LANES - count_of(done));
+    COUNT(bulb_begin, call);
     real square = mul_add(p.x, p.x, mul_add(p.y, p.y, mul_add(p.z, p.z, set(1e-30f))));
     struct bulb b = {p.x, p.y, p.z, square, set(1.5f), done, no_lane()};
     b.far = greater(b.m, set(1024.0f));
@@ -34,6 +36,7 @@ struct half_vec {
 // The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
 // float ends: later iterations' errors count an eighth and less of the one before.
 static inline struct half_vec bulb_first(half x, half y, half z) {
+    COUNT(bulb_first, call);
     half one = half_set(1.0), two = half_set(2.0);
     half k3 = half_mul_add(x, x, half_mul_add(z, z, half_set(1e-30)));
     half k4 = half_neg_mul_add(y, y, k3);
@@ -51,6 +54,7 @@ static inline struct half_vec bulb_first(half x, half y, half z) {
 
 // What comes of an iteration for those that have not escaped before.
 static inline void bulb_grow(struct bulb *b, real bailout) {
+    COUNT(bulb_grow, call);
     real m = b->m, square = m * m;
     real slope = mul_add(square * (square * rough_inverse_root(m)), set(8.0f) * b->dz, set(1.0f));
     real grown = mul_add(b->x, b->x, mul_add(b->y, b->y, b->z * b->z));
@@ -60,6 +64,8 @@ static inline void bulb_grow(struct bulb *b, real bailout) {
 }
 
 static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
+    ACTIVE(LANES - count_of(b->escaped));
+    COUNT(bulb_step, call);
     real x = b->x, y = b->y, z = b->z;
     real k3 = mul_add(x, x, mul_add(z, z, set(1e-30f))), k4 = neg_mul_add(y, y, k3);
     real twice_rho, four_per;
@@ -76,6 +82,7 @@ static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
 
 // ln a to 2e-6: what it errs by at a = 1 is a quarter of that, over dz, of the surface's place.
 static inline real rough_log(real a) {
+    COUNT(rough_log, call);
     real e, f = mantissa_near_1(a, &e) - set(1.0f);
     real p = mul_add(f, set(-0.10063060373067856f), set(0.202902689576149f));
     p = mul_add(f, p, set(-0.25720563530921936f));
@@ -86,9 +93,11 @@ static inline real rough_log(real a) {
 }
 
 static inline real bulb_end(const struct bulb *b, struct vec p) {
+    COUNT(bulb_end, call);
     real m = most_of(b->m, set(1e-30f));
     real distance = m * rough_inverse_root(m) * (rough_inverse(b->dz) * set(0.25f)) * rough_log(m);
     if (any(b->far)) {
+        COUNT(bulb_end, far);
         real square = vec_dot(p, p), r = root(square);
         distance = choose(b->far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }

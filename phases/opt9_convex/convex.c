@@ -213,6 +213,7 @@ struct exact_eye {
 };
 
 static struct exact_eye exact_eye_of(const struct placed *s, const struct view *view) {
+    COUNT(exact_eye_of, call);
     struct exact_eye eye = {{0}, {0}, {0}, {0}};
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++) {
@@ -231,6 +232,7 @@ static inline wide wide_add(wide a, double b) {
 
 static struct wide_vec exact_look(const struct tile *tile, struct block block,
                                   const struct exact_eye *eye, const struct job *job) {
+    COUNT(exact_look, call);
     double per_height = job->view->tan_half_fov / job->frame->height;
     real zero = set(0.0f), two = set(2.0f);
     real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));

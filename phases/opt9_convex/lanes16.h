@@ -121,17 +121,21 @@ static inline real inverse_root(real a) {
 
 // 1/√a and 1/a to 14 bits, for normal a > 0.
 static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
     real r = _mm512_rsqrt14_ps(a);
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
 static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
     real r = _mm512_rcp14_ps(a);
     return r * _mm512_fnmadd_ps(a, r, set(2.0f));
 }
 
 // 2·√a and 4/a for normal a > 0, to an ulp or two: both by one step from the same 14 bits.
 static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, sixteen);
     real r = _mm512_rsqrt14_ps(a), rr = r + r, h = a * r, four = rr * rr;
     real error = _mm512_fnmadd_ps(h, r, set(1.0f));
     *twice_root = _mm512_fmadd_ps(h, error, h + h);

@@ -123,17 +123,21 @@ static inline real inverse_root(real a) {
 
 // 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
 static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
     real r = _mm256_rsqrt_ps(a);
     return r * _mm256_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
 static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
     real r = _mm256_rcp_ps(a);
     return r * _mm256_fnmadd_ps(a, r, set(2.0f));
 }
 
 // 2·√a and 4/a for normal a > 0, to a few ulp.
 static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, eight);
     real r = rough_inverse_root(a), rr = r + r;
     *twice_root = a * rr;
     *four_per = rr * rr;

@@ -296,16 +296,19 @@ struct pools {
 // no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
 // iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
 static inline mask over(const struct march *m, const struct prepared *scene) {
+    COUNT(over, call);
     mask over = all_lanes();
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         const struct near *near = &m->nears[i];
         if (s->type != SHAPE_MANDELBULB)
             continue;
+        COUNT(over, bulb);
         struct vec p = vec_along(near->origin, near->direction, m->t);
         real square = vec_dot(p, p);
         mask beyond = greater(square, set(100.0f));
         if (scene->plane >= 0) {
+            COUNT(over, plane);
             const struct near *plane = &m->nears[scene->plane];
             real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
             real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
