@@ -28,7 +28,7 @@ def between(low: arb, high: arb) -> arb:
 
 
 def estimates(r: arb) -> tuple[arb, arb, arb]:
-    """Enclosures of the least estimates after one and two iterations for all |p| in r, and of the least r_1."""
+    """Enclosures of the least estimates after one and two iterations for |p| in r, and of the least r_1."""
     derivative = 12 * r**7 + 1
     # x·ln x rises from 1/e on, and what it is divided by does not depend on r_1: the least r_1 is the worst.
     first = r**8 - r
