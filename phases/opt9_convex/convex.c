@@ -36,7 +36,8 @@ static void first_hit(struct vec direction, mask active, const struct eye *eyes,
             local = hit->local;
         } else {
             COUNT(first_hit, solid);
-            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+            mask behind;
+            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
         }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
@@ -49,8 +50,11 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
     COUNT(meet_from, call);
     if (s->convex)
         active = but_not(own, active); // what it leaves, it does not meet again
-    mask met = enter(o, d, s, active, t, local);
-    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    mask within, met = enter(o, d, s, active, t, local, &within);
+    if (!s->convex) {
+        COUNT(meet_from, torus);
+        within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    }
     if (!any(within))
         return met;
     COUNT(meet_from, within);
@@ -156,8 +160,10 @@ static int lesser(int a, int b) {
 }
 
 static inline mask in_picture(struct block block) {
+    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return all_lanes();
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));

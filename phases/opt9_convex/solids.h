@@ -106,9 +106,10 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
 }
 
 // Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
-// how far, and the point there, on the surface to the rounding of its own size. Not for planes.
+// how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
+// convex solid before their origin, which may be inside. Not for planes.
 static inline mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
-                         struct vec *point) {
+                         struct vec *point, mask *behind) {
     ACTIVE(count_of(active));
     COUNT(enter, call);
     real before = set(0.0f) - vec_dot(o, d);
@@ -117,6 +118,7 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
     mask near = both(active, less(square, set(s->bound_sq)));
     *t = set(INFINITY);
     *point = c;
+    *behind = no_lane();
     if (!any(near))
         return near;
     ACTIVE(count_of(near));
@@ -139,7 +141,9 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
     }
     *t = before + in;
     *point = vec_along(c, d, in);
-    return both(near, greater(*t, set(0.0f)));
+    mask ahead = greater(*t, set(0.0f));
+    *behind = but_not(ahead, near);
+    return both(near, ahead);
 }
 
 // Outward, of unit length, in the shape's frame, at points on its surface.
