@@ -213,20 +213,73 @@ static inline void look(const struct tile *tile, struct block block, int slot,
               &at->hit);
 }
 
+// The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
+struct exact_eye {
+    double at[3], ahead[3], across[3], up[3];
+};
+
+static struct exact_eye exact_eye_of(const struct placed *s, const struct view *view) {
+    COUNT(exact_eye_of, call);
+    struct exact_eye eye = {{0}, {0}, {0}, {0}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            eye.at[i] += s->row[i][k] * (view->position[k] - s->centre[k]);
+            eye.ahead[i] += s->row[i][k] * view->forward[k];
+            eye.across[i] += s->row[i][k] * view->right[k];
+            eye.up[i] += s->row[i][k] * view->up[k];
+        }
+    return eye;
+}
+
+static inline wide wide_add(wide a, double b) {
+    half each = half_set(b);
+    return (wide){a.low + each, a.high + each};
+}
+
+static struct wide_vec exact_look(const struct tile *tile, struct block block,
+                                  const struct exact_eye *eye, const struct job *job) {
+    COUNT(exact_look, call);
+    double per_height = job->view->tan_half_fov / job->frame->height;
+    real zero = set(0.0f), two = set(2.0f);
+    real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));
+    real y = neg_mul_add(two, tile->below, set((float)(job->frame->height - 1 - 2 * block.row)));
+    wide right = wide_mul(wide_sum(x, zero), per_height);
+    wide above = wide_mul(wide_sum(y, zero), per_height);
+    wide d[3];
+    half low = half_set(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = wide_add(wide_mul_add(right, eye->across[i], wide_mul(above, eye->up[i])),
+                        eye->ahead[i]);
+        low = half_mul_add(d[i].low, d[i].low, low);
+        high = half_mul_add(d[i].high, d[i].high, high);
+    }
+    low = half_set(1.0) / half_root(low);
+    high = half_set(1.0) / half_root(high);
+    for (int i = 0; i < 3; i++)
+        d[i] = (wide){d[i].low * low, d[i].high * high};
+    return (struct wide_vec){d[0], d[1], d[2]};
+}
+
+static inline wide wide_set(double a) {
+    return (wide){half_set(a), half_set(a)};
+}
+
 static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {
     clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
     for (int k = 0; k < desk->listed; k++) {
         const struct placed *s = &job->prepared->placed[desk->list[k]];
         if (s->type != SHAPE_MANDELBULB)
             continue;
-        const float *eye = job->prepared->eyes[desk->list[k]].at;
+        struct exact_eye eye = exact_eye_of(s, job->view);
+        struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
         int count = 0, slot = 0;
         for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
             for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
                 struct stage at;
-                look(tile, block_at(tile, row, i), slot, job, desk, &at);
-                count = gather_bulb(count, s, vec_set(eye), &at.ray, at.hit.t, slot, job->prepared,
-                                    desk);
+                struct block block = block_at(tile, row, i);
+                look(tile, block, slot, job, desk, &at);
+                count = gather_bulb(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
+                                    at.hit.t, slot, job->prepared, desk);
             }
         march_bulb(s, count, &job->prepared->model.march, desk);
     }
@@ -272,7 +325,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             struct stage *at = &stage[count];
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
             if (job->prepared->bulbs)
-                take_bulb(at, job->prepared->eyes, pixel + count * LANES, &work);
+                take_bulb(at, pixel + count * LANES, desk);
         }
         color_all(stage, count, &work);
         for (int i = 0; i < count; i++, pixel += LANES) {

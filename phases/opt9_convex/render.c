@@ -301,11 +301,17 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
     return clear;
 }
 
+// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+static int tile_height(const struct prepared *prepared, const struct frame *frame) {
+    if (prepared->bulbs)
+        return frame->height > 256 ? 128 : 64;
+    return prepared->tree.levels ? 64 : 8;
+}
+
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame,
-                             prepared->bulbs || prepared->tree.levels ? 64 : 8,
+    struct frame_job job = {{prepared, view, frame, tile_height(prepared, frame),
                              prepared->solids && set_eyes(prepared, view)},
                             kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));

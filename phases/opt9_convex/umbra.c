@@ -96,7 +96,8 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
         crowd_ahead(r, nears, work);
     else
         m->count = choose_shapes(r, nears, casters, work);
-    m->end = r->end;
+    m->end = work->scene->bulbs ? set(INFINITY)
+                                : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first.
@@ -147,7 +148,8 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
 }
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
-static inline void nearest_bulbs(const struct march *m, const struct prepared *scene, real *h) {
+__attribute__((always_inline)) static inline void
+nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, real *h) {
     COUNT(nearest_bulbs, call);
     mask done[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
@@ -163,7 +165,7 @@ static inline void nearest_bulbs(const struct march *m, const struct prepared *s
             struct vec p[ABREAST];
             for (int k = 0; k < ABREAST; k++)
                 p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-            bulbs(s, p, done, own);
+            bulbs(s, p, done, leaving, own);
         } else
             for (int k = 0; k < ABREAST; k++)
                 own[k] = distance_along(&m[k].nears[i], m[k].t, s);
@@ -259,7 +261,7 @@ struct pool {
     struct march march;
     struct near *nears;
     int ray[LANES]; // which of the queue
-    unsigned live;
+    unsigned live, leaving;
 };
 
 static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
@@ -299,58 +301,151 @@ static int refill(struct pool *to, struct pool *ready, int next, const struct co
     return next;
 }
 
-static void retire(struct pool *from, struct desk *desk) {
-    ACTIVE(count_of(lanes_of(from->live)));
-    COUNT(retire, call);
-    COUNT(retire, lit);
+// Most rays that get as dark as that end on a surface, at a 300th of it and less: 0 is written for them, which errs by
+// no more than that. LOOK_EVERY: steps from one look whether a ray is behind all to the next.
+#define DARK 0x1p-10f
+enum { LOOK_EVERY = 4 };
+
+static void answer(const struct pool *from, unsigned which, struct desk *desk) {
+    ACTIVE(__builtin_popcount(which));
+    COUNT(answer, call);
     float lit[LANES];
-    unload(root(from->march.square / from->march.divisor), lit);
-    unsigned ended = from->live & bits(from->march.done);
-    for (unsigned rest = ended; rest; rest &= rest - 1)
+    mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
+    unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
+    for (unsigned rest = which; rest; rest &= rest - 1)
         add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+}
+
+// Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
+struct pools {
+    struct pool *work, *out, *ready;
+    int leaving; // lanes of `out` in use
+};
+
+// From |p| = e² on a Mandelbulb's estimate, |p|·ln|p|/3, grows faster than |p|: h passes 2·previous, where the
+// estimator's circles of radius h and `previous` only touch, and a term may be anything. That is why rays on which
+// no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
+// iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
+static inline mask over(const struct march *m, const struct prepared *scene) {
+    COUNT(over, call);
+    mask over = all_lanes();
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        const struct near *near = &m->nears[i];
+        if (s->type != SHAPE_MANDELBULB)
+            continue;
+        COUNT(over, bulb);
+        struct vec p = vec_along(near->origin, near->direction, m->t);
+        real square = vec_dot(p, p);
+        mask beyond = greater(square, set(100.0f));
+        if (scene->plane >= 0) {
+            COUNT(over, plane);
+            const struct near *plane = &m->nears[scene->plane];
+            real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
+            real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
+            mask under = both(less(height, least), less(plane->direction.x, set(0.69f)));
+            beyond = either(beyond, both(under, greater(square, set(9.0f))));
+        }
+        over = both(over, beyond);
+    }
+    return over;
+}
+
+static void see_off(struct pools *pools, const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    struct march m[ABREAST];
+    int ended = 0;
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march.done = lanes_of(~pools->out[k].live);
+        m[k] = pools->out[k].march;
+    }
+    for (int i = 0; i < model->march.max_steps && ended < ABREAST * LANES; i++) {
+        real h[ABREAST];
+        nearest_bulbs(m, work->scene, true, h);
+        ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            step(&m[k], h[k], strength, hit, 0.0f);
+            m[k].done = either(m[k].done, over(&m[k], work->scene));
+            ended += count_of(m[k].done);
+        }
+    }
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march = m[k];
+        answer(&pools->out[k], pools->out[k].live, work->desk);
+        pools->out[k].live = 0;
+    }
+    pools->leaving = 0;
+}
+
+static void retire(struct pool *from, struct pools *pools, const struct convex *work) {
+    unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
+    answer(from, ended & ~leaving, work->desk);
     from->live &= ~ended;
+    from->leaving &= ~ended;
+    for (; leaving; leaving &= leaving - 1) {
+        int to = pools->leaving++;
+        copy_lane(&pools->out[to / LANES], to % LANES, from, __builtin_ctz(leaving),
+                  work->scene->model.shape_count);
+        if (pools->leaving == ABREAST * LANES)
+            see_off(pools, work);
+    }
+}
+
+// One step of each packet. How many lanes have ended.
+static inline int step_all(struct march *m, struct pool *pool, bool look,
+                           const struct convex *work) {
+    const struct model *model = &work->scene->model;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    real h[ABREAST];
+    int ended = 0;
+    nearest_bulbs(m, work->scene, false, h);
+    for (int k = 0; k < ABREAST; k++) {
+        mask behind = no_lane();
+        if (look)
+            behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
+        step(&m[k], h[k], strength, hit, DARK * DARK);
+        pool[k].leaving |= bits(but_not(m[k].done, behind));
+        m[k].done = either(m[k].done, behind);
+        ended += count_of(m[k].done);
+    }
+    return ended;
 }
 
 // With a Mandelbulb in the scene, some rays take 1,000 steps: lanes are filled again as in bulb.c.
 static void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    float per_strength = 1.0f / (float)model->shadow_strength;
-    struct pool pool[ABREAST] = {0}, ready = {.nears = desk->near + ABREAST * model->shape_count};
-    memset(desk->near, 0, (ABREAST + 1) * (size_t)model->shape_count * sizeof(struct near));
-    for (int k = 0; k < ABREAST; k++)
-        pool[k].march.nears = pool[k].nears = desk->near + k * model->shape_count;
+    struct pool all[POOLS] = {0};
+    memset(desk->near, 0, POOLS * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < POOLS; k++)
+        all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
+    struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
     long left = (long)model->march.max_steps * (desk->shadows / LANES + ABREAST);
+    unsigned steps = 0;
     for (int next = 0; left > 0;) {
         struct march m[ABREAST];
-        unsigned live = ready.live;
+        unsigned live = pools.ready->live;
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill(&pool[k], &ready, next, work);
-            live |= pool[k].live;
-            m[k] = pool[k].march;
+            next = refill(&pools.work[k], pools.ready, next, work);
+            live |= pools.work[k].live;
+            m[k] = pools.work[k].march;
             ended += count_of(m[k].done);
         }
         if (!live)
             break;
-        int enough = next < desk->shadows || ready.live ? ended + LANES / 4 : ABREAST * LANES;
-        while (ended < enough && left-- > 0) {
-            real h[ABREAST];
-            nearest_bulbs(m, work->scene, h);
-            ended = 0;
-            for (int k = 0; k < ABREAST; k++) {
-                mask behind = behind_all(&m[k], per_strength, work->scene);
-                step(&m[k], h[k], strength, hit, 0x1p-28f); // what is darker than 2^-14 is dark
-                m[k].done = either(m[k].done, behind);
-                ended += count_of(m[k].done);
-            }
-        }
+        bool more = next < desk->shadows || pools.ready->live;
+        int enough = more ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough && left-- > 0)
+            ended = step_all(m, pools.work, ++steps % LOOK_EVERY == 0, work);
         for (int k = 0; k < ABREAST; k++) {
-            pool[k].march = m[k];
-            retire(&pool[k], desk);
+            pools.work[k].march = m[k];
+            retire(&pools.work[k], &pools, work);
         }
     }
+    if (pools.leaving > 0)
+        see_off(&pools, work);
     desk->shadows = 0;
 }
 
