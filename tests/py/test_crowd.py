@@ -1,4 +1,4 @@
-"""opt9_convex's crowds: scenes of more shapes than can be asked one by one, against the parent's march of all of them."""
+"""opt9_convex's crowds: scenes of more shapes than can be asked one by one, against a march of all of them."""
 
 from __future__ import annotations
 
@@ -49,19 +49,21 @@ def psnr(a: images.Picture, b: images.Picture) -> float:
         (31, "soft", False, 0.0),  # the most that is no crowd
         (32, "soft", False, 0.0),
         (257, "soft", True, 0.0),  # a node with a single shape
-        (300, "soft", True, 5.0),
-        (300, "hard", True, 5.0),
-        (500, "none", False, 5.0),
+        (300, "soft", True, 0.5),
+        (300, "hard", True, 0.5),
+        (500, "none", False, 0.5),
     ],
 )
 def test_as_the_march_of_all_shapes(
     count: int, shadows: str, floor: bool, mirrors: float, tmp_path: Path
 ) -> None:
-    """Both see the same shapes, and the light is the same to what float leaves of a march."""
+    """The same shapes in the same light, but for single pixels at rims, and at edges, where the march's normal
+    is a difference over two faces."""
     data = crowd(count, shadows, floor, mirrors)
     mine, all_asked = (picture(phase, data, tmp_path) for phase in (PHASE, MARCHED))
-    assert (mine["id"] != all_asked["id"]).sum() <= 4  # rims
-    assert psnr(all_asked, mine) >= 60
+    off = np.abs(images.rgb(mine) - images.rgb(all_asked)).max(axis=-1)
+    assert (mine["id"] != all_asked["id"]).sum() <= 3
+    assert not ((off > 0.002).sum() > 3) and np.isfinite(off).all()
 
 
 def test_coincident_shapes(tmp_path: Path) -> None:
@@ -75,6 +77,6 @@ def test_coincident_shapes(tmp_path: Path) -> None:
 
 
 def test_threads(tmp_path: Path) -> None:
-    data = crowd(300, "soft", True, 5.0)
+    data = crowd(300, "soft", True, 0.5)
     one, three = (picture(PHASE, data, tmp_path, threads=threads) for threads in (1, 3))
     assert all(np.array_equal(one[plane], three[plane]) for plane in one)
