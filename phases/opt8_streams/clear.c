@@ -10,6 +10,8 @@ struct ball {
 
 static bool ball_of(const struct hit hit[GROUP], const struct lighting light[GROUP],
                     const struct view *view, struct ball *ball) {
+    COUNT(ball_of, call);
+    COUNT(ball_of, scalar);
     real none = set(INFINITY);
     struct vec least = {none, none, none}, most = {-none, -none, -none};
     for (int k = 0; k < GROUP; k++) {
@@ -17,7 +19,7 @@ static bool ball_of(const struct hit hit[GROUP], const struct lighting light[GRO
         if (!any(lit))
             continue;
         struct vec p = hit[k].point.hi;
-        COUNT(choose_shading, packet);
+        COUNT(ball_of, packet);
         least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
                              choose(lit, least_of(p.y, least.y), least.y),
                              choose(lit, least_of(p.z, least.z), least.z)};
@@ -43,17 +45,22 @@ static bool ball_of(const struct hit hit[GROUP], const struct lighting light[GRO
 }
 
 // Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
-static bool ball_clears(const struct ball *ball, const struct placed *s, float q) {
+static bool ball_clears(const struct ball *ball, const struct placed *s) {
     COUNT(ball_clears, call);
     float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
-    q += ball->spread;
+    float q = s->slope_lit + ball->spread;
     for (int k = 0; k < 3; k++) {
         float v = s->position[k] - ball->centre[k];
         along += v * ball->to_light[k];
         need += v * v;
     }
     float lean = along + q * radius;
-    return need > 0 && q < 1 && (lean <= 0 || lean * lean * (1 + 1e-4f) < (1 - q * q) * need);
+    if (!(need > 0 && q < 1))
+        return false;
+    if (lean <= 0)
+        return true;
+    COUNT(ball_clears, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
 void choose_shading(const struct hit hit[GROUP], const struct lighting light[GROUP],
@@ -66,7 +73,7 @@ void choose_shading(const struct hit hit[GROUP], const struct lighting light[GRO
     desk->shadings = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
-        if (!known || s->way == LINEAR || !ball_clears(&ball, s, slope_to(s, scene->lit_slope)))
+        if (!known || s->way == LINEAR || !ball_clears(&ball, s))
             desk->shading[desk->shadings++] = i;
     }
 }
@@ -90,8 +97,7 @@ mask cleared(const struct hit *hit, const struct lighting *light, const struct b
             here = either(own, plane_clears(height_over(s, point), slope, q, &scene->model));
         } else {
             COUNT(cleared, solid);
-            float slope = slope_to(s, q);
-            here = cone_misses(cone_to(to_centre(s, point), light->to_light, s, slope), slope);
+            here = cone_misses(cone_to(to_centre(s, point), light->to_light, s), s);
             if (any(both(own, but_not(here, clear))))
                 here = either(here, both(own, bulges(s, beam->approach[i].origin)));
         }
@@ -100,24 +106,29 @@ mask cleared(const struct hit *hit, const struct lighting *light, const struct b
     return clear;
 }
 
-// How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
-static real curvature(struct vec p, struct vec n, struct vec l, real facing,
-                      const struct placed *s) {
-    real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
+// Half of how fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+static real half_curvature(struct vec p, struct vec n, struct vec l, real facing,
+                           const struct placed *s) {
+    COUNT(half_curvature, call);
+    real zero = set(0.0f);
     if (s->type == SHAPE_SPHERE) {
-        COUNT(own_shadow, sphere);
-        return tangent * set(1.0f / s->a);
+        COUNT(half_curvature, sphere);
+        COUNT(half_curvature, scalar);
+        return neg_mul_add(facing, facing, set(1.0f)) * set(0.5f / s->a);
     }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
-    COUNT(own_shadow, round);
+    COUNT(half_curvature, round);
     real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
-    real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
-    real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
+    real round = mul_sub(p.x, l.z, p.z * l.x),
+         round_sq = round * round; // along the ring, times its radius
+    real ring = set(0.5f) * round_sq * mul_add(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
-    COUNT(own_shadow, torus);
-    return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
+    COUNT(half_curvature, torus);
+    COUNT(half_curvature, scalar);
+    real tangent = neg_mul_add(facing, facing, set(1.0f));
+    return mul_add(most_of(tangent - round_sq / square, zero), set(0.5f / s->b), ring);
 }
 
 real own_shadow(const struct placed *s, struct vec local, struct vec normal,
@@ -127,8 +138,7 @@ real own_shadow(const struct placed *s, struct vec local, struct vec normal,
     real t = set((float)model->march.surface_offset), hit = set((float)model->march.hit_distance);
     real half = set(0.0f);
     if (s->way != LINEAR)
-        half =
-            set(0.5f) * curvature(local, turned(s, normal), turned(s, light->to_light), facing, s);
+        half = half_curvature(local, turned(s, normal), turned(s, light->to_light), facing, s);
     real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
     real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
     real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);

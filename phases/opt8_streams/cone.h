@@ -4,21 +4,18 @@
 
 #include "streams.h"
 
-// Outside of its ball a Mandelbulb's estimate is at least this part of the distance to that.
-#define BULB_SHARE 0.5f
-
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct cone {
     real need, lean; // |v|² − R², v·l + q·R
 };
 
-static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
-    return (struct cone){vec_dot(v, v) - set(s->bound_sq), vec_dot(v, l) + set(q * s->bound)};
+static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s) {
+    return (struct cone){vec_dot(v, v) - set(s->bound_sq), vec_dot(v, l) + set(s->lean)};
 }
 
-static inline mask cone_misses(struct cone c, float q) {
+static inline mask cone_misses(struct cone c, const struct placed *s) {
     real lean = most_of(c.lean, set(0.0f));
-    return less(lean * lean, set(1.0f - q * q) * c.need);
+    return less(lean * lean, set(s->wide) * c.need);
 }
 
 static inline struct vec to_centre(const struct placed *s, struct vec p) {
@@ -26,18 +23,16 @@ static inline struct vec to_centre(const struct placed *s, struct vec p) {
                         set(s->position[2]) - p.z};
 }
 
-// The slope that the cone to a shape needs.
-static inline float slope_to(const struct placed *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
-}
-
 // A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
 // and ever faster. So does the torus's, where the point is on its hull.
 static inline mask bulges(const struct placed *s, struct vec local) {
+    COUNT(bulges, call);
     if (s->convex)
         return all_lanes();
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
+    COUNT(bulges, hull);
+    COUNT(bulges, scalar);
     return not_less(mul_add(local.x, local.x, local.z * local.z), set(s->a * s->a));
 }
 

@@ -119,7 +119,7 @@ struct stride {
 
 static inline struct stride march_line(struct line *line, real hit_distance) {
     ACTIVE(count_of(line->live));
-    COUNT(march_line, step);
+    COUNT(march_line, call);
     real distance = mul_add(line->t, line->direction, line->origin);
     mask going = not_less_in(line->live, distance, least_step(line->t, hit_distance));
     line->t = add_where(going, line->t, distance);
@@ -129,7 +129,6 @@ static inline struct stride march_line(struct line *line, real hit_distance) {
 
 static void march_lines(struct progress packets[GROUP], int shape, struct group *group,
                         const struct model *model) {
-    COUNT(march_lines, call);
     real hit_distance = set((float)model->march.hit_distance);
     struct line line[GROUP];
     int cap = step_cap(model), left = cap, under_way = group->count;

@@ -44,7 +44,8 @@ struct placed {
     int iterations;
     float bound, bound_sq; // a sphere about its position that holds it
     bool convex;
-    float over;                       // a plane: its offset from the world's origin
+    float over;                  // a plane: its offset from the world's origin
+    float slope_lit, lean, wide; // of the shadow cones that it may not meet: q, q·bound, 1 − q²
     float color[3], share, shininess; // of its material; share: what a mirror adds
     // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
     // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.

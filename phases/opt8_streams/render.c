@@ -202,6 +202,13 @@ static float hard_slope(const struct limits *limits) {
     return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
 }
 
+// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that.
+static void place_cone(struct placed *p, float q) {
+    p->slope_lit = p->type == SHAPE_MANDELBULB ? fminf(2 * q, 1) : q;
+    p->lean = p->slope_lit * p->bound;
+    p->wide = 1 - p->slope_lit * p->slope_lit;
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
@@ -216,6 +223,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
+        place_cone(p, prepared->lit_slope);
         prepared->told = prepared->told && !p->repeated && p->way != POWER;
     }
     for (int steady = 1; steady >= 0; steady--)

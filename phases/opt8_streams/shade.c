@@ -274,7 +274,7 @@ static struct lighting light_from(struct place p, struct vec n, mask found,
 static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
                            real weight, const struct surface *surface, const struct view *view) {
     ACTIVE(count_of(light->lit));
-    COUNT(light_at, lit);
+    COUNT(light_at, call);
     struct vec base = surface->color;
     real reach = weight / light->distance, facing = light->facing;
     // Of the light's direction: minus the paper's R.
@@ -289,7 +289,6 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
 
 static void queue_shadow(mask m, const struct hit *hit, const struct lighting *light,
                          struct vec bright, real pixel, struct desk *desk) {
-    COUNT(queue_shadow, call);
     int at = desk->shadows;
     float (*field)[ROOM] = desk->shadow;
     pack_vec(m, hit->point.hi, field + S_HI, at);
@@ -302,7 +301,7 @@ static void queue_shadow(mask m, const struct hit *hit, const struct lighting *l
 }
 
 static void queue_mirror(mask m, const struct hit *hit, struct vec direction, real weight,
-                         real pixel, real bounce, const struct world *world) {
+                         real share, real pixel, real bounce, const struct world *world) {
     ACTIVE(count_of(m));
     COUNT(queue_mirror, call);
     struct desk *desk = world->desk;
@@ -313,7 +312,7 @@ static void queue_mirror(mask m, const struct hit *hit, struct vec direction, re
     pack_vec(m, from.hi, field + M_HI, at);
     pack_vec(m, from.lo, field + M_LO, at);
     pack_vec(m, vec_reflect(direction, hit->normal), field + M_DIRECTION, at);
-    pack(m, weight, &field[M_WEIGHT][at]);
+    pack(m, weight * share, &field[M_WEIGHT][at]);
     pack(m, pixel, &field[M_PIXEL][at]);
     pack(m, bounce + set(1.0f), &field[M_BOUNCE][at]);
     desk->mirrors += __builtin_popcount(bits(m));
@@ -395,7 +394,7 @@ static struct vec color_of(const struct rays *rays, int k, const struct hit *hit
         mask on = less(rays->bounce[k], set((float)model->march.max_bounces));
         mask mirror = both(hit->found, both(on, greater(surface.share, set(0.0f))));
         if (any(mirror))
-            queue_mirror(mirror, hit, rays->direction[k], weight * surface.share, rays->pixel[k],
+            queue_mirror(mirror, hit, rays->direction[k], weight, surface.share, rays->pixel[k],
                          rays->bounce[k], world);
     }
     return color;
@@ -425,6 +424,7 @@ void trace(const struct rays *rays, struct world *world, struct vec color[GROUP]
 
 // The last of the rays that wait first: what they see may make more of them.
 void follow_mirrors(struct world *world) {
+    COUNT(follow_mirrors, call);
     struct desk *desk = world->desk;
     float (*field)[ROOM] = desk->mirror;
     while (desk->mirrors > 0) {
@@ -435,6 +435,7 @@ void follow_mirrors(struct world *world) {
             rays.origin[k] =
                 (struct place){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};
             rays.direction[k] = load_vec(field + M_DIRECTION, first);
+            COUNT(follow_mirrors, packet);
             rays.active[k] = lanes_before(count);
             rays.weight[k] = load(&field[M_WEIGHT][first]);
             rays.pixel[k] = load(&field[M_PIXEL][first]);

@@ -83,6 +83,7 @@ static inline mask same_shape(real shape, int i) {
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    COUNT(add_light, call);
     float from[3][LANES], at[LANES];
     unload(light.x, from[0]);
     unload(light.y, from[1]);

@@ -80,7 +80,6 @@ static void store_hit(struct frame *frame, struct block block, real start, int s
 }
 
 static void store_color(struct frame *frame, struct block block, const struct desk *desk, int at) {
-    COUNT(store_color, call);
     real red = load(&desk->color[0][at]), green = load(&desk->color[1][at]);
     real blue = load(&desk->color[2][at]);
     size_t width = (size_t)frame->width;

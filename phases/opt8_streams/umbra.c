@@ -65,11 +65,13 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
 }
 
 static void wait_for(struct rays *rays, real length[GROUP], int first, struct desk *desk) {
+    COUNT(wait_for, call);
     float (*field)[ROOM] = desk->shadow;
     for (int k = 0; k < GROUP; k++, first += LANES) {
         rays->origin[k] =
             (struct place){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
         rays->direction[k] = load_vec(field + S_TO_LIGHT, first);
+        COUNT(wait_for, packet);
         rays->active[k] = lanes_before(desk->shadows - first);
         length[k] = load(&field[S_DISTANCE][first]);
     }
@@ -119,6 +121,7 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
 }
 
 void cast_shadows(struct world *world) {
+    COUNT(cast_shadows, call);
     struct desk *desk = world->desk;
     for (int first = 0; first < desk->shadows; first += TOGETHER) {
         struct rays rays;
