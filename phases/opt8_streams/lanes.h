@@ -17,7 +17,7 @@
 //     less  greater  not_less       false where either is NaN; below: true there; negative: the sign bit, of −0 and NaN too
 //     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
-//     bits(a)                       bit i is lane i; any(a), all(a), same(a, b), count_of(a)
+//     bits(a)                       bit i is lane i; lanes_of(which) the other way round; any(a), all(a), same(a, b), count_of(a)
 //     less_in(m, a, b)              of the lanes of m those where a < b; not_less_in, not_greater_in: where not
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a; add_where(m, a, b): a + b or a
 //     negate_where(m, a)

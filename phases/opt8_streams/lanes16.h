@@ -68,6 +68,11 @@ static inline unsigned bits(mask a) {
     return _cvtmask16_u32(a.all);
 }
 
+// The other way round from bits().
+static inline mask lanes_of(unsigned which) {
+    return (mask){(__mmask16)which};
+}
+
 static inline bool any(mask a) {
     return !_kortestz_mask16_u8(a.all, a.all);
 }

@@ -68,6 +68,13 @@ static inline unsigned bits(mask a) {
     return (unsigned)_mm256_movemask_ps(a.all);
 }
 
+// The other way round from bits().
+static inline mask lanes_of(unsigned which) {
+    const __m256i one = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    __m256i its = _mm256_and_si256(_mm256_set1_epi32((int)which), one);
+    return (mask){_mm256_castsi256_ps(_mm256_cmpeq_epi32(its, one))};
+}
+
 static inline bool any(mask a) {
     return bits(a) != 0;
 }

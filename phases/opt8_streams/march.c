@@ -1,6 +1,6 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
-#include "tiles.h"
+#include "streams.h"
 
 struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
     COUNT(leaving, call);
@@ -39,13 +39,6 @@ struct progress {
     real inside;
     struct nearness near;
 };
-
-// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
-enum { MOST_STEPS = 1 << 24 };
-
-static int step_cap(const struct model *model) {
-    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
-}
 
 // Rays that march on from a hit have had some of their evaluations.
 static int steps_left(const struct progress *at, mask live, int cap) {
@@ -276,11 +269,27 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
     return hit;
 }
 
+// Rays whose march is over: see bulb.c.
+static void recall(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    const struct desk *desk = world->desk;
+    for (int k = 0, slot = rays->marched; k < GROUP; k++, slot += LANES) {
+        world->group.live[k] = no_lane();
+        struct progress *at = &packets[k];
+        mask active = rays->active[k];
+        at->t = keep(active, load(&desk->marched[MARCHED_T][slot]));
+        at->last = keep(active, load(&desk->marched[MARCHED_LAST][slot]));
+        at->evals = keep(active, load(&desk->marched[MARCHED_EVALS][slot]));
+        at->found = greater(keep(active, load(&desk->marched[MARCHED_FOUND][slot])), set(0.5f));
+        at->start = set(0.0f);
+    }
+}
+
 void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
     COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     struct progress packets[GROUP];
     unsigned going = 0;
+    bool recalled = rays->marched < 0;
     for (int k = 0; k < GROUP; k++) {
         ACTIVE(count_of(rays->active[k]));
         real zero = set(0.0f);
@@ -300,7 +309,11 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
         mask settled[GROUP];
         for (int k = 0; k < GROUP; k++)
             settled[k] = packets[k].found;
-        march(packets, rays, world);
+        if (recalled)
+            march(packets, rays, world);
+        else
+            recall(packets, rays, world);
+        recalled = true;
         for (int k = 0; k < GROUP; k++)
             if (going >> k & 1 && !landed(&packets[k], settled[k], rays->direction[k], scene,
                                           &world->group.beam[k], &world->group.live[k]))

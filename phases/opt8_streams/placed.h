@@ -63,6 +63,7 @@ struct prepared {
     struct model model;
     struct placed *placed; // one per shape
     struct list all;
+    int bulbs;       // how many Mandelbulbs
     bool told;       // every shape has such a sphere, or is a plane: shadow cones say something
     float lit_slope; // see there in render.c
 };

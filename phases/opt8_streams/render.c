@@ -213,6 +213,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
     prepared->told = true;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = model->shadows == SHADOWS_HARD ? hard_slope(&model->march)
                                                          : soft_slope(model->shadow_strength);
     prepared->all.count = model->shape_count;

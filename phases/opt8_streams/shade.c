@@ -403,8 +403,12 @@ static struct vec color_of(const struct rays *rays, int k, const struct hit *hit
 void trace(const struct rays *rays, struct world *world, struct vec color[GROUP],
            struct hit hit[GROUP]) {
     COUNT(trace, call);
-    if (world->desk->shadows > QUEUE - TOGETHER)
+    if (world->desk->shadows > QUEUE - TOGETHER) {
+        struct list list = world->group.beam[0].list;
         cast_shadows(world);
+        for (int k = 0; k < GROUP; k++)
+            world->group.beam[k].list = list;
+    }
     struct lighting light[GROUP];
     mask lit = no_lane();
     ray_march(rays, world, hit);
@@ -430,7 +434,7 @@ void follow_mirrors(struct world *world) {
     while (desk->mirrors > 0) {
         int count = desk->mirrors < TOGETHER ? desk->mirrors : TOGETHER;
         int first = desk->mirrors -= count;
-        struct rays rays = {.start = set(0.0f)};
+        struct rays rays = {.start = set(0.0f), .marched = -1};
         for (int k = 0; k < GROUP; k++, first += LANES, count -= LANES) {
             rays.origin[k] =
                 (struct place){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};

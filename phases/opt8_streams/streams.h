@@ -33,11 +33,17 @@ enum shadow_field {
     S_FIELDS
 };
 
+// Where a march has ended: MARCHED_FOUND is 1 at a surface, else 0.
+enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
+
 // A worker's own.
 struct desk {
     float color[3][TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][ROOM], shadow[S_FIELDS][ROOM];
     int mirrors, shadows;
+    float gaze[3][TILE_PIXELS], marched[MARCHED][TILE_PIXELS]; // camera rays of bulb.c
+    int gaze_at[TILE_PIXELS / LANES], gazes;                   // the first pixel of each packet
+    unsigned gaze_active[TILE_PIXELS / LANES];
     int *shading,
         shadings; // shapes that can come between the group in work and the light, and how many
 };
@@ -47,6 +53,10 @@ struct lighting {
     real distance, facing;
     mask lit;
 };
+
+// A packet of camera rays that wait for march_gazes(); slot: the pixel of its first lane.
+void gaze(struct vec direction, mask active, int slot, struct desk *desk);
+void march_gazes(struct world *world);
 
 // Work off the queues.
 void cast_shadows(struct world *world);

@@ -185,10 +185,28 @@ static void store_nothing(const struct patch *patch, const struct job *job) {
         store_hit(frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
 }
 
+// Its rays are offered all shapes then, and go by march_gazes().
+static bool may_meet_bulb(const struct list *list, const struct prepared *scene) {
+    return scene->bulbs > 0 && list->shape == scene->all.shape;
+}
+
+static void gaze_patch(const struct patch *patch, int at, const struct job *job,
+                       struct world *world) {
+    for (int i = 0; i < BLOCKS; i++) {
+        struct block block = block_of(patch, i);
+        mask active = in_picture(block);
+        ACTIVE(count_of(active));
+        COUNT(gaze_patch, packet);
+        if (any(active))
+            gaze(get_direction(block, job->frame, job->view), active, at + i * LANES, world->desk);
+    }
+}
+
 // Into the desk, from place `at` on.
-static void render_patch(const struct patch *patch, struct place origin, float start,
-                         struct list list, int at, const struct job *job, struct world *world) {
+static void render_patch(const struct patch *patch, float start, struct list list, int at,
+                         const struct job *job, struct world *world) {
     COUNT(render_patch, call);
+    bool marched = may_meet_bulb(&list, world->scene);
     struct rays rays = {.start = set(start)};
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct vec color[GROUP];
@@ -198,13 +216,14 @@ static void render_patch(const struct patch *patch, struct place origin, float s
             rays.active[k] = in_picture(block);
             ACTIVE(count_of(rays.active[k]));
             COUNT(render_patch, packet);
-            rays.origin[k] = origin;
+            rays.origin[k] = world->eye;
             rays.direction[k] = get_direction(block, job->frame, job->view);
             rays.weight[k] = set(1.0f);
             rays.pixel[k] = lane_numbers() + set((float)(at + k * LANES));
             rays.bounce[k] = set(0.0f);
             world->group.beam[k].list = list;
         }
+        rays.marched = marched ? at : -1;
         trace(&rays, world, color, hit);
         for (int k = 0; k < GROUP; k++, at += LANES) {
             if (!any(rays.active[k]))
@@ -247,7 +266,9 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     struct desk *desk = (struct desk *)((char *)memory + desk_at(shapes));
     desk->shading = (int *)((char *)desk + whole_lines(sizeof *desk));
     desk->mirrors = desk->shadows = 0;
-    struct world world = {.scene = scene, .view = job->view, .own = &own, .desk = desk};
+    desk->gazes = 0;
+    struct world world = {
+        .scene = scene, .view = job->view, .own = &own, .eye = origin, .desk = desk};
     place_beams(&world.group, &own, shapes);
     struct cones cones;
     mask there = get_cones(tile, job, &cones);
@@ -265,7 +286,16 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
         }
         drawn |= 1u << lane;
         struct list list = list_of_cone(lane, scene, &own, &start[lane]);
-        render_patch(&patch, origin, start[lane], list, lane * PATCH * PATCH, job, &world);
+        if (may_meet_bulb(&list, scene))
+            gaze_patch(&patch, lane * PATCH * PATCH, job, &world);
+    }
+    if (desk->gazes > 0)
+        march_gazes(&world);
+    for (unsigned rest = drawn; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(tile, lane, job->frame);
+        struct list list = list_of_cone(lane, scene, &own, &start[lane]);
+        render_patch(&patch, start[lane], list, lane * PATCH * PATCH, job, &world);
     }
     follow_mirrors(&world);
     cast_shadows(&world);

@@ -11,6 +11,7 @@ struct world {
     const struct view *view;
     struct group group; // of the rays being marched now
     struct own *own;    // the worker's (tiles.h)
+    struct place eye;
     struct desk *desk;
 };
 
@@ -21,7 +22,8 @@ struct rays {
     mask active[GROUP];
     real weight[GROUP]; // of what they see in their pixel
     real pixel[GROUP], bounce[GROUP];
-    real start; // where they begin
+    real start;  // where they begin
+    int marched; // the pixel of the first, if the desk knows where they end; else −1
 };
 
 struct hit {
@@ -50,6 +52,13 @@ static inline real beyond(struct exit exit, real t) { // > 0: outside
 // moves the ray, and it would stall there until the step cap.
 static inline real least_step(real t, real hit_distance) {
     return most_of(hit_distance, t * set(0x1p-24f));
+}
+
+// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
+enum { MOST_STEPS = 1 << 24 };
+
+static inline int step_cap(const struct model *model) {
+    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
 }
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.

@@ -1,11 +1,6 @@
 // Shadow rays that wait, in packets: see streams.h. Each of them marches until its last ray is done.
-#include "streams.h"
-
-// Rays to the light.
-struct shade {
-    real least, twice_previous;
-    struct exit exit;
-};
+#include "bounds.h"
+#include "pool.h"
 
 // The rays that are still under way, after some have ended.
 __attribute__((noinline)) static bool shade_ends(int k, mask live, struct group *group) {
@@ -120,8 +115,84 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
         reach[k] = shades[k].least;
 }
 
-void cast_shadows(struct world *world) {
-    COUNT(cast_shadows, call);
+// One packet of them, to go lane by lane.
+void ready_shadow(struct stream *stream, int number, struct world *world) {
+    struct desk *desk = world->desk;
+    const struct model *model = &world->scene->model;
+    float (*field)[ROOM] = desk->shadow;
+    int first = number * LANES;
+    struct place origin = {load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
+    struct vec to_light = load_vec(field + S_TO_LIGHT, first);
+    stream->waiting = bits(lanes_before(desk->shadows - first));
+    ACTIVE(__builtin_popcount(stream->waiting));
+    COUNT(ready_shadow, call);
+    stream->beam = eye_of(world->own, world->scene);
+    approach_origins(origin, world->scene, &stream->beam);
+    approach_directions(to_light, world->scene, &stream->beam);
+    stream->ready.shade = (struct shade){set(1.0f), set(1e14f), leaving(origin, to_light, model)};
+    stream->ready.evals = set(0.0f);
+    stream->ready.length = load(&field[S_DISTANCE][first]);
+    stream->t = set((float)model->march.surface_offset);
+    for (int lane = 0; lane < LANES; lane++)
+        stream->ready.ray[lane] = first + lane;
+}
+
+// What has ended of a packet adds its light.
+static void shine(const struct pool *pool, mask ended, struct desk *desk) {
+    COUNT(shine, call);
+    float reach[LANES];
+    unload(pool->shade.least, reach);
+    for (unsigned rest = bits(ended); rest; rest &= rest - 1) {
+        COUNT(shine, lane);
+        int lane = __builtin_ctz(rest), ray = pool->ray[lane];
+        int pixel = (int)desk->shadow[S_PIXEL][ray];
+        for (int k = 0; k < 3; k++)
+            desk->color[k][pixel] += reach[lane] * desk->shadow[S_LIGHT + k][ray];
+    }
+}
+
+static inline void pool_step(struct pool *pool, int k, float strength_sq, real cap,
+                             struct world *world) {
+    struct group *group = &world->group;
+    const struct model *model = &world->scene->model;
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(pool_step, call);
+    pool->evals = pool->evals + set(1.0f);
+    if (model->shadows == SHADOWS_SOFT)
+        soft_step(&pool->shade, k, strength_sq, group, model);
+    else
+        hard_step(&pool->shade, pool->length, k, group, model);
+    mask on = less_in(group->live[k], pool->evals, cap);
+    if (same(on, live))
+        return;
+    shade_ends(k, on, group);
+    shine(pool, but_not(on, live), world->desk);
+}
+
+static void cast_streams(struct world *world) {
+    COUNT(cast_streams, call);
+    struct group *group = &world->group;
+    const struct model *model = &world->scene->model;
+    float strength = (float)model->shadow_strength, strength_sq = strength * strength;
+    struct stream stream;
+    stream_begin(&stream, (world->desk->shadows + LANES - 1) / LANES, true, world);
+    real cap = set((float)step_cap(model));
+    for (int live; (live = refill(&stream, world)) > 0;) {
+        for (int least = enough(&stream, live); live > least;) {
+            scene_distances(group, world->scene);
+            live = 0;
+            for (int i = 0; i < group->count; i++) {
+                int k = group->list[i];
+                pool_step(&stream.pool[k], k, strength_sq, cap, world);
+                live += __builtin_popcount(bits(group->live[k]));
+            }
+        }
+    }
+}
+
+static void cast_packets(struct world *world) {
+    COUNT(cast_packets, call);
     struct desk *desk = world->desk;
     for (int first = 0; first < desk->shadows; first += TOGETHER) {
         struct rays rays;
@@ -131,10 +202,19 @@ void cast_shadows(struct world *world) {
         for (int k = 0; k < GROUP; k++) {
             int at = first + k * LANES;
             ACTIVE(count_of(rays.active[k]));
-            COUNT(cast_shadows, packet);
+            COUNT(cast_packets, packet);
             struct vec light = vec_scale(load_vec(desk->shadow + S_LIGHT, at), reach[k]);
             add_light(rays.active[k], light, load(&desk->shadow[S_PIXEL][at]), desk);
         }
     }
+}
+
+void cast_shadows(struct world *world) {
+    COUNT(cast_shadows, call);
+    struct desk *desk = world->desk;
+    if (world->scene->bulbs > 0)
+        cast_streams(world);
+    else
+        cast_packets(world);
     desk->shadows = 0;
 }
