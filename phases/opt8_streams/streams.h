@@ -13,10 +13,12 @@ enum {
     TILE_WIDTH = PATCHES_ACROSS * PATCH,
     TILE_HEIGHT = LANES / PATCHES_ACROSS * PATCH,
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
+    STRIP = 4, // tiles side by side, whose rays wait together
+    STRIP_PIXELS = STRIP * TILE_PIXELS,
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TOGETHER = GROUP * LANES, // rays that are marched together
-    QUEUE = 2 * TILE_PIXELS,  // of each kind; a full one is worked off
+    QUEUE = STRIP_PIXELS,     // of each kind; a full one is worked off
     ROOM = QUEUE + TOGETHER   // what is packed or loaded may reach beyond its end
 };
 
@@ -38,12 +40,12 @@ enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
 
 // A worker's own.
 struct desk {
-    float color[3][TILE_PIXELS]; // blocks one behind the other, their lanes in a row
+    float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][ROOM], shadow[S_FIELDS][ROOM];
     int mirrors, shadows;
-    float gaze[3][TILE_PIXELS], marched[MARCHED][TILE_PIXELS]; // camera rays of bulb.c
-    int gaze_at[TILE_PIXELS / LANES], gazes;                   // the first pixel of each packet
-    unsigned gaze_active[TILE_PIXELS / LANES];
+    float gaze[3][STRIP_PIXELS], marched[MARCHED][STRIP_PIXELS]; // camera rays of bulb.c
+    int gaze_at[STRIP_PIXELS / LANES], gazes;                    // the first pixel of each packet
+    unsigned gaze_active[STRIP_PIXELS / LANES];
     int *shading,
         shadings; // shapes that can come between the group in work and the light, and how many
 };

@@ -256,54 +256,92 @@ static size_t desk_at(int shapes) {
     return whole_lines(own_size(shapes));
 }
 
-static void draw_tile(const struct job *job, int tile, void *memory) {
-    COUNT(draw_tile, call);
-    COUNT(draw_tile, scalar);
-    struct place origin = place_of(job->view->position);
-    const struct prepared *scene = job->prepared;
-    int shapes = scene->model.shape_count;
-    struct own own = own_of(memory, shapes);
-    struct desk *desk = (struct desk *)((char *)memory + desk_at(shapes));
-    desk->shading = (int *)((char *)desk + whole_lines(sizeof *desk));
-    desk->mirrors = desk->shadows = 0;
-    desk->gazes = 0;
-    struct world world = {
-        .scene = scene, .view = job->view, .own = &own, .eye = origin, .desk = desk};
-    place_beams(&world.group, &own, shapes);
-    struct cones cones;
-    mask there = get_cones(tile, job, &cones);
-    march_cones(origin, there, &cones, scene, &own);
+// A tile in work.
+struct drawn {
+    int tile;
+    unsigned patches; // those that may meet something
+    mask *met;
     float start[LANES];
-    unload(cones.start, start);
-    unsigned drawn = 0;
-    for (int lane = 0; lane < LANES; lane++) {
-        if (!(bits(there) >> lane & 1))
-            continue;
-        struct patch patch = patch_of(tile, lane, job->frame);
-        if (start[lane] == INFINITY) {
+};
+
+// Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued.
+static void begin_tile(struct drawn *drawn, int at, const struct job *job, struct world *world) {
+    COUNT(begin_tile, call);
+    const struct prepared *scene = job->prepared;
+    struct cones cones;
+    mask there = get_cones(drawn->tile, job, &cones);
+    world->own->met = drawn->met;
+    march_cones(world->eye, there, &cones, scene, world->own);
+    unload(cones.start, drawn->start);
+    drawn->patches = 0;
+    for (unsigned rest = bits(there); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        if (drawn->start[lane] == INFINITY) {
             store_nothing(&patch, job);
             continue;
         }
-        drawn |= 1u << lane;
-        struct list list = list_of_cone(lane, scene, &own, &start[lane]);
+        drawn->patches |= 1u << lane;
+        struct list list = list_of_cone(lane, scene, world->own, &drawn->start[lane]);
         if (may_meet_bulb(&list, scene))
-            gaze_patch(&patch, lane * PATCH * PATCH, job, &world);
+            gaze_patch(&patch, at + lane * PATCH * PATCH, job, world);
+    }
+}
+
+static void render_patches(struct drawn *drawn, int at, const struct job *job,
+                           struct world *world) {
+    world->own->met = drawn->met;
+    for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        struct list list = list_of_cone(lane, job->prepared, world->own, &drawn->start[lane]);
+        render_patch(&patch, drawn->start[lane], list, at + lane * PATCH * PATCH, job, world);
+    }
+}
+
+static void store_colors(const struct drawn *drawn, int at, const struct job *job,
+                         const struct desk *desk) {
+    for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        for (int i = 0; i < BLOCKS; i++)
+            store_color(job->frame, block_of(&patch, i), desk,
+                        at + lane * PATCH * PATCH + i * LANES);
+    }
+}
+
+static int strips_across(const struct frame *frame) {
+    return (tiles_across(frame) + STRIP - 1) / STRIP;
+}
+
+static void draw_strip(const struct job *job, int strip, void *memory) {
+    COUNT(draw_strip, call);
+    COUNT(draw_strip, scalar);
+    const struct prepared *scene = job->prepared;
+    int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
+    struct own own = own_of(memory, shapes);
+    struct desk *desk = (struct desk *)((char *)memory + desk_at(shapes));
+    desk->shading = (int *)((char *)desk + whole_lines(sizeof *desk));
+    desk->mirrors = desk->shadows = desk->gazes = 0;
+    struct world world = {.scene = scene, .view = job->view, .own = &own, .desk = desk};
+    world.eye = place_of(job->view->position);
+    place_beams(&world.group, &own, shapes);
+    struct drawn drawn[STRIP];
+    mask *met = own.met;
+    for (int column = strip % across * STRIP; count < STRIP && column < tiles_across(job->frame);
+         column++, count++) {
+        drawn[count].tile = strip / across * tiles_across(job->frame) + column;
+        drawn[count].met = met + count * shapes;
+        begin_tile(&drawn[count], count * TILE_PIXELS, job, &world);
     }
     if (desk->gazes > 0)
         march_gazes(&world);
-    for (unsigned rest = drawn; rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest);
-        struct patch patch = patch_of(tile, lane, job->frame);
-        struct list list = list_of_cone(lane, scene, &own, &start[lane]);
-        render_patch(&patch, start[lane], list, lane * PATCH * PATCH, job, &world);
-    }
+    for (int i = 0; i < count; i++)
+        render_patches(&drawn[i], i * TILE_PIXELS, job, &world);
     follow_mirrors(&world);
     cast_shadows(&world);
-    for (int lane = 0; lane < LANES; lane++) {
-        struct patch patch = patch_of(tile, lane, job->frame);
-        for (int i = 0; drawn >> lane & 1 && i < BLOCKS; i++)
-            store_color(job->frame, block_of(&patch, i), desk, lane * PATCH * PATCH + i * LANES);
-    }
+    for (int i = 0; i < count; i++)
+        store_colors(&drawn[i], i * TILE_PIXELS, job, desk);
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
@@ -313,11 +351,11 @@ size_t VARIANT(own_size)(const struct model *model) {
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
-    return tiles_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
+    return strips_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    draw_tile(job, tile, own);
+    draw_strip(job, tile, own);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

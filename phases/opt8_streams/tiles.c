@@ -2,6 +2,7 @@
 // on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
 // distance is taken off it before it is believed.
 #include "bounds.h"
+#include "streams.h"
 
 enum { MOST_CONE_STEPS = 512 };
 
@@ -13,8 +14,9 @@ static size_t places(int shapes) { // so many that whole numbers behind masks ar
 }
 
 size_t own_size(int shapes) {
-    return places(shapes) * ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) +
-                             GROUP * sizeof(real) + sizeof(mask) + 6 * sizeof(int) + sizeof(bool));
+    return places(shapes) *
+           ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) + GROUP * sizeof(real) +
+            STRIP * sizeof(mask) + 6 * sizeof(int) + sizeof(bool));
 }
 
 struct own own_of(void *memory, int shapes) {
@@ -25,7 +27,7 @@ struct own own_of(void *memory, int shapes) {
     own.eye = (struct approach *)(own.eye_wake + GROUP * n);
     own.distance = (real *)(own.eye + n);
     own.met = (mask *)(own.distance + n);
-    own.tile = (int *)(own.met + n);
+    own.tile = (int *)(own.met + STRIP * n);
     own.mirror = own.tile + 2 * n;
     own.shadow = own.mirror + 2 * n;
     own.wanted = (bool *)(own.shadow + 2 * n);
