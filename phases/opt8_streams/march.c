@@ -269,19 +269,27 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
     return hit;
 }
 
-// Rays whose march is over: see bulb.c.
+// Rays whose march is over: see bulb.c. Those that no Mandelbulb is before march on among the other shapes.
 static void recall(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
     const struct desk *desk = world->desk;
+    struct group *group = &world->group;
+    struct list all = group->beam[0].list;
     for (int k = 0, slot = rays->marched; k < GROUP; k++, slot += LANES) {
-        world->group.live[k] = no_lane();
         struct progress *at = &packets[k];
-        mask active = rays->active[k];
-        at->t = keep(active, load(&desk->marched[MARCHED_T][slot]));
-        at->last = keep(active, load(&desk->marched[MARCHED_LAST][slot]));
-        at->evals = keep(active, load(&desk->marched[MARCHED_EVALS][slot]));
-        at->found = greater(keep(active, load(&desk->marched[MARCHED_FOUND][slot])), set(0.5f));
-        at->start = set(0.0f);
+        COUNT(recall, packet);
+        real found = load(&desk->marched[MARCHED_FOUND][slot]);
+        mask over = both(rays->active[k], not_less(found, set(0.0f)));
+        at->t = keep(rays->active[k], load(&desk->marched[MARCHED_T][slot]));
+        at->start = drop(over, at->t);
+        at->last = keep(over, load(&desk->marched[MARCHED_LAST][slot]));
+        at->evals = keep(rays->active[k], load(&desk->marched[MARCHED_EVALS][slot]));
+        at->found = both(over, greater(found, set(0.5f)));
+        group->live[k] = but_not(over, rays->active[k]);
+        group->beam[k].list = rays->others;
     }
+    march(packets, rays, world);
+    for (int k = 0; k < GROUP; k++)
+        group->beam[k].list = all;
 }
 
 void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {

@@ -35,7 +35,8 @@ enum shadow_field {
     S_FIELDS
 };
 
-// Where a march has ended: MARCHED_FOUND is 1 at a surface, else 0.
+// Where a march has ended: MARCHED_FOUND is 1 at a surface, else 0; −1: nowhere yet, but no
+// Mandelbulb is before it any more.
 enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
 
 // A worker's own.
@@ -57,7 +58,7 @@ struct lighting {
 };
 
 // A packet of camera rays that wait for march_gazes(); slot: the pixel of its first lane.
-void gaze(struct vec direction, mask active, int slot, struct desk *desk);
+void gaze(struct vec direction, mask active, int slot, struct world *world);
 void march_gazes(struct world *world);
 
 // Work off the queues.

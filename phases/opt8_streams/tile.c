@@ -198,7 +198,7 @@ static void gaze_patch(const struct patch *patch, int at, const struct job *job,
         ACTIVE(count_of(active));
         COUNT(gaze_patch, packet);
         if (any(active))
-            gaze(get_direction(block, job->frame, job->view), active, at + i * LANES, world->desk);
+            gaze(get_direction(block, job->frame, job->view), active, at + i * LANES, world);
     }
 }
 
@@ -208,6 +208,8 @@ static void render_patch(const struct patch *patch, float start, struct list lis
     COUNT(render_patch, call);
     bool marched = may_meet_bulb(&list, world->scene);
     struct rays rays = {.start = set(start)};
+    if (marched)
+        rays.others = list_without_bulbs(world->scene, world->own);
     for (int first = 0; first < BLOCKS; first += GROUP) {
         struct vec color[GROUP];
         struct hit hit[GROUP];

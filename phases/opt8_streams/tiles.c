@@ -151,3 +151,9 @@ struct list list_of_cone(int lane, const struct prepared *scene, struct own *own
     }
     return hit_list(own->wanted, scene, own->tile);
 }
+
+struct list list_without_bulbs(const struct prepared *scene, struct own *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = own->wanted[i] && scene->placed[i].trust != BALL;
+    return list_of(own->wanted, scene, own->tile);
+}

@@ -35,6 +35,9 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
 // Where a Mandelbulb is on it, `start` is the camera.
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start);
 
+// What is on the last list_of_cone(), but for Mandelbulbs.
+struct list list_without_bulbs(const struct prepared *scene, struct own *own);
+
 // By least of distances: where a ray is hit; or that very number.
 enum meant { HIT, UNION };
 

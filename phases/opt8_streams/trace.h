@@ -22,8 +22,9 @@ struct rays {
     mask active[GROUP];
     real weight[GROUP]; // of what they see in their pixel
     real pixel[GROUP], bounce[GROUP];
-    real start;  // where they begin
-    int marched; // the pixel of the first, if the desk knows where they end; else −1
+    real start;         // where they begin
+    struct list others; // what those of them can meet that no Mandelbulb is before
+    int marched;        // the pixel of the first, if the desk knows where they end; else −1
 };
 
 struct hit {
