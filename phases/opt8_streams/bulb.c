@@ -5,6 +5,7 @@
 // Of rays of unit length those that come near the ball of one; what float makes of |v|² − (v·d)² is 2^-20 of it at most.
 // `out`: where the last of the balls is behind them.
 static mask meets_bulbs(struct vec direction, mask active, const struct world *world, real *out) {
+    COUNT(meets_bulbs, call);
     mask meets = no_lane();
     *out = set(0.0f);
     for (int i = 0; i < world->scene->model.shape_count; i++) {

@@ -271,6 +271,7 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
 
 // Rays whose march is over: see bulb.c. Those that no Mandelbulb is before march on among the other shapes.
 static void recall(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    COUNT(recall, call);
     const struct desk *desk = world->desk;
     struct group *group = &world->group;
     struct list all = group->beam[0].list;

@@ -192,6 +192,7 @@ static bool may_meet_bulb(const struct list *list, const struct prepared *scene)
 
 static void gaze_patch(const struct patch *patch, int at, const struct job *job,
                        struct world *world) {
+    COUNT(gaze_patch, call);
     for (int i = 0; i < BLOCKS; i++) {
         struct block block = block_of(patch, i);
         mask active = in_picture(block);
