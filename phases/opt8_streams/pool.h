@@ -6,7 +6,7 @@
 
 #include "streams.h"
 
-enum { REFILL = TOGETHER / 8 }; // lanes that have ended
+enum { REFILL = TOGETHER / 16 }; // lanes that have ended
 
 struct shade {
     real least, twice_previous;
