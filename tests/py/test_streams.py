@@ -12,9 +12,9 @@ import math
 import numpy as np
 import pytest
 import test_tiles
-from conformance.feature_scenes import FEATURES
 from test_tiles import WIDTHS, check_same, crowd, picture
 
+from conformance.feature_scenes import FEATURES
 from study import registry
 
 PHASE, PARENT = "opt8_streams", "opt7_tiles"
@@ -76,7 +76,7 @@ def test_no_term_below_the_bound() -> None:
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("shadows", ["hard", "soft"])
 def test_cones_and_queues_are_the_parents_picture(shadows, width, tmp_path) -> None:
-    """A march in float has noise at its first steps, which what is told without one has not: hence the bounds."""
+    """A march in float has noise at its first steps, which what is told without one has not."""
     for seed, count in ((3, 12), (4, 60)):
         scene = crowd(seed, count, shadows)
         mine = picture(PHASE, scene, tmp_path, (160, 90), **WIDTHS[width])
@@ -85,7 +85,7 @@ def test_cones_and_queues_are_the_parents_picture(shadows, width, tmp_path) -> N
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_full_queues(width, tmp_path) -> None:
-    """A box of mirrors, one shape repeated so that no cone tells anything: each pixel has four shadow rays to wait."""
+    """Mirrors, and a repeated shape, so that no cone tells anything: four shadow rays of a pixel may wait."""
     scene = crowd(5, 10, "soft")
     for shape in scene["shapes"]:
         shape["material"] = next(s["material"] for s in scene["shapes"][1:] if s["material"] != "plain")
