@@ -22,6 +22,7 @@ def all_of(data: Data) -> list[Section]:
         truth_sections.approximations(path),
         truth_sections.elsewhere(path),
         truth_sections.rates(path),
+        truth_sections.rival(path),
         truth_sections.growth(path),
         truth_sections.compilers(path),
     ]
