@@ -63,8 +63,8 @@ def note(result: Row) -> str:
     return (
         f"{cpu}; n = {result['n']}, {result['launches']} interleaved launches; drjit {result['drjit']} on "
         f"{result['llvm']}. Dr.Jit marches in float, {SAME}, normals by six evaluations, in one frozen "
-        "kernel with early ends of rays and of the Mandelbulb's iterations; compiling is not in its time. The goals "
-        "are for our phases with the scene's own limits, which are harder; by Dr.Jit's own limits they are "
+        "kernel, with early ends of rays and of the Mandelbulb's iterations; compiling is not in its time. "
+        "The goals are for our phases with the scene's own limits, which are harder; by Dr.Jit's they are "
         f"shown beside. Published (Zen 5, 4.27 GHz, LLVM 19, one and two threads): {figures}. Errors are in "
         "linear RGB, to the fastest double-precision phase."
     )

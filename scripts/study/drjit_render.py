@@ -1,9 +1,9 @@
 """Dr.Jit's side of scripts/drjit.py: a scene's shapes sphere traced in one fused kernel, float, on LLVM.
 
 Runs in the Python that has drjit (not the study's): SCENE.json WIDTH HEIGHT THREADS FRAMES [OUT.npz]. One
-JSON object: ns of each frame after the first, which compiles; with OUT the picture of the exact camera. Distances,
-light and fog are the phases' formulas (phases/baseline); no shadows, no mirrors. What the scene says of the
-march is taken from it; the normal is by central differences, six evaluations.
+JSON object: ns of each frame after the first, which compiles; with OUT the picture of the exact camera.
+Distances, light and fog are the phases' formulas (phases/baseline); no shadows, no mirrors. What the scene
+says of the march is taken from it; the normal is by central differences, six evaluations.
 
 W. Jakob, S. Speierer, N. Roussel, D. Vicini, "Dr.Jit: a just-in-time compiler for differentiable rendering",
 ACM Transactions on Graphics 41 (2022); drjit.readthedocs.io.
