@@ -25,8 +25,8 @@ FEW = "too few launches"
 ABOUT = (
     "Steps that are described as faster and are not here, or are faster for another picture. Each is a patch "
     "(phases/NAME/ablations) timed in this run, interleaved with what it is put into; shown are all scenes "
-    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. PSNR is of "
-    "single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
+    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. PSNR is "
+    "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
 )
 NOTES = (
     "The rest is quoted from the phases' NOTES.md: measured when they were written, on the machine and at "
