@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,9 +31,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def sweep(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        command(*arguments), capture_output=True, text=True, env=os.environ | environment, timeout=300
-    )
+    return started.run(command(*arguments), env=os.environ | environment, timeout=300)
 
 
 def only_run(results: Path) -> store.Run:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import started
 
 import tables
 from study import analysis, claims, ladder, paper, show
@@ -53,7 +54,7 @@ def edit_pairs(run: Path, change) -> None:
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
     command = [sys.executable, str(ROOT / "scripts" / "tables.py"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 # The ladder's figures
