@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import stat
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import started
 
 from study import cli, drjit_measure, drjit_page, registry, run, truth_sections
 from study.cli import StudyError
@@ -56,10 +57,9 @@ def test_the_newest_llvm_is_taken(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_without_drjit_it_is_said() -> None:
-    done = subprocess.run(
-        [sys.executable, SCRIPT, "--python", "/nowhere/python"], capture_output=True, text=True,
-        env={"PATH": "/usr/bin:/bin", "DRJIT_LIBLLVM_PATH": "/nowhere/libLLVM.so"},
-    )  # fmt: skip
+    environment = os.environ | {"DRJIT_LIBLLVM_PATH": "/nowhere/libLLVM.so"}
+    words = [sys.executable, SCRIPT, "--phase", "opt1", "--python", "/nowhere/python"]
+    done = started.run(words, env=environment)
     assert done.returncode == cli.CANNOT_RUN and "libLLVM 17 or newer is missing" in done.stderr
     with pytest.raises(StudyError, match="is no Python with drjit and numpy; it would add"):
         drjit_measure.find_python(Path("/nowhere/python"))
@@ -75,7 +75,7 @@ def test_without_drjit_it_is_said() -> None:
     ],
 )
 def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, SCRIPT, *words, "--run", tmp_path], capture_output=True, text=True)
+    done = started.run([sys.executable, SCRIPT, *words, "--run", tmp_path])
     assert done.returncode == cli.BAD_INPUT and said in done.stderr and "Traceback" not in done.stderr
 
 
