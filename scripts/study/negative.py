@@ -92,7 +92,8 @@ def draw(rows: Sequence[Row]) -> Figure:
             axes.plot([low, high], [place] * 2, color=colour, linewidth=2.2)
         axes.plot([value], [place], "o", color=colour, markersize=6)
         before, after = (_db(name)(row) for name in ("against_psnr_db", "psnr_db"))
-        same = "the same picture" if before == after else f"{before} → {after} dB"
+        unit = "" if before == "identical" else " dB"
+        same = f"as before: {before}{unit}" if before == after else f"{before} → {after} dB"
         end = high if math.isfinite(high) else value
         axes.annotate(same, (end, place), (8, 0), textcoords="offset points", fontsize=8, va="center")
     axes.set_yticks(range(len(rows)), [f"{row['ablation']}, {row['scene']}" for row in rows], fontsize=8.5)
