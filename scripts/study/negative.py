@@ -105,7 +105,7 @@ def draw(rows: Sequence[Row]) -> Figure:
     axes.set_xlim(min(low, 0.95), max(high, 1.05) + 0.16 * (max(high, 1.05) - min(low, 0.95)))
     kinds = ((SLOWER, BAD), ("no gain, or at an error", "#E69F00"), ("pays on this scene", "#009E73"))
     marks = [Line2D([], [], color=c, marker="o", linewidth=2.2, label=text) for text, c in kinds]
-    figure.legend(handles=marks, loc="outside lower right", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=marks, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
     return figure
 
 
