@@ -169,13 +169,15 @@ static float lit_slope(double strength) {
 }
 
 // A scene of this many shapes is a crowd: of two nodes of the tree or more. Not with a Mandelbulb, whose shadow
-// streams ask every shape.
-enum { CROWD = 2 * TREE_WIDTH };
+// streams ask every shape. Nor where a low step cap may end a soft shadow: the rays of a crowd's packet wait for each
+// other, and their steps are not counted ray by ray.
+enum { CROWD = 2 * TREE_WIDTH, FEW_STEPS = 256 };
 
 static void plant(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->tree.levels = 0;
-    if (count < CROWD || !prepared->solids || prepared->bulbs)
+    if (count < CROWD || !prepared->solids || prepared->bulbs ||
+        prepared->model.march.max_steps < FEW_STEPS)
         return;
     for (int i = 0; i < count; i++) {
         const struct placed *p = &prepared->placed[i];

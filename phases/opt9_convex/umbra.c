@@ -100,14 +100,17 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
                                 : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
-    // steps to come there (e^-23 is 1e-10), and takes the first.
+    // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
+    // cap may end it on the way.
     real room = r->first * (set(1.0f) - r->cosine);
     float least_room = (float)(1e5 * model->march.hit_distance * model->shadow_strength);
     real offset = set((float)model->march.surface_offset),
          hit = set((float)model->march.hit_distance);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
-    dark = both(dark, both(greater(r->cosine, set(23.0f / (float)model->march.max_steps)),
-                           not_less(r->facing * offset, hit)));
+    float least_cosine =
+        model->march.max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)model->march.max_steps;
+    dark =
+        both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);

@@ -66,6 +66,18 @@ def test_as_the_march_of_all_shapes(
     assert not ((off > 0.002).sum() > 3) and np.isfinite(off).all()
 
 
+@pytest.mark.parametrize("steps", [3, 10, 50])
+def test_few_steps_are_each_taken(steps: int, tmp_path: Path) -> None:
+    """A cap that ends a shadow's march shapes its value in a crowd too; counted by packet, 492 of 4,080 pixels
+    were off, by up to 0.86. A ray told dark may not have the steps to come there: 2 pixels at 50."""
+    data = crowd(40)
+    data["march"]["max_steps"] = steps
+    mine, exact = (picture(phase, data, tmp_path) for phase in (PHASE, "truth"))
+    off = np.abs(images.rgb(mine).clip(0, 1) - images.rgb(exact).clip(0, 1)).max(axis=-1)
+    assert np.array_equal(mine["id"], exact["id"])
+    assert np.isfinite(off).all() and not (off > 1 / 255).any(), f"{(off > 1 / 255).sum()} pixels"
+
+
 def test_coincident_shapes(tmp_path: Path) -> None:
     """4,096 spheres in one place: the picture of one, and the first of them has it."""
     data = scaling_scenes.data("scattered", 1, 3)
