@@ -68,8 +68,8 @@ def test_as_the_march_of_all_shapes(
 
 @pytest.mark.parametrize("steps", [3, 10, 50])
 def test_few_steps_are_each_taken(steps: int, tmp_path: Path) -> None:
-    """A cap that ends a shadow's march shapes its value in a crowd too; counted by packet, 492 of 4,080 pixels
-    were off, by up to 0.86. A ray told dark may not have the steps to come there: 2 pixels at 50."""
+    """A cap that ends a shadow's march shapes its value in a crowd too; counted by packet, 492 of 4,080
+    pixels were off, by up to 0.86. A ray told dark may not have the steps to come there: 2 pixels at 50."""
     data = crowd(40)
     data["march"]["max_steps"] = steps
     mine, exact = (picture(phase, data, tmp_path) for phase in (PHASE, "truth"))
