@@ -272,16 +272,17 @@ def perform_parts(steps: list[str], total: Tally) -> None:
                 part = waiting.pop(0)
             log = RESULTS / f"{part.step}-{part.number}.log"
             begin = time.monotonic()
-            with log.open("w") as out:
-                OUTPUT.set(out)  # of this thread alone
-                try:
+            try:
+                with log.open("w") as out:
+                    OUTPUT.set(out)  # of this thread alone
                     tally = part.tally()
-                except Exception as error:  # counted: else a thread ends and its tests are missing
-                    tally = Tally(failed=[f"{part.step}: {error!r}"])
+            except Exception as error:  # counted: else a thread ends and its tests are missing
+                tally = Tally(failed=[f"{part.step}: {error!r}"])
             with turn:
                 total.add(tally)
                 took[part.step] += time.monotonic() - begin
-                print(f"== {log.stem}\n{log.read_text(errors='replace')}", end="", flush=True)
+                said = log.read_text(errors="replace") if log.exists() else ""
+                print(f"== {log.stem}\n{said}", end="", flush=True)
 
     threads = [threading.Thread(target=work) for _ in range(int(JOBS))]
     for thread in threads:
