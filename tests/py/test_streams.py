@@ -1,76 +1,31 @@
 """opt8_streams: queues, cones and refilled lanes change when a ray is marched, and not what it finds.
 
-The bound that lets shadow rays go unmarched is tried on random scenes by a march written here, in double;
-pictures are the parent's, and of any number of threads to the bit.
+Pictures are the parent's, and of any number of threads to the bit.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 
 import numpy as np
 import pytest
 import test_tiles
+from test_convex import STRENGTH, bound
 from test_tiles import WIDTHS, check_same, crowd, picture
 
 from conformance.feature_scenes import FEATURES
 from study import registry
 
 PHASE, PARENT = "opt8_streams", "opt7_tiles"
-STRENGTH = 3.0
 
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
 )
 
 
-def bound(q: float) -> float:
-    """No term of a march with h ≥ q·t is less than strength times this (NOTES.md)."""
-    r = (1 + q) / 2
-    return min(q, q * math.sqrt(1 - r * r) / (1 - q * r))
-
-
-def least_term(distance, start: float, end: float) -> float:
-    """The paper's estimator without its clamp to 1: I. Quilez after S. Aaltonen (baseline/march.c)."""
-    least, previous, t = math.inf, 1e20, start
-    while t < end:
-        h = distance(t)
-        if h < 1e-9:
-            return 0.0
-        y = h * h / (2 * previous)
-        if h * h - y * y > 0 and t - y > 0:
-            least = min(least, STRENGTH * math.sqrt(h * h - y * y) / (t - y))
-        previous, t = h, t + h
-    return least
-
-
-def test_no_term_below_the_bound() -> None:
-    """Rays along z from the origin; spheres about, and at times a floor through the origin that it leaves."""
-    random = np.random.default_rng(8)
-    tried, nearest = 0, math.inf
-    dense = np.geomspace(1e-3, 60, 3000)
-    for _ in range(300):
-        count = random.integers(1, 5)
-        centres = random.uniform((-3, -3, -2), (3, 3, 12), (count, 3))
-        radii = random.uniform(0.05, 2.0, count)
-        slope = random.uniform(0.05, 0.98) if random.random() < 0.5 else math.inf
-
-        def distance(t, centres=centres, radii=radii, slope=slope):
-            to = np.sqrt(centres[:, 0] ** 2 + centres[:, 1] ** 2 + (centres[:, 2] - t) ** 2) - radii
-            return min(float(to.min()), slope * t)
-
-        q = min(distance(t) / t for t in dense)
-        if q <= 1e-3 or distance(0.0) < 0:
-            continue
-        tried += 1
-        q = min(q, 0.999)
-        term = least_term(distance, 1e-3, 60) / STRENGTH
-        assert term >= bound(q) * (1 - 1e-3), (q, term)
-        nearest = min(nearest, term / bound(q))
-    assert tried > 80
-    assert nearest < 1.02  # the bound is not idle: a march comes as near as that
-    assert bound(0.3457) * STRENGTH == pytest.approx(1, abs=1e-3)  # the slope of scene0's cones
+def test_slope_of_scene0s_cones() -> None:
+    """The least that tells a ray lit; tests/py/test_convex.py tries the bound on random marches."""
+    assert bound(0.3458) * STRENGTH == pytest.approx(1, abs=1e-3)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
