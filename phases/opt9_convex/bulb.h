@@ -145,6 +145,7 @@ __attribute__((always_inline)) static inline void exact_bulbs(const struct place
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         b[k] = bulb_begin(p[k], done[k]);
+        COUNT(bulb_first, both);
         struct half_vec low = bulb_first(exact[k].x.low, exact[k].y.low, exact[k].z.low);
         struct half_vec high = bulb_first(exact[k].x.high, exact[k].y.high, exact[k].z.high);
         b[k].x = narrowed(low.x, high.x);
