@@ -123,6 +123,7 @@ static inline int step_bulbs(const struct placed *s, struct packet *p, real hit_
     struct vec at[ABREAST];
     mask done[ABREAST];
     real t[ABREAST], h[ABREAST];
+    COUNT(step_bulbs, call);
     for (int k = 0; k < ABREAST; k++) {
         ACTIVE(LANES - count_of(p[k].done));
         COUNT(step_bulbs, packet);
@@ -149,7 +150,8 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
         for (int i = 0; i < B_FIELDS; i++) // a point to work on, and nothing comes of it
             lanes[k].field[i] = set(2.0f);
     }
-    real hit_distance = set(fmaxf((float)limits->hit_distance, 0x1p-24f));
+    float hit = (float)limits->hit_distance;
+    real hit_distance = set(hit > 0x1p-24f ? hit : 0x1p-24f);
     float most = (float)limits->max_steps, steps = 0.0f;
     int next = 0;
     unsigned live;
@@ -158,11 +160,14 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
             next = refill(&lanes[k], next, count, steps, desk);
+            ACTIVE(count_of(lanes_of(lanes[k].live)));
+            COUNT(march_bulb, packet);
             p[k] = packet_of(&lanes[k]);
             ended += count_of(p[k].done);
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
         while (ended < enough) {
+            COUNT(march_bulb, step);
             steps += 1.0f;
             ended = step_bulbs(s, p, hit_distance, set(steps - most));
         }
@@ -226,12 +231,12 @@ int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wid
 }
 
 void take_bulb(struct stage *at, int slot, const struct desk *desk) {
+    ACTIVE(count_of(at->ray.active));
+    COUNT(take_bulb, call);
     real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
     mask met = both(at->ray.active, less(t, at->hit.t));
     if (!any(met))
         return;
-    ACTIVE(count_of(met));
-    COUNT(take_bulb, call);
     struct vec local = {load(desk->met_at[0] + slot), load(desk->met_at[1] + slot),
                         load(desk->met_at[2] + slot)};
     at->hit.found = either(at->hit.found, met);

@@ -239,6 +239,7 @@ static inline wide wide_add(wide a, double b) {
 static struct wide_vec exact_look(const struct tile *tile, struct block block,
                                   const struct exact_eye *eye, const struct job *job) {
     COUNT(exact_look, call);
+    COUNT(exact_look, scalar);
     double per_height = job->view->tan_half_fov / job->frame->height;
     real zero = set(0.0f), two = set(2.0f);
     real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));
