@@ -1,0 +1,230 @@
+// Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
+// a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
+// there are enough of them to fill all lanes.
+#include "desk.h"
+#include "picture.h"
+
+// `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
+INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
+                 const struct eye *eyes, const struct prepared *scene, struct found *hit) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    real t;
+    mask met;
+    struct vec local;
+    if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+        return;
+    if (s->way == LINEAR) {
+        real slope = dot_with(s->normal, direction);
+        real height = eyes ? set(eyes[i].height) : height_over(s, origin);
+        t = height / (set(0.0f) - slope);
+        met = both(both(active, less(slope, set(0.0f))), greater(height, set(0.0f)));
+        local = hit->local;
+    } else
+        met = enter(eyes ? vec_set(eyes[i].at) : in_frame(s, origin), turned(s, direction), s,
+                    active, &t, &local);
+    met = both(met, less(t, hit->t));
+    if (!any(met))
+        return;
+    hit->found = either(hit->found, met);
+    hit->t = choose(met, t, hit->t);
+    hit->shape = choose(met, set(s->index), hit->shape);
+    hit->local = vec_choose(met, local, hit->local);
+}
+
+static inline struct found nothing_met(void) {
+    real zero = set(0.0f);
+    return (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+}
+
+// The last of the rays that wait first: what they see may make more of them.
+static void follow_mirrors(const struct convex *work) {
+    struct desk *desk = work->desk;
+    float (*field)[QUEUE_ROOM] = desk->mirror;
+    struct stage stage[GROUP];
+    while (desk->mirrors > 0) {
+        int packets = 0;
+        for (; packets < GROUP && desk->mirrors > 0; packets++) {
+            int count = desk->mirrors < LANES ? desk->mirrors : LANES,
+                first = desk->mirrors -= count;
+            struct stage *at = &stage[packets];
+            at->ray = (struct ray){
+                load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
+                load(&field[M_WEIGHT][first]),     load(&field[M_PIXEL][first]),
+                load(&field[M_BOUNCE][first]),     first_lanes(count)};
+        }
+        for (int i = 0; i < packets; i++) {
+            const struct ray *ray = &stage[i].ray;
+            struct found hit = nothing_met();
+            EACH_SHAPE(work->scene, meet, ray->origin, ray->direction, ray->active, NULL,
+                       work->scene, &hit);
+            stage[i].hit = hit;
+        }
+        if (KNOWN(work->scene)->bulbs)
+            meet_bulbs(stage, packets, work);
+        color_all(stage, packets, work);
+        for (int i = 0; i < packets; i++)
+            add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
+    }
+}
+
+// The part of the picture's plane at distance 1 that the tile's rays go through.
+struct window {
+    float left, right, bottom, top;
+};
+
+// Whether a shape lies across it, at least with its bounding sphere.
+INLINE void look_across(int i, const struct window *w, const float *sides, const struct job *job,
+                        struct shapes *list) {
+    const struct placed *s = &KNOWN(job->prepared)->placed[i];
+    const float *c = job->eyes[i].centre;
+    if (s->way ==
+        LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+        float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
+        if (c[0] * x + c[1] * y + c[2] < 1e-6f)
+            put_in(list, i);
+        return;
+    }
+    float r = s->bound * (1 + 1e-5f);
+    if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
+        c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
+        c[1] - w->top * c[2] < r * sides[3])
+        put_in(list, i);
+}
+
+static void shapes_in(const struct window *w, const struct job *job, struct shapes *list) {
+    float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
+                      sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
+    none_of(list);
+    EACH_SHAPE(job->prepared, look_across, w, sides, job, list);
+}
+
+static int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+static inline mask in_picture(struct block block) {
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
+        return all_lanes();
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
+                less(below, set((float)block.down)));
+}
+
+static struct vec vec_from(const double a[3]) {
+    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
+}
+
+// What the tile's blocks have in common.
+struct tile {
+    int left, right, top, bottom;
+    struct vec eye, ahead, across, up;
+    real below, beside; // of the lanes in their block, in pixels
+    float per_height;
+};
+
+static inline struct block block_at(const struct tile *tile, int row, int i) {
+    int column = tile->left + i * BLOCK_WIDTH;
+    return (struct block){column, row, lesser(BLOCK_WIDTH, tile->right - column),
+                          lesser(BLOCK_HEIGHT, tile->bottom - row)};
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot,
+                        const struct job *job, const struct desk *desk, struct stage *at) {
+    const struct frame *frame = job->frame;
+    real two = set(2.0f), per_height = set(tile->per_height);
+    real x =
+        mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
+    real y =
+        neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
+    struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
+    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    at->ray = (struct ray){
+        tile->eye, d, set(1.0f), lane_numbers() + set((float)slot), set(0.0f), in_picture(block)};
+    struct found hit = nothing_met();
+    EACH_IN(desk->listed, meet, tile->eye, d, at->ray.active, job->eyes, job->prepared, &hit);
+    at->hit = hit;
+}
+
+INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
+                          struct desk *desk) {
+    const struct placed *s = &KNOWN(job->prepared)->placed[shape];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    int count = 0, slot = 0;
+    for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
+            struct stage at;
+            look(tile, block_at(tile, row, i), slot, job, desk, &at);
+            count = gather_bulb(count, s, vec_set(job->eyes[shape].at), &at.ray, at.hit.t, slot,
+                                job->prepared, desk);
+        }
+    march_bulb(s, count, &job->prepared->model.march, desk);
+}
+
+int convex_tiles(const struct job *job) {
+    return (job->frame->width + TILE_WIDTH - 1) / TILE_WIDTH *
+           ((job->frame->height + job->tile_height - 1) / job->tile_height);
+}
+
+void convex_tile(const struct job *job, int number, struct desk *desk) {
+    struct frame *frame = job->frame;
+    const struct view *view = job->view;
+    struct convex work = {job->prepared, view, desk};
+    int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    struct tile tile = {left,
+                        lesser(frame->width, left + TILE_WIDTH),
+                        top,
+                        lesser(frame->height, top + job->tile_height),
+                        vec_from(view->position),
+                        vec_from(view->forward),
+                        vec_from(view->right),
+                        vec_from(view->up),
+                        below,
+                        lane_numbers() - below * set(BLOCK_WIDTH),
+                        (float)(view->tan_half_fov / frame->height)};
+    struct window window = {(float)(2 * tile.left + 1 - frame->width) * tile.per_height,
+                            (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
+                            (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
+                            (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
+    shapes_in(&window, job, &desk->listed);
+    if (is_empty(&desk->listed)) {
+        fill_background(frame, tile.left, tile.right, tile.top, tile.bottom,
+                        &KNOWN(job->prepared)->model);
+        return;
+    }
+    if (KNOWN(job->prepared)->bulbs) {
+        clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
+        EACH_IN(desk->listed, look_for_bulb, &tile, job, desk);
+    }
+    struct stage stage[GROUP];
+    int pixel = 0;
+    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
+        int count = 0;
+        for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
+            struct stage *at = &stage[count];
+            look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
+            if (KNOWN(job->prepared)->bulbs)
+                take_bulb(at, job->eyes, pixel + count * LANES, &work);
+        }
+        color_all(stage, count, &work);
+        for (int i = 0; i < count; i++, pixel += LANES) {
+            if (frame->depth)
+                store_hit(frame, block_at(&tile, row, i), &stage[i].hit, stage[i].surface.normal);
+            float *to = &desk->color[pixel];
+            unload(stage[i].color.x, to);
+            unload(stage[i].color.y, to + TILE_PIXELS);
+            unload(stage[i].color.z, to + 2 * TILE_PIXELS);
+        }
+        if (desk->mirrors > QUEUE / 2)
+            follow_mirrors(&work);
+    }
+    follow_mirrors(&work);
+    cast_shadows(&work);
+    pixel = 0;
+    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile.left + i * BLOCK_WIDTH < tile.right; i++, pixel += LANES)
+            store_colors(frame, block_at(&tile, row, i), &desk->color[pixel]);
+}

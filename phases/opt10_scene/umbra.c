@@ -1,0 +1,335 @@
+// Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
+// shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
+// GDC 2018 talk. From a plane the first steps are leapt over.
+#include "cone.h"
+
+#include <string.h>
+
+// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
+// power is not.
+__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
+                                                                 const struct placed *s) {
+    if (s->way == LINEAR)
+        return mul_add(t, near->direction.x, near->origin.x);
+    if (near->power) {
+        real power = mul_add(t, t + near->slope, near->constant);
+        return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    }
+    return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
+}
+
+// A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
+// distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
+__attribute__((always_inline)) static inline void
+near_to(int i, struct near *nears, real t, mask done, const struct prepared *scene, real *least) {
+    struct near *near = &nears[i];
+    mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
+    if (!any(but_not(done, awake)))
+        return;
+    real h = distance_along(near, t, &scene->placed[i]);
+    near->wakes = (h + t) * set(1.0f - 0x1p-18f);
+    *least = least_of(*least, h);
+}
+
+__attribute__((always_inline)) static inline real nearest(struct near *nears,
+                                                          const struct shapes *casters, real t,
+                                                          mask done, const struct prepared *scene) {
+    real least = set(INFINITY);
+    EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
+    return least;
+}
+
+// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
+// first term is strength·facing, all others are the same; least²: of those leapt over.
+static inline real leap(const struct rays *r, real start, real strength, real *previous,
+                        real *square) {
+    real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
+    mask can = both(both(r->on_plane, r->active), not_less(until, start));
+    if (!any(can))
+        return start;
+    real c = r->facing, grow = log_of(one + c);
+    real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
+    real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
+    real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
+    real others = first * first * inside / (beyond * beyond);
+    real least = least_of(first * first, choose(greater(steps, set(1.5f)), others, one));
+    *square = choose(can, least_of(*square, least), *square);
+    *previous = choose(can, t * c / (one + c), *previous);
+    return choose(can, t, start);
+}
+
+// One packet's march. Two are marched by turns: the CPU works on one while the other waits for its roots.
+struct march {
+    struct near *nears;
+    const struct shapes *casters;
+    mask done;
+    real t, from, previous, end; // MARCH_REALS from here on
+    real square, divisor;        // least² = square/divisor; no root or quotient until the end
+    real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
+};
+enum { MARCH_REALS = 8, NEAR_REALS = 8 };
+
+static void begin(struct rays *r, struct near *nears, struct shapes *casters,
+                  const struct convex *work, struct march *m) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    *m = (struct march){.nears = nears,
+                        .casters = casters,
+                        .previous = set(1e9f),
+                        .from = set(0.0f),
+                        .divisor = set(1.0f)};
+    choose_shapes(r, nears, casters, work);
+    m->end = r->end;
+    // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it.
+    real room = r->first * (set(1.0f) - r->cosine);
+    float least_room =
+        (float)(1e5 * work->scene->model.march.hit_distance * model->shadow_strength);
+    mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
+    m->done = either(dark, not_in(r->active));
+    m->square = drop(dark, set(1.0f));
+    real strength = set((float)model->shadow_strength);
+    m->t = leap(r, set((float)model->march.surface_offset), strength, &m->previous, &m->square);
+    float radius = (float)model->march.bounds_radius;
+    m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
+    m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
+}
+
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
+                                                       real hit_distance, float dark) {
+    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
+    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
+    // distances from underflow.
+    real twice = m->previous + m->previous,
+         unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
+    real part = h * unit, square = h * h;
+    twice = twice * unit;
+    real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
+    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
+    real term = strength * strength * square * inside, divisor = beyond * beyond;
+    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
+    m->square = choose(darker, term, m->square);
+    m->divisor = choose(darker, divisor, m->divisor);
+    m->previous = h;
+    if (dark > 0.0f)
+        done = either(done, less(m->square, m->divisor * set(dark)));
+    done = either(done, greater(m->from, m->end)); // the step to here began behind it
+    m->from = m->t;
+    m->t = m->t + drop(done, h);
+    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+}
+
+INLINE void near_bulbs(int i, const struct march *m, const mask *done, const struct prepared *scene,
+                       real *h) {
+    const struct placed *s = &scene->placed[i];
+    real own[ABREAST];
+    if (s->type == SHAPE_MANDELBULB) {
+        struct vec p[ABREAST];
+        for (int k = 0; k < ABREAST; k++)
+            p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
+        bulbs(s, p, done, own);
+    } else
+        for (int k = 0; k < ABREAST; k++)
+            own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+    for (int k = 0; k < ABREAST; k++)
+        h[k] = least_of(h[k], own[k]);
+}
+
+// Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
+static inline void nearest_bulbs(const struct march *m, const struct prepared *scene, real *h) {
+    mask done[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        h[k] = set(INFINITY);
+        done[k] = m[k].done;
+    }
+    EACH_SHAPE(scene, near_bulbs, m, done, KNOWN(scene), h);
+}
+
+INLINE void put_behind(int i, const struct march *m, real q, const struct prepared *scene,
+                       mask *behind) {
+    const struct placed *s = &scene->placed[i];
+    const struct near *near = &m->nears[i];
+    if (!any(*behind))
+        return;
+    if (s->way == LINEAR) {
+        *behind = both(*behind, not_less(near->direction.x, q));
+        return;
+    }
+    real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
+    mask away = not_less(share * vec_dot(p, near->direction) * per, q);
+    mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
+    *behind = both(*behind, both(away, far));
+}
+
+// Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
+// slope q at which no term is less than 0.866·strength·q.
+static inline mask behind_all(const struct march *m, float per_strength,
+                              const struct prepared *scene) {
+    real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
+    mask behind = not_in(m->done);
+    EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
+    return behind;
+}
+
+static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
+    int left = count - first;
+    return (struct rays){.active = first_lanes(left < 0       ? 0
+                                               : left < LANES ? left
+                                                              : LANES),
+                         .point = load_vec(field + S_POINT, first),
+                         .local = load_vec(field + S_LOCAL, first),
+                         .to_light = load_vec(field + S_TO_LIGHT, first),
+                         .facing = load(&field[S_FACING][first]),
+                         .shape = load(&field[S_SHAPE][first]),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
+static void add_lane(int i, float lit, struct desk *desk) {
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int pixel = (int)field[S_PIXEL][i];
+    for (int k = 0; k < 3; k++)
+        desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
+}
+
+// A packet whose lanes hold rays of different age.
+struct pool {
+    struct march march;
+    struct near *nears;
+    int ray[LANES]; // which of the queue
+    unsigned live;
+};
+
+static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
+    float *a = (float *)&to->march.t;
+    const float *b = (const float *)&from->march.t;
+    for (int i = 0; i < MARCH_REALS; i++)
+        a[i * LANES + here] = b[i * LANES + there];
+    for (int k = 0; k < shapes; k++) {
+        a = (float *)&to->nears[k].origin;
+        b = (const float *)&from->nears[k].origin;
+        for (int i = 0; i < NEAR_REALS; i++)
+            a[i * LANES + here] = b[i * LANES + there];
+    }
+    to->ray[here] = from->ray[there];
+    to->live |= 1u << here;
+}
+
+// Takes rays from `ready`, which is made anew from the queue whenever it is empty.
+static int refill_shadows(struct pool *to, struct pool *ready, int next,
+                          const struct convex *work) {
+    struct desk *desk = work->desk;
+    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
+        while (!ready->live && next < desk->shadows) {
+            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
+            ready->live = bits(r.active) & ~bits(ready->march.done);
+            for (int lane = 0; lane < LANES; lane++)
+                ready->ray[lane] = next + lane; // what is dark from the start adds nothing
+            next += LANES;
+        }
+        if (!ready->live)
+            break;
+        int lane = __builtin_ctz(ready->live);
+        copy_lane(to, __builtin_ctz(ended), ready, lane, KNOWN(work->scene)->model.shape_count);
+        ready->live &= ready->live - 1;
+    }
+    to->march.done = lanes_of(~to->live);
+    return next;
+}
+
+static void retire_shadows(struct pool *from, struct desk *desk) {
+    float lit[LANES];
+    unload(root(from->march.square / from->march.divisor), lit);
+    unsigned ended = from->live & bits(from->march.done);
+    for (unsigned rest = ended; rest; rest &= rest - 1)
+        add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+    from->live &= ~ended;
+}
+
+// With a Mandelbulb in the scene, some rays take 1,000 steps: lanes are filled again as in bulb.c.
+static void cast_streams(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    float per_strength = 1.0f / (float)model->shadow_strength;
+    struct pool pool[ABREAST] = {0}, ready = {.nears = desk->near + ABREAST * model->shape_count};
+    memset(desk->near, 0, (ABREAST + 1) * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < ABREAST; k++)
+        pool[k].march.nears = pool[k].nears = desk->near + k * model->shape_count;
+    long left = (long)work->scene->model.march.max_steps * (desk->shadows / LANES + ABREAST);
+    for (int next = 0; left > 0;) {
+        struct march m[ABREAST];
+        unsigned live = ready.live;
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill_shadows(&pool[k], &ready, next, work);
+            live |= pool[k].live;
+            m[k] = pool[k].march;
+            ended += count_of(m[k].done);
+        }
+        if (!live)
+            break;
+        int enough = next < desk->shadows || ready.live ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough && left-- > 0) {
+            real h[ABREAST];
+            nearest_bulbs(m, work->scene, h);
+            ended = 0;
+            for (int k = 0; k < ABREAST; k++) {
+                mask behind = behind_all(&m[k], per_strength, work->scene);
+                step(&m[k], h[k], strength, hit, 0x1p-28f); // what is darker than 2^-14 is dark
+                m[k].done = either(m[k].done, behind);
+                ended += count_of(m[k].done);
+            }
+        }
+        for (int k = 0; k < ABREAST; k++) {
+            pool[k].march = m[k];
+            retire_shadows(&pool[k], desk);
+        }
+    }
+    desk->shadows = 0;
+}
+
+static void cast_pair(int first, const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &KNOWN(work->scene)->model;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    struct march a, b;
+    struct rays r = waiting(field, first, desk->shadows);
+    begin(&r, desk->near, &desk->casters[0], work, &a);
+    mask active_a = r.active;
+    r = waiting(field, first + LANES, desk->shadows);
+    begin(&r, desk->near + model->shape_count, &desk->casters[1], work, &b);
+    mask active_b = r.active;
+    for (int i = 0; i < work->scene->model.march.max_steps; i++) {
+        bool over = all(a.done);
+        if (over && all(b.done))
+            break;
+        if (!over)
+            step(&a, nearest(a.nears, a.casters, a.t, a.done, work->scene), strength, hit, 0.0f);
+        if (!all(b.done))
+            step(&b, nearest(b.nears, b.casters, b.t, b.done, work->scene), strength, hit, 0.0f);
+    }
+    add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
+              load(&field[S_PIXEL][first]), desk);
+    add_light(active_b,
+              vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
+              load(&field[S_PIXEL][first + LANES]), desk);
+}
+
+void cast_shadows(const struct convex *work) {
+    if (KNOWN(work->scene)->bulbs) {
+        cast_streams(work);
+        return;
+    }
+    for (int first = 0; first < work->desk->shadows; first += 2 * LANES)
+        cast_pair(first, work);
+    work->desk->shadows = 0;
+}
