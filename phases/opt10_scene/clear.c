@@ -32,7 +32,7 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
 }
 
 // How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
-static real curvature(struct vec p, struct vec n, struct vec l, real facing,
+INLINE real curvature(struct vec p, struct vec n, struct vec l, real facing,
                       const struct placed *s) {
     real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
     if (s->type == SHAPE_SPHERE)

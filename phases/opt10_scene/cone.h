@@ -10,29 +10,29 @@ struct cone {
     real along, need, lean; // v·l, |v|² − R², v·l + q·R
 };
 
-static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
+INLINE struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
     real along = vec_dot(v, l);
     return (struct cone){along, vec_dot(v, v) - set(s->bound_sq), along + set(q * s->bound)};
 }
 
-static inline mask cone_misses(struct cone c, float q) {
+INLINE mask cone_misses(struct cone c, float q) {
     real lean = most_of(c.lean, set(0.0f));
     return less(lean * lean, set(1.0f - q * q) * c.need);
 }
 
-static inline struct vec to_centre(const struct placed *s, struct vec p) {
+INLINE struct vec to_centre(const struct placed *s, struct vec p) {
     return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y,
                         set(s->position[2]) - p.z};
 }
 
 // The slope that the cone to a shape needs.
-static inline float slope_to(const struct placed *s, float q) {
+INLINE float slope_to(const struct placed *s, float q) {
     return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
 }
 
 // A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
 // and ever faster. So does the torus's, where the point is on its hull.
-static inline mask bulges(const struct placed *s, struct vec local) {
+INLINE mask bulges(const struct placed *s, struct vec local) {
     if (s->convex)
         return all_lanes();
     if (s->type == SHAPE_MANDELBULB)
@@ -41,7 +41,7 @@ static inline mask bulges(const struct placed *s, struct vec local) {
     return not_less(square, set(s->a * s->a));
 }
 
-static inline mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
+INLINE mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
     real furthest = set(2.0f * (float)scene->model.march.bounds_radius);
     return either(not_less(slope, set(q)),
                   both(greater(height, set(0.0f)),

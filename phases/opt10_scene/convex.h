@@ -99,12 +99,12 @@ SHARED void cast_shadows(const struct convex *work);
 SHARED int convex_tiles(const struct job *job);
 SHARED void convex_tile(const struct job *job, int tile, struct desk *desk);
 
-static inline struct vec in_frame(const struct placed *s, struct vec p) {
+INLINE struct vec in_frame(const struct placed *s, struct vec p) {
     return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
                                   p.z - set(s->position[2])});
 }
 
-static inline real height_over(const struct placed *s, struct vec p) {
+INLINE real height_over(const struct placed *s, struct vec p) {
     return dot_with(s->normal, p) - set(s->c);
 }
 
@@ -133,7 +133,7 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
     }
 }
 
-static inline mask same_shape(real shape, int i) {
+INLINE mask same_shape(real shape, int i) {
     return less(absolute(shape - set((float)i)), set(0.5f));
 }
 

@@ -81,8 +81,10 @@ char *generate_scene(const struct prepared *p) {
     FILE *to = open_memstream(&text, &size);
     if (!to)
         return NULL;
-    fprintf(to, "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
-            p->model.shape_count, p->model.shape_count);
+    fprintf(
+        to,
+        "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
+        p->model.shape_count, p->model.shape_count);
     if (p->model.shape_count <= MOST_UNROLLED)
         write_each(to, p->model.shape_count);
     else

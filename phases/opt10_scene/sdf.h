@@ -29,7 +29,7 @@ static inline real dot_with(const float a[3], struct vec v) {
     return vec_dot(vec_set(a), v);
 }
 
-static inline struct vec turned(const struct placed *placed, struct vec v) {
+INLINE struct vec turned(const struct placed *placed, struct vec v) {
     COUNT(turned, call);
     if (!placed->turned)
         return v;
@@ -39,7 +39,7 @@ static inline struct vec turned(const struct placed *placed, struct vec v) {
 }
 
 // Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct placed *placed, struct vec v) {
+INLINE struct vec turned_back(const struct placed *placed, struct vec v) {
     COUNT(turned_back, call);
     if (!placed->turned)
         return v;

@@ -14,13 +14,13 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
 }
 
 // What is between two planes at distance `half` from the origin, of rays that are at c and go d.
-static inline void slab(real c, real d, float half, real *in, real *out) {
+INLINE void slab(real c, real d, float half, real *in, real *out) {
     real per = inverse_of(d), middle = c * per, width = set(half) * absolute(per);
     *in = most_of(*in, set(0.0f) - middle - width);
     *out = least_of(*out, width - middle);
 }
 
-static inline mask enter_box(struct vec c, struct vec d, const struct placed *s, real *t) {
+INLINE mask enter_box(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_box, call);
     real out = set(INFINITY);
     *t = set(-INFINITY);
@@ -30,7 +30,7 @@ static inline mask enter_box(struct vec c, struct vec d, const struct placed *s,
     return less(*t, out);
 }
 
-static inline mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
+INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_octahedron, call);
     real out = set(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
          d_apart = d.x - d.y;
@@ -44,7 +44,7 @@ static inline mask enter_octahedron(struct vec c, struct vec d, const struct pla
 
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
 // convex there, so a ray enters it once: through the cap, or at the root where that falls.
-static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
+INLINE mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_cone, call);
     real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f);
     slab(c.y, d.y, s->c, &in, &out);
@@ -67,8 +67,7 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
 // Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
 // radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
 // goes too far, and a ray that no longer comes nearer to it has missed.
-static inline mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near,
-                               real *t) {
+INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
     COUNT(enter_torus, call);
     real zero = set(0.0f), bound = set(s->bound), at = *t, tiny = set(1e-30f);
     mask going = near, found = no_lane();
@@ -104,8 +103,8 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
 
 // Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
 // how far, and the point there, on the surface to the rounding of its own size. Not for planes.
-static inline mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
-                         struct vec *point) {
+INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
+                  struct vec *point) {
     COUNT(enter, call);
     real before = set(0.0f) - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
@@ -133,7 +132,7 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
 }
 
 // Outward, of unit length, in the shape's frame, at points on its surface.
-static inline struct vec normal_on(struct vec p, const struct placed *s) {
+INLINE struct vec normal_on(struct vec p, const struct placed *s) {
     COUNT(normal_on, call);
     real one = set(1.0f);
     switch (s->type) {

@@ -69,6 +69,11 @@ static void *own_memory(size_t size) {
 }
 
 static void draw_tiles(struct team *team, void *own) {
+    if (team->count == 1) { // an atomic operation would wait for all that was stored
+        for (int tile = 0; tile < team->tiles; tile++)
+            render_tile(team->job, tile, own);
+        return;
+    }
     // The lock has published what a tile needs; the counter only has to count.
     for (int tile;
          (tile = atomic_fetch_add_explicit(&team->next, 1, memory_order_relaxed)) < team->tiles;)
