@@ -121,8 +121,9 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 	@test -f $(call folder_of,$*)/costs.def || { echo "$(call folder_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote $(call folder_of,$*) -I$(BUILD)/$* -c $< -o $@
 
+# local-exec: gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
-	$(call compile_recipe,-DSTEPWISE_COUNT -iquote $(call folder_of,$*))
+	$(call compile_recipe,-DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
 $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/variant.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@

@@ -3,8 +3,9 @@
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
 #include "cone.h"
 
-mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
-             const struct convex *work) {
+mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+             mask active, const struct convex *work) {
+    ACTIVE(count_of(active));
     COUNT(cleared, call);
     const struct prepared *scene = work->scene;
     float q = scene->lit_slope;
@@ -13,15 +14,21 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
         int i = work->desk->shading[k];
         const struct placed *s = &scene->placed[i];
         mask here;
-        if (s->way == LINEAR)
+        if (s->way == LINEAR) {
+            COUNT(cleared, plane);
+            COUNT(cleared, plane_scalar);
             here = either(same_shape(shape, i),
                           plane_clears(height_over(s, point), vec_dot(vec_set(s->normal), to_light),
                                        q, scene));
-        else {
+        } else {
+            COUNT(cleared, solid);
+            COUNT(cleared, solid_scalar);
             float slope = slope_to(s, q);
             here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
-            if (bits(but_not(here, clear)))
-                here = either(here, both(same_shape(shape, i), bulges(s, local)));
+            if (any(but_not(here, clear))) {
+                COUNT(cleared, own);
+                here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
+            }
         }
         clear = both(clear, here);
     }
@@ -31,16 +38,23 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real shape
 // How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
 static real curvature(struct vec p, struct vec n, struct vec l, real facing,
                       const struct placed *s) {
+    COUNT(curvature, call);
     real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
-    if (s->type == SHAPE_SPHERE)
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(curvature, sphere);
+        COUNT(curvature, sphere_scalar);
         return tangent * set(1.0f / s->a);
+    }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
+    COUNT(curvature, ring);
     real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
     real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
     real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
+    COUNT(curvature, torus);
+    COUNT(curvature, torus_scalar);
     return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
 }
 
@@ -50,8 +64,10 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
     real one = set(1.0f), strength = set((float)model->shadow_strength);
     real t = set((float)model->march.surface_offset), hit = set((float)model->march.hit_distance);
     real half = set(0.0f);
-    if (s->way != LINEAR)
+    if (s->way != LINEAR) {
+        COUNT(own_shadow, curved);
         half = set(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
+    }
     real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
     real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
     real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);
@@ -65,26 +81,46 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
     return choose(second, least_of(least, term), least);
 }
 
-mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
-                   const struct convex *work) {
+mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                   real distance, mask active, const struct convex *work) {
+    ACTIVE(count_of(active));
     COUNT(reaches_light, call);
+    COUNT(reaches_light, scalar);
     const struct prepared *scene = work->scene;
+    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
+    float radius = (float)scene->model.march.bounds_radius;
+    // From where a march would begin to the light, or to the bounds.
+    struct vec start = vec_along(point, to_light, offset);
+    real along = vec_dot(start, to_light);
+    real leaves =
+        root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
+    real way = least_of(distance - offset, leaves - along);
     mask open = active;
     for (int k = 0; k < work->desk->shadings && any(open); k++) {
-        const struct placed *s = &scene->placed[work->desk->shading[k]];
-        real t;
-        mask met;
+        int i = work->desk->shading[k];
+        const struct placed *s = &scene->placed[i];
+        COUNT(reaches_light, shape);
+        mask own = same_shape(shape, i), blocked;
         if (s->way == LINEAR) {
-            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, point);
-            t = height / (set(0.0f) - slope);
-            met = both(less(slope, set(0.0f)), greater(height, set(0.0f)));
+            COUNT(reaches_light, plane);
+            real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, start);
+            blocked = but_not(own, less(mul_add(way, slope, height), zero));
+            blocked = either(blocked, but_not(own, less(height, zero)));
         } else {
-            struct vec at;
-            met = enter(in_frame(s, point), turned(s, to_light), s, open, &t, &at);
+            COUNT(reaches_light, solid);
+            struct vec at, d = turned(s, to_light),
+                           o = vec_choose(own, vec_along(local, d, offset), in_frame(s, start));
+            mask asked = s->convex ? but_not(own, open) : open;
+            real t;
+            blocked = enter(o, d, s, asked, &t, &at);
+            blocked = both(blocked, less(t, way));
+            mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+            if (any(within)) {
+                COUNT(reaches_light, within);
+                blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));
+            }
         }
-        open = but_not(both(met, both(less(t, distance),
-                                      greater(t, set((float)scene->model.march.surface_offset)))),
-                       open);
+        open = but_not(both(blocked, greater(way, zero)), open);
     }
     return open;
 }

@@ -3,35 +3,90 @@
 // there are enough of them to fill all lanes.
 #include "picture.h"
 
-// `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
-static void first_hit(struct vec origin, struct vec direction, mask active, const struct eye *eyes,
-                      const int *list, int count, const struct prepared *scene, struct found *hit) {
+static inline void take(mask met, real t, struct vec local, const struct placed *s,
+                        struct found *hit) {
+    if (!any(met))
+        return;
+    hit->found = either(hit->found, met);
+    hit->t = choose(met, t, hit->t);
+    hit->shape = choose(met, set(s->index), hit->shape);
+    hit->local = vec_choose(met, local, hit->local);
+}
+
+// Camera rays. Where the camera is inside of a shape, march.c has the frame.
+static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
+                      int count, const struct prepared *scene, struct found *hit) {
+    COUNT(first_hit, call);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
     for (int k = 0; k < count; k++) {
-        int i = list ? list[k] : k;
+        int i = list[k];
         const struct placed *s = &scene->placed[i];
         real t;
         mask met;
         struct vec local;
         if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
+        ACTIVE(count_of(active));
         if (s->way == LINEAR) {
+            COUNT(first_hit, plane);
             real slope = vec_dot(vec_set(s->normal), direction);
-            real height = eyes ? set(eyes[i].height) : height_over(s, origin);
-            t = height / (zero - slope);
-            met = both(both(active, less(slope, zero)), greater(height, zero));
+            t = set(eyes[i].height) / (zero - slope);
+            met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
-        } else
-            met = enter(eyes ? vec_set(eyes[i].at) : in_frame(s, origin), turned(s, direction), s,
-                        active, &t, &local);
-        met = both(met, less(t, hit->t));
-        if (!any(met))
+        } else {
+            COUNT(first_hit, solid);
+            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+        }
+        take(both(met, less(t, hit->t)), t, local, s, hit);
+    }
+}
+
+// Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
+// then hit it at once, at the distance that they are at, which is negative.
+static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask active, mask own,
+                      real *t, struct vec *local) {
+    COUNT(meet_from, call);
+    if (s->convex)
+        active = but_not(own, active); // what it leaves, it does not meet again
+    mask met = enter(o, d, s, active, t, local);
+    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    if (!any(within))
+        return met;
+    COUNT(meet_from, within);
+    real h = distance_at(o, s, no_lane());
+    mask inside = both(within, less(h, set(0.0f)));
+    *t = choose(inside, h, *t);
+    *local = vec_choose(inside, vec_along(o, d, h), *local);
+    return either(met, inside);
+}
+
+static void mirror_hit(const struct ray *ray, const struct prepared *scene, struct found *hit) {
+    COUNT(mirror_hit, call);
+    real zero = set(0.0f);
+    *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *s = &scene->placed[i];
+        ACTIVE(count_of(ray->active));
+        mask own = same_shape(ray->leaves, i), met;
+        real t;
+        struct vec local = hit->local;
+        if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
             continue;
-        hit->found = either(hit->found, met);
-        hit->t = choose(met, t, hit->t);
-        hit->shape = choose(met, set(s->index), hit->shape);
-        hit->local = vec_choose(met, local, hit->local);
+        COUNT(mirror_hit, shape);
+        if (s->way == LINEAR) {
+            COUNT(mirror_hit, plane);
+            real slope = vec_dot(vec_set(s->normal), ray->direction);
+            real height = height_over(s, ray->origin);
+            mask under = less(height, zero);
+            t = choose(under, height, height / (zero - slope));
+            met = both(but_not(own, ray->active), either(under, less(slope, zero)));
+        } else {
+            COUNT(mirror_hit, solid);
+            met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active,
+                            own, &t, &local);
+        }
+        take(both(met, less(t, hit->t)), t, local, s, hit);
     }
 }
 
@@ -46,14 +101,16 @@ static void follow_mirrors(const struct convex *work) {
             int count = desk->mirrors < LANES ? desk->mirrors : LANES,
                 first = desk->mirrors -= count;
             struct stage *at = &stage[packets];
-            at->ray = (struct ray){
-                load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
-                load(&field[M_WEIGHT][first]),     load(&field[M_PIXEL][first]),
-                load(&field[M_BOUNCE][first]),     first_lanes(count)};
+            at->ray = (struct ray){load_vec(field + M_ORIGIN, first),
+                                   load_vec(field + M_DIRECTION, first),
+                                   load(&field[M_WEIGHT][first]),
+                                   load(&field[M_PIXEL][first]),
+                                   load(&field[M_BOUNCE][first]),
+                                   load(&field[M_LEAVES][first]),
+                                   first_lanes(count)};
         }
         for (int i = 0; i < packets; i++)
-            first_hit(stage[i].ray.origin, stage[i].ray.direction, stage[i].ray.active, NULL, NULL,
-                      work->scene->model.shape_count, work->scene, &stage[i].hit);
+            mirror_hit(&stage[i].ray, work->scene, &stage[i].hit);
         if (work->scene->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
@@ -69,6 +126,7 @@ struct window {
 
 // The shapes that lie across it, at least with their bounding spheres.
 static int shapes_in(const struct window *w, const struct job *job, int *list) {
+    COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     int count = 0;
@@ -77,11 +135,13 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
         const float *c = job->prepared->eyes[i].centre;
         if (s->way ==
             LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+            COUNT(shapes_in, plane);
             float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
             if (c[0] * x + c[1] * y + c[2] < 1e-6f)
                 list[count++] = i;
             continue;
         }
+        COUNT(shapes_in, solid);
         float r = s->bound * (1 + 1e-5f);
         if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
             c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
@@ -125,6 +185,8 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
 static inline void look(const struct tile *tile, struct block block, int slot,
                         const struct job *job, const struct desk *desk, struct stage *at) {
     const struct frame *frame = job->frame;
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
@@ -132,10 +194,11 @@ static inline void look(const struct tile *tile, struct block block, int slot,
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
     d = vec_scale(d, set(1.0f) / vec_norm(d));
-    at->ray = (struct ray){
-        tile->eye, d, set(1.0f), lane_numbers() + set((float)slot), set(0.0f), in_picture(block)};
-    first_hit(tile->eye, d, at->ray.active, job->prepared->eyes, desk->list, desk->listed,
-              job->prepared, &at->hit);
+    at->ray =
+        (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
+                     set(0.0f), set(-1.0f), in_picture(block)};
+    first_hit(d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
+              &at->hit);
 }
 
 static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {
@@ -162,6 +225,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     const struct view *view = job->view;
     struct convex work = {job->prepared, view, desk};
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    COUNT(convex_tile, call);
+    COUNT(convex_tile, scalar);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,

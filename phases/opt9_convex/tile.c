@@ -31,6 +31,7 @@ static mask in_picture(struct block block) {
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
+    COUNT(get_direction, divide);
     double per_height = view->tan_half_fov / frame->height;
     float columns[LANES], rows[LANES];
     for (int lane = 0; lane < LANES; lane++) {
@@ -81,8 +82,9 @@ static int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
-static void render_tile(const struct job *job, int tile, struct approach *own) {
-    COUNT(render_tile, call);
+static void draw_tile(const struct job *job, int tile, struct approach *own) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {job->prepared, job->view, own};
     struct place origin = place_of(job->view->position);
@@ -95,7 +97,7 @@ static void render_tile(const struct job *job, int tile, struct approach *own) {
             struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
                                   lesser(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
-            COUNT(render_tile, packet);
+            COUNT(draw_tile, packet);
             struct shaded seen;
             trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
                   &seen);
@@ -124,7 +126,7 @@ int VARIANT(tiles)(const struct job *job) {
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
     if (!job->solids) {
-        render_tile(job, tile, own);
+        draw_tile(job, tile, own);
         return;
     }
     size_t shapes = (size_t)job->prepared->model.shape_count;

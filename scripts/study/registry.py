@@ -17,7 +17,7 @@ from study import patches
 from study.cli import StudyError
 
 ROOT = Path(__file__).resolve().parents[2]
-OPTIONAL = {"planes", "variants", "each_variant"}  # keys of phase.json that may be left out
+OPTIONAL = {"planes", "variants", "each_variant", "exact_hits"}  # keys of phase.json that may be left out
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
@@ -46,6 +46,9 @@ class Phase:
     # the widest, `isa` what all need. `each_variant`: the files that are built for each.
     variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     each_variant: list[str] = dataclasses.field(default_factory=list)
+    # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
+    # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
+    exact_hits: bool = False
 
 
 @dataclass(frozen=True)

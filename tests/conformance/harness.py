@@ -10,6 +10,7 @@ import functools
 import json
 import os
 import subprocess
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,7 @@ REDUCED = BUILD != "build"
 KEPT = ROOT / BUILD / "test-scenes"  # scenes stay here, so that a failure can be run again
 PHASES = list(registry.phases())
 REFERENCE = next(name for name, phase in registry.phases().items() if phase.parent is None)
+TRUTH = next(name for name, phase in registry.phases().items() if phase.family == registry.TRUTH)
 
 
 @functools.cache
@@ -112,9 +114,9 @@ def render(phase: str, scene: Path, width: int, height: int, *options: str | int
 
 
 @functools.cache
-def reference(scene: Path, width: int, height: int, *options: str | int) -> Run:
-    """The picture of the phase without a parent."""
-    return render(REFERENCE, scene, width, height, *options)
+def reference(scene: Path, width: int, height: int, *options: str | int, phase: str = REFERENCE) -> Run:
+    """The picture that another is held against: of the phase without a parent, or the proved one."""
+    return render(phase, scene, width, height, *options)
 
 
 def check_picture(run: Run) -> None:
@@ -146,7 +148,7 @@ def check_picture(run: Run) -> None:
     assert (facing < 1e-5).all(), f"{run}: a normal faces away from its ray by {facing.max()}"
 
 
-def same_bits(a: Run, b: Run, channels: str | None = None) -> None:
+def same_bits(a: Run, b: Run, channels: Iterable[str] | None = None) -> None:
     for name in channels or a.picture:
         assert np.array_equal(a.picture[name].view(np.uint32), b.picture[name].view(np.uint32)), (
             f"{a}: channel {name} differs from {b}"
