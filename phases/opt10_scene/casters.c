@@ -3,6 +3,8 @@
 
 INLINE void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
                           struct near *near) {
+    COUNT(look_at_plane, call);
+    COUNT(look_at_plane, scalar);
     float q = KNOWN(work->scene)->lit_slope;
     mask own = same_shape(r->shape, i);
     real height = drop(own, height_over(s, r->point)), slope = dot_with(s->normal, r->to_light);
@@ -13,6 +15,7 @@ INLINE void look_at_plane(const struct placed *s, int i, struct rays *r, const s
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
     if (any(but_not(clear, r->active))) {
+        COUNT(look_at_plane, met);
         real t = height / (set(0.0f) - slope);
         mask met = both(but_not(own, r->active), both(less(slope, set(0.0f)), less(t, r->first)));
         r->first = choose(met, t, r->first);
@@ -22,23 +25,27 @@ INLINE void look_at_plane(const struct placed *s, int i, struct rays *r, const s
 
 INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work,
                           struct near *near) {
+    COUNT(look_at_solid, call);
+    COUNT(look_at_solid, scalar);
     float q = slope_to(s, KNOWN(work->scene)->lit_slope);
     bool bulb = s->type == SHAPE_MANDELBULB;
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask own_bulge = both(own, bulges(s, r->local));
+    mask own_bulge = both(own, bulges(s, r->local, r->facing, KNOWN(work->scene)));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
-    real wide = set(fmaxf(1.0f - q * q, 1e-6f));
+    real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)),
                        set(INFINITY));
-    if (bulb)
+    if (bulb) {
+        COUNT(look_at_solid, bulb);
         from =
             set(BULB_SHARE / (1 + BULB_SHARE)) * (root(c.need + set(s->bound_sq)) - set(s->bound));
+    }
     // From a plane the march is at most at height facing·t: a cone once more, of that slope.
     real share = set(bulb ? BULB_SHARE : 1.0f), s_slope = r->facing / share;
     real lean = mul_add(s_slope, set(s->bound), c.along),
@@ -52,12 +59,14 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     near->from = from;
     r->alone = least_of(r->alone, from);
     if (any(met) && !bulb) {
+        COUNT(look_at_solid, met);
         struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)),
                        d = turned(s, r->to_light);
         real t;
         mask in = enter(o, d, s, but_not(own, met), &t, &at);
         in = both(in, less(t, r->first));
         if (any(in)) {
+            COUNT(look_at_solid, in);
             r->first = choose(in, t, r->first);
             r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
         }
@@ -65,8 +74,10 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
 }
 
 INLINE void look_from(int i, struct rays *r, const struct prepared *scene) {
-    if (scene->placed[i].way == LINEAR)
+    if (scene->placed[i].way == LINEAR) {
+        COUNT(choose_shapes, plane);
         r->on_plane = either(r->on_plane, same_shape(r->shape, i));
+    }
 }
 
 INLINE void look_at(int i, struct rays *r, const struct convex *work, struct near *nears) {
@@ -81,17 +92,20 @@ INLINE void choose_shape(int i, struct rays *r, const struct prepared *scene, st
                          struct shapes *casters) {
     const struct placed *s = &scene->placed[i];
     struct near *near = &nears[i];
+    COUNT(choose_shapes, shape);
     if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
         return;
     put_in(casters, i);
     near->wakes = set(-INFINITY);
     if (s->way == LINEAR)
         return;
+    COUNT(choose_shapes, solid);
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
     near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
     if (near->power) {
+        COUNT(choose_shapes, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
         near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
     }

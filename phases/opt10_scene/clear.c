@@ -3,47 +3,61 @@
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
 #include "cone.h"
 
-INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_light, real shape,
-                     const struct prepared *scene, mask *clear) {
+INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_light, real facing,
+                     real shape, const struct convex *work, mask *clear) {
     if (!any(*clear))
         return;
+    const struct prepared *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
+    float q = scene->lit_slope;
     mask here;
-    if (s->way == LINEAR)
+    if (s->way == LINEAR) {
+        COUNT(cleared, plane);
+        COUNT(cleared, plane_scalar);
         here = either(same_shape(shape, i),
-                      plane_clears(height_over(s, point), dot_with(s->normal, to_light),
-                                   scene->lit_slope, scene));
-    else {
-        float slope = slope_to(s, scene->lit_slope);
+                      plane_clears(height_over(s, point), dot_with(s->normal, to_light), q, scene));
+    } else {
+        COUNT(cleared, solid);
+        COUNT(cleared, solid_scalar);
+        float slope = slope_to(s, q);
         here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
-        if (bits(but_not(here, *clear)))
-            here = either(here, both(same_shape(shape, i), bulges(s, local)));
+        if (any(but_not(here, *clear))) {
+            COUNT(cleared, own);
+            here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
+        }
     }
     *clear = both(*clear, here);
 }
 
-mask cleared(struct vec point, struct vec local, struct vec to_light, real shape, mask active,
-             const struct convex *work) {
+mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+             mask active, const struct convex *work) {
+    ACTIVE(count_of(active));
     COUNT(cleared, call);
     mask clear = active;
-    EACH_IN(work->desk->shading, clear_of, point, local, to_light, shape, KNOWN(work->scene),
-            &clear);
+    EACH_IN(work->desk->shading, clear_of, point, local, to_light, facing, shape, work, &clear);
     return clear;
 }
 
 // How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
 INLINE real curvature(struct vec p, struct vec n, struct vec l, real facing,
                       const struct placed *s) {
+    COUNT(curvature, call);
     real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
-    if (s->type == SHAPE_SPHERE)
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(curvature, sphere);
+        COUNT(curvature, sphere_scalar);
         return tangent * set(1.0f / s->a);
+    }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
+    COUNT(curvature, ring);
     real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
     real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
     real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
+    COUNT(curvature, torus);
+    COUNT(curvature, torus_scalar);
     return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
 }
 
@@ -55,8 +69,10 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
     real t = set((float)KNOWN(scene)->model.march.surface_offset);
     real hit = set((float)march->hit_distance);
     real half = set(0.0f);
-    if (s->way != LINEAR)
+    if (s->way != LINEAR) {
+        COUNT(own_shadow, curved);
         half = set(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
+    }
     real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
     real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
     real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);
@@ -70,30 +86,57 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
     return choose(second, least_of(least, term), least);
 }
 
-INLINE void block_by(int i, struct vec point, struct vec to_light, real distance,
-                     const struct prepared *scene, mask *open) {
+// From where a march would begin to the light, or to the bounds.
+struct way_out {
+    struct vec point, start, local, to_light;
+    real shape, way;
+};
+
+INLINE void block_by(int i, const struct way_out *w, const struct convex *work, mask *open) {
     if (!any(*open))
         return;
+    const struct prepared *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
-    real t;
-    mask met;
+    COUNT(reaches_light, shape);
+    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
+    mask own = same_shape(w->shape, i), blocked;
     if (s->way == LINEAR) {
-        real slope = dot_with(s->normal, to_light), height = height_over(s, point);
-        t = height / (set(0.0f) - slope);
-        met = both(less(slope, set(0.0f)), greater(height, set(0.0f)));
+        COUNT(reaches_light, plane);
+        real slope = dot_with(s->normal, w->to_light), height = height_over(s, w->start);
+        blocked = but_not(own, less(mul_add(w->way, slope, height), zero));
+        blocked = either(blocked, but_not(own, less(height, zero)));
     } else {
-        struct vec at;
-        met = enter(in_frame(s, point), turned(s, to_light), s, *open, &t, &at);
+        COUNT(reaches_light, solid);
+        struct vec at, d = turned(s, w->to_light),
+                       o = vec_choose(own, vec_along(w->local, d, offset), in_frame(s, w->start));
+        mask asked = s->convex ? but_not(own, *open) : *open;
+        real t;
+        blocked = enter(o, d, s, asked, &t, &at);
+        blocked = both(blocked, less(t, w->way));
+        mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+        if (any(within)) {
+            COUNT(reaches_light, within);
+            blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));
+        }
     }
-    mask between =
-        both(less(t, distance), greater(t, set((float)scene->model.march.surface_offset)));
-    *open = but_not(both(met, between), *open);
+    *open = but_not(both(blocked, greater(w->way, zero)), *open);
 }
 
-mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
-                   const struct convex *work) {
+mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                   real distance, mask active, const struct convex *work) {
+    ACTIVE(count_of(active));
     COUNT(reaches_light, call);
+    COUNT(reaches_light, scalar);
+    const struct model *model = &KNOWN(work->scene)->model;
+    real zero = set(0.0f), offset = set((float)model->march.surface_offset);
+    float radius = (float)model->march.bounds_radius;
+    struct vec start = vec_along(point, to_light, offset);
+    real along = vec_dot(start, to_light);
+    real leaves =
+        root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
+    struct way_out w = {point,    start, local,
+                        to_light, shape, least_of(distance - offset, leaves - along)};
     mask open = active;
-    EACH_IN(work->desk->shading, block_by, point, to_light, distance, KNOWN(work->scene), &open);
+    EACH_IN(work->desk->shading, block_by, &w, work, &open);
     return open;
 }

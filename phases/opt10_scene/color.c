@@ -5,6 +5,9 @@
 
 // Forward differences of the estimate, the only normal it has.
 static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, float step) {
+    ACTIVE(count_of(found));
+    COUNT(bulb_normal, call);
+    COUNT(bulb_normal, scalar);
     mask done = not_in(found);
     // Along the world's axes, as in every phase: columns of the shape's matrix.
     struct vec to[3];
@@ -23,6 +26,8 @@ INLINE void surface_of(int i, const struct found *hit, const struct prepared *sc
     mask same = both(hit->found, same_shape(hit->shape, i));
     if (!any(same))
         return;
+    ACTIVE(count_of(hit->found));
+    COUNT(surface_at, shape);
     struct vec normal = vec_set(s->normal);
     if (s->type == SHAPE_MANDELBULB)
         normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
@@ -38,6 +43,7 @@ INLINE void surface_of(int i, const struct found *hit, const struct prepared *sc
 // Once for each shape that the packet hit.
 static struct surface surface_at(const struct found *hit, struct vec direction,
                                  const struct prepared *scene) {
+    COUNT(surface_at, call);
     struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
     struct surface all = {none, none, set(0.0f), set(0.0f), set(0.0f)};
     EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, &all);
@@ -65,7 +71,9 @@ static void queue_shadow(mask m, struct vec p, const struct found *hit, struct v
 }
 
 static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight,
-                         const struct convex *work) {
+                         real shape, const struct convex *work) {
+    ACTIVE(count_of(m));
+    COUNT(queue_mirror, call);
     struct desk *desk = work->desk;
     int at = desk->mirrors;
     float (*field)[QUEUE_ROOM] = desk->mirror;
@@ -75,6 +83,7 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     pack(m, weight, &field[M_WEIGHT][at]);
     pack(m, ray->pixel, &field[M_PIXEL][at]);
     pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
+    pack(m, shape, &field[M_LEAVES][at]);
     desk->mirrors += count_of(m);
 }
 
@@ -83,6 +92,8 @@ INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_lig
     mask same = both(grazes, same_shape(hit->shape, i));
     if (!any(same))
         return;
+    ACTIVE(count_of(grazes));
+    COUNT(grazed, shape);
     real lit = own_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
     *light = vec_choose(same, vec_scale(*light, lit), *light);
 }
@@ -94,6 +105,9 @@ static inline mask in_bounds(struct vec p, const struct model *model) {
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
     struct ray *ray = &at->ray;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_surface, call);
+    COUNT(stage_surface, scalar);
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
     at->hit.found = both(at->hit.found, in_bounds(at->point, &KNOWN(scene)->model));
     at->lit = no_lane();
@@ -105,9 +119,12 @@ static inline void stage_light(struct stage *at, const struct view *view,
                                const struct model *model) {
     const struct ray *ray = &at->ray;
     const struct surface *surface = &at->surface;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_light, call);
     struct vec p = at->point, n = surface->normal, base = surface->color;
     real weight = ray->weight, zero = set(0.0f);
     if (model->features.fog) {
+        COUNT(stage_light, fog);
         real far_sq = vec_dot(p, p);
         weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
     }
@@ -125,9 +142,12 @@ static inline void stage_light(struct stage *at, const struct view *view,
     at->to_light = l;
     real shine = vec_dot(vec_reflect(l, n), ray->direction), specular = zero;
     mask shines = both(at->lit, greater(shine, surface->shine_from));
-    if (any(shines))
+    if (any(shines)) {
+        ACTIVE(count_of(shines));
+        COUNT(stage_light, shines);
         specular =
             keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+    }
     real reach = weight * per;
     at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
                              set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
@@ -135,17 +155,22 @@ static inline void stage_light(struct stage *at, const struct view *view,
 }
 
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
+    COUNT(stage_shadow, call);
     const struct model *model = &KNOWN(work->scene)->model;
     at->open = at->lit;
     if (!any(at->lit))
         return;
     if (model->shadows == SHADOWS_SOFT)
-        at->open = cleared(at->point, at->hit.local, at->to_light, at->hit.shape, at->lit, work);
+        at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                           at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
+        ACTIVE(count_of(at->lit));
+        COUNT(stage_shadow, hard);
         struct vec to = {set((float)work->view->light_position[0]) - at->point.x,
                          set((float)work->view->light_position[1]) - at->point.y,
                          set((float)work->view->light_position[2]) - at->point.z};
-        at->open = reaches_light(at->point, at->to_light, vec_norm(to), at->lit, work);
+        at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
+                                 vec_norm(to), at->lit, work);
     }
 }
 
@@ -154,25 +179,33 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
     const struct model *model = &KNOWN(work->scene)->model;
     real zero = set(0.0f);
     mask open = at->open;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_end, call);
     if (model->shadows == SHADOWS_SOFT) {
+        COUNT(stage_end, soft);
         mask asked = but_not(open, at->lit);
         mask grazes = both(open, less(at->facing, set(KNOWN(work->scene)->lit_slope)));
         if (any(asked))
             queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
-        if (any(grazes))
+        if (any(grazes)) {
+            COUNT(grazed, call);
             EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
                      at->facing, work->scene, &at->light);
+        }
     }
     at->color.x = at->color.x + keep(open, at->light.x);
     at->color.y = at->color.y + keep(open, at->light.y);
     at->color.z = at->color.z + keep(open, at->light.z);
     if (model->features.mirrors && model->march.max_bounces > 0) {
+        COUNT(stage_end, mirrors);
         mask mirror = both(both(at->hit.found, greater(at->surface.share, zero)),
                            less(at->ray.bounce, set((float)model->march.max_bounces)));
-        if (any(mirror))
+        if (any(mirror)) {
+            COUNT(stage_end, mirror);
             queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
-                         at->weight * at->surface.share, work);
+                         at->weight * at->surface.share, at->hit.shape, work);
+        }
     }
 }
 
@@ -183,9 +216,12 @@ struct ball {
 
 static bool ball_of(const struct stage *stage, int count, const struct view *view,
                     struct ball *ball) {
+    COUNT(ball_of, call);
+    COUNT(ball_of, scalar);
     struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
     struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
     for (int i = 0; i < count; i++) {
+        COUNT(ball_of, packet);
         mask lit = stage[i].lit;
         struct vec p = stage[i].point;
         least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
@@ -214,6 +250,7 @@ static bool ball_of(const struct stage *stage, int count, const struct view *vie
 
 // Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
 static bool ball_clears(const struct ball *ball, const struct placed *s, float q) {
+    COUNT(ball_clears, call);
     float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
     q += ball->spread;
     for (int k = 0; k < 3; k++) {
@@ -244,6 +281,7 @@ static void choose_shading(const struct stage *stage, int count, const struct co
 }
 
 void color_all(struct stage *stage, int count, const struct convex *work) {
+    COUNT(color_all, call);
     const struct model *model = &KNOWN(work->scene)->model;
     for (int i = 0; i < count; i++)
         stage_surface(&stage[i], work->scene);
@@ -256,8 +294,10 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         if (any(stage[i].hit.found))
             stage_shadow(&stage[i], work);
     for (int i = 0; i < count; i++)
-        if (any(stage[i].hit.found))
+        if (any(stage[i].hit.found)) {
             stage_end(&stage[i], work);
-        else
+        } else {
+            COUNT(color_all, sky);
             stage[i].color = background(stage[i].ray.weight, model);
+        }
 }

@@ -4,25 +4,7 @@
 #include "desk.h"
 #include "picture.h"
 
-// `eyes`: the origin is the camera, known in each shape's frame; NULL: it is `origin`.
-INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
-                 const struct eye *eyes, const struct prepared *scene, struct found *hit) {
-    const struct placed *s = &KNOWN(scene)->placed[i];
-    real t;
-    mask met;
-    struct vec local;
-    if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
-        return;
-    if (s->way == LINEAR) {
-        real slope = dot_with(s->normal, direction);
-        real height = eyes ? set(eyes[i].height) : height_over(s, origin);
-        t = height / (set(0.0f) - slope);
-        met = both(both(active, less(slope, set(0.0f))), greater(height, set(0.0f)));
-        local = hit->local;
-    } else
-        met = enter(eyes ? vec_set(eyes[i].at) : in_frame(s, origin), turned(s, direction), s,
-                    active, &t, &local);
-    met = both(met, less(t, hit->t));
+INLINE void take(mask met, real t, struct vec local, const struct placed *s, struct found *hit) {
     if (!any(met))
         return;
     hit->found = either(hit->found, met);
@@ -36,6 +18,72 @@ static inline struct found nothing_met(void) {
     return (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
 }
 
+// Camera rays. Where the camera is inside of a shape, march.c has the frame.
+INLINE void meet(int i, struct vec direction, mask active, const struct eye *eyes,
+                 const struct prepared *scene, struct found *hit) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    real t;
+    mask met;
+    struct vec local;
+    if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+        return;
+    ACTIVE(count_of(active));
+    if (s->way == LINEAR) {
+        COUNT(first_hit, plane);
+        real slope = dot_with(s->normal, direction);
+        t = set(eyes[i].height) / (set(0.0f) - slope);
+        met = both(active, less(slope, set(0.0f))); // the camera is above it
+        local = hit->local;
+    } else {
+        COUNT(first_hit, solid);
+        met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+    }
+    take(both(met, less(t, hit->t)), t, local, s, hit);
+}
+
+// Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
+// then hit it at once, at the distance that they are at, which is negative.
+INLINE mask meet_from(struct vec o, struct vec d, const struct placed *s, mask active, mask own,
+                      real *t, struct vec *local) {
+    COUNT(meet_from, call);
+    if (s->convex)
+        active = but_not(own, active); // what it leaves, it does not meet again
+    mask met = enter(o, d, s, active, t, local);
+    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    if (!any(within))
+        return met;
+    COUNT(meet_from, within);
+    real h = distance_at(o, s, no_lane());
+    mask inside = both(within, less(h, set(0.0f)));
+    *t = choose(inside, h, *t);
+    *local = vec_choose(inside, vec_along(o, d, h), *local);
+    return either(met, inside);
+}
+
+INLINE void meet_mirror(int i, const struct ray *ray, const struct prepared *scene,
+                        struct found *hit) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    ACTIVE(count_of(ray->active));
+    mask own = same_shape(ray->leaves, i), met;
+    real t;
+    struct vec local = hit->local;
+    if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+        return;
+    COUNT(mirror_hit, shape);
+    if (s->way == LINEAR) {
+        COUNT(mirror_hit, plane);
+        real slope = dot_with(s->normal, ray->direction), height = height_over(s, ray->origin);
+        mask under = less(height, set(0.0f));
+        t = choose(under, height, height / (set(0.0f) - slope));
+        met = both(but_not(own, ray->active), either(under, less(slope, set(0.0f))));
+    } else {
+        COUNT(mirror_hit, solid);
+        met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active, own,
+                        &t, &local);
+    }
+    take(both(met, less(t, hit->t)), t, local, s, hit);
+}
+
 // The last of the rays that wait first: what they see may make more of them.
 static void follow_mirrors(const struct convex *work) {
     struct desk *desk = work->desk;
@@ -47,16 +95,18 @@ static void follow_mirrors(const struct convex *work) {
             int count = desk->mirrors < LANES ? desk->mirrors : LANES,
                 first = desk->mirrors -= count;
             struct stage *at = &stage[packets];
-            at->ray = (struct ray){
-                load_vec(field + M_ORIGIN, first), load_vec(field + M_DIRECTION, first),
-                load(&field[M_WEIGHT][first]),     load(&field[M_PIXEL][first]),
-                load(&field[M_BOUNCE][first]),     first_lanes(count)};
+            at->ray = (struct ray){load_vec(field + M_ORIGIN, first),
+                                   load_vec(field + M_DIRECTION, first),
+                                   load(&field[M_WEIGHT][first]),
+                                   load(&field[M_PIXEL][first]),
+                                   load(&field[M_BOUNCE][first]),
+                                   load(&field[M_LEAVES][first]),
+                                   first_lanes(count)};
         }
         for (int i = 0; i < packets; i++) {
-            const struct ray *ray = &stage[i].ray;
+            COUNT(mirror_hit, call);
             struct found hit = nothing_met();
-            EACH_SHAPE(work->scene, meet, ray->origin, ray->direction, ray->active, NULL,
-                       work->scene, &hit);
+            EACH_SHAPE(work->scene, meet_mirror, &stage[i].ray, work->scene, &hit);
             stage[i].hit = hit;
         }
         if (KNOWN(work->scene)->bulbs)
@@ -79,11 +129,13 @@ INLINE void look_across(int i, const struct window *w, const float *sides, const
     const float *c = job->eyes[i].centre;
     if (s->way ==
         LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+        COUNT(shapes_in, plane);
         float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
         if (c[0] * x + c[1] * y + c[2] < 1e-6f)
             put_in(list, i);
         return;
     }
+    COUNT(shapes_in, solid);
     float r = s->bound * (1 + 1e-5f);
     if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
         c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
@@ -92,6 +144,7 @@ INLINE void look_across(int i, const struct window *w, const float *sides, const
 }
 
 static void shapes_in(const struct window *w, const struct job *job, struct shapes *list) {
+    COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     none_of(list);
@@ -132,6 +185,8 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
 static inline void look(const struct tile *tile, struct block block, int slot,
                         const struct job *job, const struct desk *desk, struct stage *at) {
     const struct frame *frame = job->frame;
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
@@ -139,10 +194,12 @@ static inline void look(const struct tile *tile, struct block block, int slot,
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
     d = vec_scale(d, set(1.0f) / vec_norm(d));
-    at->ray = (struct ray){
-        tile->eye, d, set(1.0f), lane_numbers() + set((float)slot), set(0.0f), in_picture(block)};
+    at->ray =
+        (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
+                     set(0.0f), set(-1.0f), in_picture(block)};
+    COUNT(first_hit, call);
     struct found hit = nothing_met();
-    EACH_IN(desk->listed, meet, tile->eye, d, at->ray.active, job->eyes, job->prepared, &hit);
+    EACH_IN(desk->listed, meet, d, at->ray.active, job->eyes, job->prepared, &hit);
     at->hit = hit;
 }
 
@@ -172,6 +229,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     const struct view *view = job->view;
     struct convex work = {job->prepared, view, desk};
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    COUNT(convex_tile, call);
+    COUNT(convex_tile, scalar);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,

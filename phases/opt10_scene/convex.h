@@ -18,7 +18,15 @@ enum {
 };
 
 // Mirror rays that wait: what they add to their pixel is `weight` times what they see.
-enum mirror_field { M_ORIGIN, M_DIRECTION = 3, M_WEIGHT = 6, M_PIXEL, M_BOUNCE, M_FIELDS };
+enum mirror_field {
+    M_ORIGIN,
+    M_DIRECTION = 3,
+    M_WEIGHT = 6,
+    M_PIXEL,
+    M_BOUNCE,
+    M_LEAVES, // the shape it is from
+    M_FIELDS
+};
 // Shadow rays that wait: `light` is what they add to their pixel where nothing is in the way.
 enum shadow_field {
     S_POINT,
@@ -83,14 +91,14 @@ struct convex {
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
 // neither, but for the first two, since it bulges.
-SHARED mask cleared(struct vec point, struct vec local, struct vec to_light, real shape,
-                    mask active, const struct convex *work);
+SHARED mask cleared(struct vec point, struct vec local, struct vec to_light, real facing,
+                    real shape, mask active, const struct convex *work);
 // The shadow on these: the least of those two terms.
 SHARED real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
                        const struct prepared *scene);
 // Hard shadows: which rays reach the light.
-SHARED mask reaches_light(struct vec point, struct vec to_light, real distance, mask active,
-                          const struct convex *work);
+SHARED mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                          real distance, mask active, const struct convex *work);
 // Mandelbulb: where the group's rays that wait on the desk meet it.
 SHARED void march_bulb(const struct placed *s, int count, const struct limits *limits,
                        struct desk *desk);
@@ -120,12 +128,14 @@ static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    COUNT(add_light, call);
     float red[LANES], green[LANES], blue[LANES], at[LANES];
     unload(light.x, red);
     unload(light.y, green);
     unload(light.z, blue);
     unload(pixel, at);
     for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        COUNT(add_light, lane);
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         desk->color[i] += red[lane];
         desk->color[TILE_PIXELS + i] += green[lane];

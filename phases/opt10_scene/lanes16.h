@@ -94,6 +94,7 @@ static inline real most_of(real a, real b) {
 }
 
 static inline float least_lane(real a) {
+    COUNT(least_lane, call);
     return _mm512_reduce_min_ps(a);
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "flops.h"
 #include "kernel.h"
 #include "threads.h"
 #include "variant.h"
@@ -184,7 +185,8 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         if (p->way == LINEAR && prepared->plane < 0)
             prepared->plane = i;
         if (p->repeated || p->way == POWER ||
-            (p->type == SHAPE_MANDELBULB && model->march.hit_distance > 0.01))
+            (p->type == SHAPE_MANDELBULB &&
+             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD)))
             prepared->solids = false;
     }
     return true;
@@ -288,6 +290,7 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view, s
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {{prepared, view, frame, kept->eyes, prepared->bulbs ? 64 : 8,
                              prepared->solids && set_eyes(prepared, view, kept->eyes)},

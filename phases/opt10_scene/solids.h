@@ -46,6 +46,7 @@ INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s,
 // convex there, so a ray enters it once: through the cap, or at the root where that falls.
 INLINE mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_cone, call);
+    COUNT(enter_cone, scalar);
     real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f);
     slab(c.y, d.y, s->c, &in, &out);
     real k = set(s->slope[0] / s->slope[1]), wide = mul_add(k, c.y, set(0.5f * (s->a + s->b)));
@@ -105,6 +106,7 @@ INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask
 // how far, and the point there, on the surface to the rounding of its own size. Not for planes.
 INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
                   struct vec *point) {
+    ACTIVE(count_of(active));
     COUNT(enter, call);
     real before = set(0.0f) - vec_dot(o, d);
     struct vec c = vec_along(o, d, before);
@@ -114,14 +116,20 @@ INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask activ
     *point = c;
     if (!any(near))
         return near;
+    ACTIVE(count_of(near));
+    COUNT(enter, near);
     real in, half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
     near = both(near, greater(before + half, set(0.0f)));
     switch (s->type) {
-    case SHAPE_SPHERE: in = set(0.0f) - half; break;
+    case SHAPE_SPHERE:
+        COUNT(enter, sphere);
+        in = set(0.0f) - half;
+        break;
     case SHAPE_BOX: near = both(near, enter_box(c, d, s, &in)); break;
     case SHAPE_CONE: near = both(near, enter_cone(c, d, s, &in)); break;
     case SHAPE_OCTAHEDRON: near = both(near, enter_octahedron(c, d, s, &in)); break;
     default:
+        COUNT(enter, torus);
         in = most_of(set(0.0f) - half, set(0.0f) - before);
         near = both(near, enter_torus(c, d, s, near, &in));
         break;
@@ -136,8 +144,12 @@ INLINE struct vec normal_on(struct vec p, const struct placed *s) {
     COUNT(normal_on, call);
     real one = set(1.0f);
     switch (s->type) {
-    case SHAPE_SPHERE: return vec_scale(p, set(1.0f / s->a));
+    case SHAPE_SPHERE:
+        COUNT(normal_on, sphere);
+        COUNT(normal_on, sphere_scalar);
+        return vec_scale(p, set(1.0f / s->a));
     case SHAPE_BOX: {
+        COUNT(normal_on, box);
         real x = absolute(p.x) - set(s->size[0]), y = absolute(p.y) - set(s->size[1]);
         real z = absolute(p.z) - set(s->size[2]);
         mask on_x = both(not_less(x, y), not_less(x, z)), on_y = but_not(on_x, not_less(y, z));
@@ -145,6 +157,8 @@ INLINE struct vec normal_on(struct vec p, const struct placed *s) {
                             with_sign_of(p.z, drop(either(on_x, on_y), one))};
     }
     case SHAPE_CONE: {
+        COUNT(normal_on, cone);
+        COUNT(normal_on, cone_scalar);
         real radius = root(mul_add(p.x, p.x, p.z * p.z)), k = set(s->slope[0] / s->slope[1]);
         real side = radius - mul_add(k, p.y, set(0.5f * (s->a + s->b)));
         float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
@@ -160,6 +174,7 @@ INLINE struct vec normal_on(struct vec p, const struct placed *s) {
                             with_sign_of(p.z, part)};
     }
     default: {
+        COUNT(normal_on, torus);
         real radius = root(mul_add(p.x, p.x, p.z * p.z));
         real outward = one - set(s->a) / most_of(radius, set(1e-30f));
         struct vec n = {p.x * outward, p.y, p.z * outward};

@@ -17,7 +17,7 @@ struct surface {
 
 struct ray {
     struct vec origin, direction;
-    real weight, pixel, bounce;
+    real weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
     mask active;
 };
 

@@ -30,6 +30,7 @@ static mask in_picture(struct block block) {
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
+    COUNT(get_direction, divide);
     double per_height = view->tan_half_fov / frame->height;
     float columns[LANES], rows[LANES];
     for (int lane = 0; lane < LANES; lane++) {
@@ -80,8 +81,9 @@ static int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
-static void render_tile(const struct job *job, int tile, struct approach *own) {
-    COUNT(render_tile, call);
+static void draw_tile(const struct job *job, int tile, struct approach *own) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {job->prepared, job->view, own};
     struct place origin = place_of(job->view->position);
@@ -94,7 +96,7 @@ static void render_tile(const struct job *job, int tile, struct approach *own) {
             struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
                                   lesser(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
-            COUNT(render_tile, packet);
+            COUNT(draw_tile, packet);
             struct shaded seen;
             trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
                   &seen);
@@ -120,7 +122,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     if (job->solids)
         convex_tile(job, tile, desk_at(own, job->prepared->model.shape_count));
     else
-        render_tile(job, tile, own);
+        draw_tile(job, tile, own);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

@@ -9,12 +9,17 @@
 // power is not.
 __attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
                                                                  const struct placed *s) {
-    if (s->way == LINEAR)
+    COUNT(distance_along, call);
+    if (s->way == LINEAR) {
+        COUNT(distance_along, linear);
         return mul_add(t, near->direction.x, near->origin.x);
+    }
     if (near->power) {
+        COUNT(distance_along, power);
         real power = mul_add(t, t + near->slope, near->constant);
         return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
     }
+    COUNT(distance_along, point);
     return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
 }
 
@@ -22,10 +27,12 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
 __attribute__((always_inline)) static inline void
 near_to(int i, struct near *nears, real t, mask done, const struct prepared *scene, real *least) {
+    COUNT(nearest, shape);
     struct near *near = &nears[i];
     mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
     if (!any(but_not(done, awake)))
         return;
+    COUNT(nearest, awake);
     real h = distance_along(near, t, &scene->placed[i]);
     near->wakes = (h + t) * set(1.0f - 0x1p-18f);
     *least = least_of(*least, h);
@@ -34,6 +41,8 @@ near_to(int i, struct near *nears, real t, mask done, const struct prepared *sce
 __attribute__((always_inline)) static inline real nearest(struct near *nears,
                                                           const struct shapes *casters, real t,
                                                           mask done, const struct prepared *scene) {
+    ACTIVE(LANES - count_of(done));
+    COUNT(nearest, call);
     real least = set(INFINITY);
     EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
     return least;
@@ -41,12 +50,17 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
-static inline real leap(const struct rays *r, real start, real strength, real *previous,
-                        real *square) {
+static inline real leap(const struct rays *r, real start, real strength, real hit_distance,
+                        real *previous, real *square) {
+    COUNT(leap, call);
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
+    // A march that is within the hit distance at its first step has no term at all.
+    can = both(can, not_less(start * r->facing, hit_distance));
     if (!any(can))
         return start;
+    ACTIVE(count_of(can));
+    COUNT(leap, can);
     real c = r->facing, grow = log_of(one + c);
     real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
     real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
@@ -68,6 +82,7 @@ struct march {
     real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
 };
 enum { MARCH_REALS = 8, NEAR_REALS = 8 };
+enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
 
 static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                   const struct convex *work, struct march *m) {
@@ -77,18 +92,26 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .previous = set(1e9f),
                         .from = set(0.0f),
                         .divisor = set(1.0f)};
+    COUNT(begin, call);
+    COUNT(begin, scalar);
     choose_shapes(r, nears, casters, work);
     m->end = r->end;
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
-    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it.
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
+    // steps to come there (e^-23 is 1e-10), and takes the first.
     real room = r->first * (set(1.0f) - r->cosine);
-    float least_room =
-        (float)(1e5 * work->scene->model.march.hit_distance * model->shadow_strength);
+    const struct limits *march = &work->scene->model.march;
+    float least_room = (float)(1e5 * march->hit_distance * model->shadow_strength);
+    real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
+    dark = both(dark, both(greater(r->cosine, set(23.0f / (float)march->max_steps)),
+                           not_less(r->facing * offset, hit)));
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);
-    m->t = leap(r, set((float)model->march.surface_offset), strength, &m->previous, &m->square);
+    m->t = offset;
+    if (march->max_steps >= MANY_STEPS)
+        m->t = leap(r, offset, strength, hit, &m->previous, &m->square);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
@@ -96,6 +119,8 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
 
 __attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
                                                        real hit_distance, float dark) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(step, call);
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
@@ -110,8 +135,10 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     m->square = choose(darker, term, m->square);
     m->divisor = choose(darker, divisor, m->divisor);
     m->previous = h;
-    if (dark > 0.0f)
+    if (dark > 0.0f) {
+        COUNT(step, dark);
         done = either(done, less(m->square, m->divisor * set(dark)));
+    }
     done = either(done, greater(m->from, m->end)); // the step to here began behind it
     m->from = m->t;
     m->t = m->t + drop(done, h);
@@ -121,8 +148,10 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
 INLINE void near_bulbs(int i, const struct march *m, const mask *done, const struct prepared *scene,
                        real *h) {
     const struct placed *s = &scene->placed[i];
+    COUNT(nearest_bulbs, shape);
     real own[ABREAST];
     if (s->type == SHAPE_MANDELBULB) {
+        COUNT(nearest_bulbs, bulb);
         struct vec p[ABREAST];
         for (int k = 0; k < ABREAST; k++)
             p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
@@ -136,6 +165,7 @@ INLINE void near_bulbs(int i, const struct march *m, const mask *done, const str
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
 static inline void nearest_bulbs(const struct march *m, const struct prepared *scene, real *h) {
+    COUNT(nearest_bulbs, call);
     mask done[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         h[k] = set(INFINITY);
@@ -151,9 +181,11 @@ INLINE void put_behind(int i, const struct march *m, real q, const struct prepar
     if (!any(*behind))
         return;
     if (s->way == LINEAR) {
+        COUNT(behind_all, plane);
         *behind = both(*behind, not_less(near->direction.x, q));
         return;
     }
+    COUNT(behind_all, solid);
     real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
     struct vec p = vec_along(near->origin, near->direction, m->t);
     real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
@@ -166,6 +198,9 @@ INLINE void put_behind(int i, const struct march *m, real q, const struct prepar
 // slope q at which no term is less than 0.866·strength·q.
 static inline mask behind_all(const struct march *m, float per_strength,
                               const struct prepared *scene) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(behind_all, call);
+    COUNT(behind_all, scalar);
     real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
     mask behind = not_in(m->done);
     EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
@@ -173,6 +208,7 @@ static inline mask behind_all(const struct march *m, float per_strength,
 }
 
 static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
+    COUNT(waiting, call);
     int left = count - first;
     return (struct rays){.active = first_lanes(left < 0       ? 0
                                                : left < LANES ? left
@@ -190,6 +226,7 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
 }
 
 static void add_lane(int i, float lit, struct desk *desk) {
+    COUNT(add_lane, call);
     float (*field)[QUEUE_ROOM] = desk->shadow;
     int pixel = (int)field[S_PIXEL][i];
     for (int k = 0; k < 3; k++)
@@ -243,6 +280,8 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next,
 }
 
 static void retire_shadows(struct pool *from, struct desk *desk) {
+    ACTIVE(count_of(lanes_of(from->live)));
+    COUNT(retire, lit);
     float lit[LANES];
     unload(root(from->march.square / from->march.divisor), lit);
     unsigned ended = from->live & bits(from->march.done);
@@ -308,6 +347,8 @@ static void cast_pair(int first, const struct convex *work) {
     r = waiting(field, first + LANES, desk->shadows);
     begin(&r, desk->near + model->shape_count, &desk->casters[1], work, &b);
     mask active_b = r.active;
+    ACTIVE(LANES);
+    COUNT(cast_pair, call);
     for (int i = 0; i < work->scene->model.march.max_steps; i++) {
         bool over = all(a.done);
         if (over && all(b.done))
