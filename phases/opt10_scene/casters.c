@@ -73,6 +73,41 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     }
 }
 
+// Of rays that all come from one plane, so that no solid is their own.
+INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct prepared *scene,
+                            struct near *near) {
+    COUNT(look_from_plane, call);
+    COUNT(look_from_plane, scalar);
+    float q = scene->lit_slope;
+    real zero = set(0.0f);
+    struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
+    mask met = but_not(cone_misses(c, q), r->active);
+    // The march is at most at height facing·t: a cone once more, of that slope.
+    real lean = mul_add(r->facing, set(s->bound), c.along);
+    real narrow_part = neg_mul_add(r->facing, r->facing, set(1.0f));
+    real rest = mul_sub(lean, lean, narrow_part * c.need);
+    real from = c.need / (lean + root(most_of(rest, zero)));
+    from = choose(both(greater(lean, zero), not_less(rest, zero)), from, set(INFINITY));
+    near->from = most_of(from, zero);
+    r->alone = least_of(r->alone, near->from);
+    if (!any(met))
+        return;
+    COUNT(look_from_plane, met);
+    float wide = 1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f;
+    real leaves =
+        (c.lean + root(most_of(mul_sub(c.lean, c.lean, set(wide) * c.need), zero))) / set(wide);
+    r->end = choose(met, most_of(leaves, r->end), r->end);
+    struct vec at, d = turned(s, r->to_light);
+    real t;
+    mask in = enter(in_frame(s, r->point), d, s, met, &t, &at);
+    in = both(in, less(t, r->first));
+    if (any(in)) {
+        COUNT(look_at_solid, in);
+        r->first = choose(in, t, r->first);
+        r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
+    }
+}
+
 INLINE void look_from(int i, struct rays *r, const struct prepared *scene) {
     if (scene->placed[i].way == LINEAR) {
         COUNT(choose_shapes, plane);
@@ -84,6 +119,8 @@ INLINE void look_at(int i, struct rays *r, const struct convex *work, struct nea
     const struct placed *s = &KNOWN(work->scene)->placed[i];
     if (s->way == LINEAR)
         look_at_plane(s, i, r, work, &nears[i]);
+    else if (r->floor && s->type != SHAPE_MANDELBULB)
+        look_from_plane(s, r, KNOWN(work->scene), &nears[i]);
     else
         look_at_solid(s, i, r, work, &nears[i]);
 }
@@ -100,6 +137,12 @@ INLINE void choose_shape(int i, struct rays *r, const struct prepared *scene, st
     if (s->way == LINEAR)
         return;
     COUNT(choose_shapes, solid);
+    if (r->floor) {
+        near->origin = in_frame(s, r->point);
+        near->direction = turned(s, r->to_light);
+        near->power = false;
+        return;
+    }
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
@@ -116,6 +159,7 @@ void choose_shapes(struct rays *rays, struct near *nears, struct shapes *casters
     const struct prepared *scene = KNOWN(work->scene);
     struct rays r = *rays;
     EACH_SHAPE(work->scene, look_from, &r, scene);
+    r.floor = !any(but_not(r.on_plane, r.active));
     EACH_SHAPE(work->scene, look_at, &r, work, nears);
     none_of(casters);
     EACH_SHAPE(work->scene, choose_shape, &r, scene, nears, casters);

@@ -103,6 +103,7 @@ struct rays {
     real end;   // behind it no term comes below 1
     real alone; // before it nothing is nearer than the plane that the ray is from
     mask on_plane;
+    bool floor;         // all are from one
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 

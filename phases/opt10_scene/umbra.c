@@ -29,6 +29,11 @@ __attribute__((always_inline)) static inline void
 near_to(int i, struct near *nears, real t, mask done, const struct prepared *scene, real *least) {
     COUNT(nearest, shape);
     struct near *near = &nears[i];
+    if (scene->placed[i].way == LINEAR) { // cheaper than to ask whether it sleeps
+        COUNT(nearest, awake);
+        *least = least_of(*least, mul_add(t, near->direction.x, near->origin.x));
+        return;
+    }
     mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
     if (!any(but_not(done, awake)))
         return;
