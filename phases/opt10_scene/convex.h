@@ -14,7 +14,8 @@ enum {
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
     QUEUE = 2560,                                // rays; a full one is worked off
-    QUEUE_ROOM = QUEUE + 2 * LANES
+    QUEUE_ROOM = QUEUE + 2 * LANES,
+    CASTS = 4 // packets of shadow rays in work
 };
 
 // Mirror rays that wait: what they add to their pixel is `weight` times what they see.
@@ -61,10 +62,10 @@ struct desk {
         met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    struct near *near;        // of the packets of shadow rays in work, one per shape and packet
-    struct shapes listed;     // those that the tile's camera rays may meet
-    struct shapes shading;    // those that can matter to the light on the group in work
-    struct shapes casters[2]; // those that a packet may meet
+    struct near *near;            // of the packets of shadow rays in work, one per shape and packet
+    struct shapes listed;         // those that the tile's camera rays may meet
+    struct shapes shading;        // those that can matter to the light on the group in work
+    struct shapes casters[CASTS]; // those that a packet may meet
 };
 
 // What a shape is to a packet of shadow rays.

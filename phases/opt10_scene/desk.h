@@ -5,10 +5,10 @@
 #include "bulb.h"
 #include "convex.h"
 
-enum { LISTS = 4 };
+enum { LISTS = 2 + CASTS, NEARS = CASTS > ABREAST + 1 ? CASTS : ABREAST + 1 };
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 #define DESK_SIZE(shapes)                                                                          \
-    (WHOLE_LINES(sizeof(struct desk)) + (ABREAST + 1) * (size_t)(shapes) * sizeof(struct near) +   \
+    (WHOLE_LINES(sizeof(struct desk)) + NEARS * (size_t)(shapes) * sizeof(struct near) +           \
      LISTS * WHOLE_LINES((size_t)(shapes) * sizeof(int)))
 
 static inline struct desk *desk_at(void *own, int shape_count) {
@@ -17,11 +17,13 @@ static inline struct desk *desk_at(void *own, int shape_count) {
     char *behind = (char *)own + WHOLE_LINES(sizeof *desk);
     desk->near = (struct near *)behind;
 #if !UNROLLED
-    behind += (ABREAST + 1) * shapes * sizeof(struct near);
-    struct shapes *lists[LISTS] = {&desk->listed, &desk->shading, &desk->casters[0],
-                                   &desk->casters[1]};
-    for (size_t i = 0; i < LISTS; i++)
-        lists[i]->index = (int *)(behind + i * WHOLE_LINES(shapes * sizeof(int)));
+    behind += NEARS * shapes * sizeof(struct near);
+    for (size_t i = 0; i < LISTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
+        struct shapes *list = i == 0   ? &desk->listed
+                              : i == 1 ? &desk->shading
+                                       : &desk->casters[i - 2];
+        list->index = (int *)behind;
+    }
 #endif
     return desk;
 }

@@ -77,7 +77,7 @@ static inline real leap(const struct rays *r, real start, real strength, real hi
     return choose(can, t, start);
 }
 
-// One packet's march. Two are marched by turns: the CPU works on one while the other waits for its roots.
+// One packet's march.
 struct march {
     struct near *nears;
     const struct shapes *casters;
@@ -339,35 +339,62 @@ static void cast_streams(const struct convex *work) {
     desk->shadows = 0;
 }
 
-static void cast_pair(int first, const struct convex *work) {
+// A packet that is marched, and how far it is.
+struct cast {
+    struct march march;
+    mask active;
+    int first, steps; // first: of its rays in the queue, −1: none
+};
+
+static void begin_cast(struct cast *c, int slot, int first, const struct convex *work) {
     struct desk *desk = work->desk;
-    const struct model *model = &KNOWN(work->scene)->model;
-    float (*field)[QUEUE_ROOM] = desk->shadow;
-    real strength = set((float)model->shadow_strength),
-         hit = set((float)work->scene->model.march.hit_distance);
-    struct march a, b;
-    struct rays r = waiting(field, first, desk->shadows);
-    begin(&r, desk->near, &desk->casters[0], work, &a);
-    mask active_a = r.active;
-    r = waiting(field, first + LANES, desk->shadows);
-    begin(&r, desk->near + model->shape_count, &desk->casters[1], work, &b);
-    mask active_b = r.active;
+    struct rays r = waiting(desk->shadow, first, desk->shadows);
+    begin(&r, desk->near + slot * KNOWN(work->scene)->model.shape_count, &desk->casters[slot], work,
+          &c->march);
+    c->active = r.active;
+    c->first = first;
+    c->steps = work->scene->model.march.max_steps;
+}
+
+static void end_cast(struct cast *c, struct desk *desk) {
     ACTIVE(LANES);
-    COUNT(cast_pair, call);
-    for (int i = 0; i < work->scene->model.march.max_steps; i++) {
-        bool over = all(a.done);
-        if (over && all(b.done))
-            break;
-        if (!over)
-            step(&a, nearest(a.nears, a.casters, a.t, a.done, work->scene), strength, hit, 0.0f);
-        if (!all(b.done))
-            step(&b, nearest(b.nears, b.casters, b.t, b.done, work->scene), strength, hit, 0.0f);
-    }
-    add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
-              load(&field[S_PIXEL][first]), desk);
-    add_light(active_b,
-              vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
-              load(&field[S_PIXEL][first + LANES]), desk);
+    COUNT(end_cast, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real lit = root(c->march.square / c->march.divisor);
+    add_light(c->active, vec_scale(load_vec(field + S_LIGHT, c->first), lit),
+              load(&field[S_PIXEL][c->first]), desk);
+    c->first = -1;
+}
+
+// One step waits for several roots in a row: the CPU works on other packets meanwhile.
+static void cast_packets(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct prepared *scene = work->scene;
+    real strength = set((float)KNOWN(scene)->model.shadow_strength),
+         hit = set((float)scene->model.march.hit_distance);
+    struct cast cast[CASTS];
+    int next = 0, live = 0;
+    for (; live < CASTS && next < desk->shadows; live++, next += LANES)
+        begin_cast(&cast[live], live, next, work);
+    for (int k = live; k < CASTS; k++)
+        cast[k].first = -1;
+    while (live > 0)
+        for (int k = 0; k < CASTS; k++) {
+            struct cast *c = &cast[k];
+            if (c->first < 0)
+                continue;
+            struct march *m = &c->march;
+            if (c->steps-- > 0 && !all(m->done)) {
+                step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit, 0.0f);
+                continue;
+            }
+            end_cast(c, desk);
+            if (next < desk->shadows) {
+                begin_cast(c, k, next, work);
+                next += LANES;
+            } else
+                live--;
+        }
 }
 
 void cast_shadows(const struct convex *work) {
@@ -375,7 +402,6 @@ void cast_shadows(const struct convex *work) {
         cast_streams(work);
         return;
     }
-    for (int first = 0; first < work->desk->shadows; first += 2 * LANES)
-        cast_pair(first, work);
+    cast_packets(work);
     work->desk->shadows = 0;
 }
