@@ -115,6 +115,22 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
         at->surface = surface_at(&at->hit, ray->direction, scene);
 }
 
+#if WHOLE_SHININESS
+// All materials have the same, a whole number: products in place of a logarithm and an exponential.
+static inline real shine_of(real a, real shininess) {
+    (void)shininess;
+    real power = set(1.0f);
+    for (int rest = WHOLE_SHININESS; rest; rest >>= 1, a = a * a)
+        if (rest & 1)
+            power = power * a;
+    return power;
+}
+#else
+static inline real shine_of(real a, real shininess) {
+    return power_of(a, shininess);
+}
+#endif
+
 static inline void stage_light(struct stage *at, const struct view *view,
                                const struct model *model) {
     const struct ray *ray = &at->ray;
@@ -146,7 +162,7 @@ static inline void stage_light(struct stage *at, const struct view *view,
         ACTIVE(count_of(shines));
         COUNT(stage_light, shines);
         specular =
-            keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+            keep(shines, set(0.2f) * shine_of(most_of(shine, set(1e-30f)), surface->shininess));
     }
     real reach = weight * per;
     at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,

@@ -75,6 +75,15 @@ static void write_each(FILE *to, int count) {
     fputs(" } while (0)\n", to);
 }
 
+// The shininess of all shapes, if it is the same small whole number, else 0.
+static int whole_shininess(const struct prepared *p) {
+    float first = p->placed[0].shininess;
+    for (int i = 1; i < p->model.shape_count; i++)
+        if (p->placed[i].shininess != first)
+            return 0;
+    return first >= 1 && first <= 128 && first == floorf(first) ? (int)first : 0;
+}
+
 char *generate_scene(const struct prepared *p) {
     char *text = NULL;
     size_t size = 0;
@@ -85,6 +94,7 @@ char *generate_scene(const struct prepared *p) {
         to,
         "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
         p->model.shape_count, p->model.shape_count);
+    fprintf(to, "#define WHOLE_SHININESS %d\n", whole_shininess(p));
     if (p->model.shape_count <= MOST_UNROLLED)
         write_each(to, p->model.shape_count);
     else

@@ -117,6 +117,11 @@ static inline real inverse_root(real a) {
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
+static inline real guess_inverse(real a) {
+    __m512i bits = _mm512_sub_epi32(_mm512_set1_epi32(0x7ef311c3), _mm512_castps_si512(a));
+    return _mm512_castsi512_ps(bits);
+}
+
 static inline real floor_of(real a) {
     return _mm512_floor_ps(a);
 }

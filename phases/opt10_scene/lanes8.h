@@ -119,6 +119,11 @@ static inline real inverse_root(real a) {
     return set(1.0f) / _mm256_sqrt_ps(a);
 }
 
+static inline real guess_inverse(real a) {
+    __m256i bits = _mm256_sub_epi32(_mm256_set1_epi32(0x7ef311c3), _mm256_castps_si256(a));
+    return _mm256_castsi256_ps(bits);
+}
+
 static inline real floor_of(real a) {
     return _mm256_floor_ps(a);
 }

@@ -81,14 +81,17 @@ INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask
         mask outer = greater(ring, zero);
         real h = tube - set(s->b);
         real hull = choose(outer, h, absolute(p.y) - set(s->b));
-        real rate = mul_add(p.x, d.x, p.z * d.z) / most_of(radius, tiny); // of the radius
-        real fall = mul_add(ring, rate, p.y * d.y) / most_of(tube, tiny); // of the torus's distance
+        real rate =
+            mul_add(p.x, d.x, p.z * d.z) * near_inverse(most_of(radius, tiny)); // of the radius
+        real fall = mul_add(ring, rate, p.y * d.y) *
+                    near_inverse(most_of(tube, tiny)); // of the torus's distance
         real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
         mask close = less(h, set(1e-3f));
         mask reached = both(going, less(absolute(h), set(5e-7f)));
         // Newton's step on the torus itself where it is nearly flat; else on the hull from outside of it.
-        real newton = zero - h / least_of(fall, set(-0.05f));
-        real hull_step = zero - hull / least_of(hull_fall, set(-1e-6f));
+        real newton = h * near_inverse(most_of(zero - fall, set(0.05f)));
+        real hull_step = hull * set(1.0f - 2e-4f) * // so that it stays short of the hull's
+                         near_inverse(most_of(zero - hull_fall, set(1e-6f)));
         real ahead = choose(greater(hull, zero), most_of(h, hull_step), h);
         at = choose(going, at + choose(both(close, less(fall, zero)), newton, ahead), at);
         found = either(found, reached);
