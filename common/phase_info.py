@@ -100,7 +100,7 @@ def embed(root: str | None, folder: Path, output: Path) -> None:
     if not (folder / root).is_file():
         sys.exit(f"phase_info: $.embedded: there is no {root!r} in the phase's folder")
     lines = flattened(root, [folder, PHASES.parent / "common"], set())
-    text = [f"    {json.dumps(line, ensure_ascii=False)[:-1]}\\n\"," for line in lines]
+    text = [f'    {json.dumps(line, ensure_ascii=False)[:-1]}\\n",' for line in lines]
     replace(
         output / "embedded.h", "\n".join(["static const char *const embedded_lines[] = {", *text, "};", ""])
     )
