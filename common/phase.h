@@ -40,7 +40,7 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
 // Only of phases that generate code for a scene: what prepare came to. The record says it with every frame, so that
 // general code cannot pass for generated.
 struct kernel_facts {
-    bool generated, cached;      // else general code runs; it was found, not compiled
+    bool generated;              // else general code runs
     const char *reason;          // why it was not generated
     const char *hash, *compiler; // of a generated kernel
     uint64_t generate_ns, compile_ns, load_ns;

@@ -79,8 +79,7 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
     name_kernel(source, flags, lanes, compiler, loaded->hash);
     snprintf(object, sizeof object, "%s/%s.so", folder, loaded->hash);
     uint64_t begin = now_ns();
-    loaded->facts.cached = open_object(object, loaded->hash, loaded);
-    if (!loaded->kernel) {
+    if (!open_object(object, loaded->hash, loaded)) {
         uint64_t compile = now_ns();
         if (!make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
                          loaded->reason))

@@ -27,13 +27,13 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
 __attribute__((always_inline)) static inline void
 near_to(int i, struct near *nears, real t, mask done, const struct prepared *scene, real *least) {
-    COUNT(nearest, shape);
     struct near *near = &nears[i];
     if (scene->placed[i].way == LINEAR) { // cheaper than to ask whether it sleeps
-        COUNT(nearest, awake);
+        COUNT(nearest, plane);
         *least = least_of(*least, mul_add(t, near->direction.x, near->origin.x));
         return;
     }
+    COUNT(nearest, shape);
     mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
     if (!any(but_not(done, awake)))
         return;
