@@ -19,10 +19,13 @@ unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count)
 }
 
 static bool make_folders(char *path) {
-    for (char *slash = path + 1; (slash = strchr(slash, '/')); slash++) {
-        *slash = '\0';
+    size_t length = strlen(path);
+    for (size_t i = 1; i < length; i++) {
+        if (path[i] != '/')
+            continue;
+        path[i] = '\0';
         bool made = mkdir(path, 0700) == 0 || errno == EEXIST;
-        *slash = '/';
+        path[i] = '/';
         if (!made)
             return false;
     }

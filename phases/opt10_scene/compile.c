@@ -17,14 +17,22 @@ extern char **environ;
 enum { MOST_ARGUMENTS = 64, SECONDS = 60 };
 
 static bool on_path(const char *name, char path[4096]) {
-    if (strchr(name, '/'))
-        return snprintf(path, 4096, "%s", name) < 4096 && access(path, X_OK) == 0;
+    size_t name_length = strlen(name);
+    if (strchr(name, '/')) {
+        if (name_length < 4096)
+            memcpy(path, name, name_length + 1);
+        return name_length < 4096 && access(path, X_OK) == 0;
+    }
     const char *at = getenv("PATH");
     while (at && *at) {
         size_t length = strcspn(at, ":");
-        if (length > 0 && snprintf(path, 4096, "%.*s/%s", (int)length, at, name) < 4096 &&
-            access(path, X_OK) == 0)
-            return true;
+        if (length > 0 && length + name_length + 2 <= 4096) {
+            memcpy(path, at, length);
+            path[length] = '/';
+            memcpy(path + length + 1, name, name_length + 1);
+            if (access(path, X_OK) == 0)
+                return true;
+        }
         at += length + (at[length] == ':');
     }
     return false;
