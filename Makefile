@@ -9,9 +9,9 @@ N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
-LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide
+LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 truth enclosures stability pareto functions scaling toolchains
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 truth enclosures stability pareto functions scaling views frames toolchains
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -25,7 +25,7 @@ demo: setup ## one picture by baseline and by opt4, the time and the error betwe
 test: setup-test ## install what is needed and run every test
 	@$(MAKE) --no-print-directory check
 
-phase0 phase1 phase2 phase3 phase4 phase5 phase6: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
+phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
@@ -67,6 +67,12 @@ functions: setup ## roots, exp, log, pow, sin …: ns per element against ulp, e
 
 scaling: setup ## how time, evaluations and error grow with n, shapes, steps, bounces and threads; memory at 4K (10 minutes)
 	@$(PY) scripts/run_study.py --part scaling $(ARGS)
+
+views: setup ## every rung against its parent on views it was not tuned on: median, worst case, error (10 minutes)
+	@$(PY) scripts/run_study.py --part views $(ARGS)
+
+frames: setup ## frames a second on every core, gamma and 8 bits included, against 60 and 30 (5 minutes)
+	@$(PY) scripts/run_study.py --part frames $(ARGS)
 
 toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
 	@$(PY) scripts/run_study.py --part toolchains $(ARGS)

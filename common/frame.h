@@ -34,7 +34,7 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 bool frame_writable(const char *path, char *error);
 
 // Gamma and 8 bits: trunc(255·min(1, c^0.4545)) of each linear value, 0 for negatives and NaN, in
-// exact agreement with that formula evaluated in double (a table of its 256 thresholds).
+// exact agreement with that formula evaluated in double (present.c), by the widest vectors there are.
 struct presenter;
 struct presenter *presenter_create(void);
 void presenter_free(struct presenter *presenter);

@@ -6,6 +6,7 @@
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
 #   build/NAME/probe          distances at given points, for tests
+#   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
 #   build/truth/rays          proved first hits of given rays, for tests
 #   build/ceilings            what one core can do at best (ceilings.c)
 #   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
@@ -21,14 +22,17 @@ PYTHON3 ?= python3
 
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
 , := ,
-SANITIZERS := $(if $(filter thread,$(SANITIZE)),-fsanitize=thread -fno-omit-frame-pointer -g,$(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g))
+# -g1: lines are what a report needs; all of -g doubles the compilation of a sanitized phase.
+SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
+# Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time.
+SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
-COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o frame.o timer.o)
+COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o frame.o present.o timer.o)
 
 PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
 # opt2@opt4 names a variant: what is before the @ is built with the flags of what is behind it.
@@ -37,7 +41,8 @@ flags_of = $(lastword $(subst @, ,$(1)))
 # Where its sources are. opt1+arrays names an ablation, opt1 with phases/opt1/ablations/arrays.patch applied:
 # its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
 folder_of = $(if $(and $(findstring +,$(1)),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
-patched = $(or $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)),$(error $(1) cannot be made))
+# Made once by each make: its rules ask for it a dozen times.
+patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
 
 .SECONDARY:
 .SECONDEXPANSION:
@@ -53,7 +58,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call folder_of,$*)
-	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZERS)'
+	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)'
 .PHONY: FORCE
 FORCE:
 
@@ -72,7 +77,7 @@ for source in $(filter %.c,$^); do \
     for version in $$versions; do \
         made=$$(basename $$source .c); own=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZERS) -Icommon -iquote $(BUILD)/$* $(1) $$source \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) -Icommon -iquote $(BUILD)/$* $(1) $$source \
             -o $(2)$$made.$(3); \
         echo "$$@"; "$$@" || exit 1; \
     done; \
@@ -103,6 +108,10 @@ $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# gcc's start-up code for -ffast-math has the CPU flush denormals to zero; the objects are the same (hard cases).
+$(BUILD)/%/render-ftz: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) -ffast-math $^ $(LIBS) -o $@
 
 $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@

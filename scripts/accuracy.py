@@ -24,8 +24,8 @@ DESCRIPTION = """\
 Each phase's picture is held against truth's, below the picture first. Rungs behind opt4 are gated: on no
 metric may one be further from truth than baseline (from the ideal shadow: than baseline or the estimator in
 exact arithmetic; from a truth that is converged only: than baseline or opt4), but for what its phase.json
-grants (tolerance.truth, with a reason). baseline to opt4, and
-what is not on the ladder, are shown; scripts/verify.py has their gate."""
+grants (tolerance.truth, with a reason); in |Δt| over as many of the true hits as baseline has. baseline to
+opt4, and what is not on the ladder, are shown; scripts/verify.py has their gate."""
 BASE = Spec("baseline", "baseline")
 FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it may be as far as it is
 FAMILY = "truth"  # of the phases that are what the others are held against
@@ -61,7 +61,8 @@ class Subject:
         self.truth = truth.picture(scene, size)
         self.mirrors = accuracy.mirrors(scene)
         self.where = where.classes(self.truth, self.mirrors)
-        self.base = self.measure(BASE)[0]
+        self.base, made = self.measure(BASE)
+        self.base_hits = len(accuracy.right_distances(self.truth, made))
         self.references = {
             "baseline": self.base,
             "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
@@ -79,7 +80,8 @@ class Subject:
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
-        worse = gate.inferior(found, self.references, granted)
+        as_many = accuracy.dt_p99_of(self.base_hits, self.truth, made)
+        worse = gate.inferior(found | {"dt_p99": as_many}, self.references, granted)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
@@ -90,6 +92,7 @@ class Subject:
             **about(spec, self.scene, size),
             "precision": phase.precision,
             **found,
+            "dt_p99_of_as_many": as_many,
             **where.shares(self.where, wrong),
             "gated": gated,
             "margins": granted,

@@ -207,6 +207,17 @@ def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
     )
 
 
+def views(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Every rung on views it was not tuned on, or in a minute and a half the newest ones."""
+    return judged("views", *(["--full"] if options.part or options.full else []), "--run", str(run))
+
+
+def frames(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """Frames a second of the newest phases, of all with threads where it was asked for."""
+    seconds = "600" if options.part or options.full else "45"
+    return judged("frames", "--seconds", seconds, "--run", str(run))
+
+
 def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
@@ -226,6 +237,8 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "stability": ("hard cases", stability),
     "pareto": ("speed against error", pareto),
     "functions": ("functions: speed against ulp", functions),
+    "views": ("views that nothing was tuned on", views),
+    "frames": ("frames a second", frames),
     "scaling": ("how cost grows", scaling),
     "toolchains": ("compilers and flags", toolchains),
 }

@@ -2,7 +2,8 @@
 """Runs the tests, all or the steps named, and ends with the line 'N passed, N failed, N skipped'.
 
 Every program of the tests writes JUnit XML into build/test-results; the sums are made from those. A step
-that ends badly without saying which test failed counts as one failure. Standard library only.
+that ends badly without saying which test failed counts as one failure. What builds comes first and uses every
+core; then the tests in Python, in parts that each core takes as it gets free. Standard library only.
 """
 
 from __future__ import annotations
@@ -30,6 +31,12 @@ BUILDS = {
     "build": [],
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
+}
+
+# As scripts/study/hard/builds.py has them made.
+HARD_BUILDS = {
+    "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],
+    "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
 
 
@@ -135,8 +142,15 @@ def c_step() -> Iterator[Tally]:
             yield tally
 
 
+def phases_with(file: str) -> list[str]:
+    """Names of the phases that have that file, the longest first: no core waits for the last of them."""
+    folders = [path.parent for path in (ROOT / "phases").glob(f"*/{file}")]
+    sizes = {folder.name: sum(path.stat().st_size for path in folder.glob("*.[ch]")) for folder in folders}
+    return sorted(sizes, key=lambda name: (-sizes[name], name))
+
+
 def builds_step() -> Iterator[Tally]:
-    phases = sorted(path.parent.name for path in (ROOT / "phases").glob("*/phase.json"))
+    phases = phases_with("phase.json")
     for folder, settings in BUILDS.items():
         yield one(
             f"{folder}/ceilings --check",
@@ -156,81 +170,150 @@ def builds_step() -> Iterator[Tally]:
                 yield one(f"{folder}/{phase} does not build", run(*make, *targets[phase]))
 
 
-def pytest_step(name: str, *arguments: str, **environment: str) -> Iterator[Tally]:
-    results = RESULTS / f"{name}.xml"
-    results.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "pytest", "-q", f"--junitxml={results}", *arguments]
-    yield read_results(results, name, run(*command, **environment))
+def prepare_step() -> Iterator[Tally]:
+    """What several tests want built, by as many jobs as there are cores: no two of them make it at once.
+
+    What does not build is told by the test that wants it.
+    """
+    ladder = phases_with("costs.def")
+    patches = [
+        f"{path.parts[-3]}+{path.stem}" for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
+    ]
+    variants, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
+    wanted = {
+        "build": [
+            *(f"{name}/{target}" for name in ladder for target in (*variants, "render-ftz")),
+            *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
+            *(f"{name}/{target}" for name in patches for target in ("render", "render-count", variants[1])),
+            *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so", "truth/rays"),
+            *("functions/bench", "rsqrt", "opt2@opt3/render"),
+        ],
+        "build/clang": [
+            *(f"{name}/{target}" for name in ladder for target in variants),
+            "calibration/calibrate-blocks",
+        ],
+    }
+    for folder in HARD_BUILDS:
+        wanted[folder] = [f"{name}/render" for name in ladder]
+    for folder, targets in wanted.items():
+        settings = (BUILDS | HARD_BUILDS)[folder]
+        run(
+            *("make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings),
+            *(f"{folder}/{target}" for target in targets),
+        )
+    yield Tally()
+
+
+def parts(folder: str, count: int = 1) -> list[list[Path]]:
+    """The folder's test files in groups of about as many lines, the longest file first in its group."""
+    groups: list[list[Path]] = [[] for _ in range(count)]
+    files = {path: path.stat().st_size for path in sorted((ROOT / folder).glob("test_*.py"))}
+    for path in sorted(files, key=files.__getitem__, reverse=True):
+        min(groups, key=lambda group: sum(files[one] for one in group)).append(path)
+    return [group for group in groups if group]
+
+
+@dataclass
+class Part:
+    """Test files that one pytest runs, and which environment it adds."""
+
+    step: str
+    number: int
+    files: list[Path]
+    environment: dict[str, str]
+
+    def tally(self) -> Tally:
+        results = RESULTS / f"{self.step}-{self.number}.xml"
+        results.unlink(missing_ok=True)
+        command = [sys.executable, "-m", "pytest", "-q", f"--junitxml={results}", *self.files]
+        return read_results(results, self.step, run(*command, **self.environment))
 
 
 STEPS: dict[str, Callable[[], Iterator[Tally]]] = {
     "format": format_step,
     "c": c_step,
     "builds": builds_step,
-    "conformance": lambda: pytest_step("conformance", "tests/conformance"),
-    "conformance-asan": lambda: pytest_step(
-        "conformance-asan", "tests/conformance", STEPWISE_BUILD="build/asan"
-    ),
-    "hard": lambda: pytest_step("hard", "tests/hard"),
-    "py": lambda: pytest_step("py", "tests/py"),
+    "prepare": prepare_step,
+}
+# Steps of pytest: folder, into how many parts, environment. Long ones first: a part begins when a core is
+# free.
+PYTEST: dict[str, tuple[str, int, dict[str, str]]] = {
+    "conformance": ("tests/conformance", 1, {}),
+    "conformance-asan": ("tests/conformance", 1, {"STEPWISE_BUILD": "build/asan"}),
+    "hard": ("tests/hard", 2, {}),
+    "py": ("tests/py", 10, {}),
 }
 
 
-# What runs beside the last step when all are run: they are about as long, and use one core each.
-BESIDE = ("conformance", "conformance-asan", "hard")
+def perform(step: str, total: Tally) -> None:
+    """One step after the other: each uses every core itself."""
+    print(f"== {step}", flush=True)
+    begin = time.monotonic()
+    for tally in STEPS[step]():
+        total.add(tally)
+    print(f"== {step}: {time.monotonic() - begin:.0f} s", flush=True)
 
 
-def perform(steps: list[str], total: Tally) -> None:
-    """Runs the steps one after the other into `total`."""
-    out = OUTPUT.get()
-    for step in steps:
-        print(f"== {step}", file=out, flush=True)
-        begin = time.monotonic()
-        for tally in STEPS[step]():
-            total.add(tally)
-        print(f"== {step}: {time.monotonic() - begin:.0f} s", file=out, flush=True)
+def perform_parts(steps: list[str], total: Tally) -> None:
+    """The parts of these steps, as many at once as there are cores; a part's output comes when it ends."""
+    waiting = [
+        Part(step, i, files, environment)
+        for step, (folder, count, environment) in PYTEST.items()
+        if step in steps
+        for i, files in enumerate(parts(folder, count), 1)
+    ]
+    turn, took = threading.Lock(), dict.fromkeys(steps, 0.0)
 
+    def work() -> None:
+        while True:
+            with turn:
+                if not waiting:
+                    return
+                part = waiting.pop(0)
+            log = RESULTS / f"{part.step}-{part.number}.log"
+            begin = time.monotonic()
+            with log.open("w") as out:
+                OUTPUT.set(out)  # of this thread alone
+                try:
+                    tally = part.tally()
+                except Exception as error:  # counted: else a thread ends and its tests are missing
+                    tally = Tally(failed=[f"{part.step}: {error!r}"])
+            with turn:
+                total.add(tally)
+                took[part.step] += time.monotonic() - begin
+                print(f"== {log.stem}\n{log.read_text(errors='replace')}", end="", flush=True)
 
-def perform_all(total: Tally) -> None:
-    """Every step; BESIDE's output comes in one piece at the end."""
-    perform([step for step in STEPS if step not in (*BESIDE, "py")], total)
-    log, aside, ended = RESULTS / "beside.log", Tally(), threading.Event()
-
-    def beside() -> None:
-        with log.open("w") as out:
-            OUTPUT.set(out)  # of this thread alone
-            perform(list(BESIDE), aside)
-            ended.set()
-
-    print(f"beside what follows, with its output at the end: {', '.join(BESIDE)}", flush=True)
-    thread = threading.Thread(target=beside)
-    thread.start()
-    perform(["py"], total)
-    thread.join()
-    print(log.read_text(errors="replace"), end="", flush=True)
-    if not ended.is_set():  # an exception, which the thread has printed
-        aside.failed.append(f"{', '.join(BESIDE)}: did not come to their end")
-    total.add(aside)
+    threads = [threading.Thread(target=work) for _ in range(int(JOBS))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for step, seconds in took.items():
+        print(f"== {step}: {seconds:.0f} s of one core", flush=True)
 
 
 def main() -> int:
+    known = [*STEPS, *PYTEST]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
-    steps = parser.parse_args().steps
-    if unknown := [step for step in steps if step not in STEPS]:
-        parser.error(f"no step {unknown[0]!r}; there are {', '.join(STEPS)}")
+    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(known)}; default: all")
+    steps = parser.parse_args().steps or known
+    if unknown := [step for step in steps if step not in known]:
+        parser.error(f"no step {unknown[0]!r}; there are {', '.join(known)}")
     RESULTS.mkdir(parents=True, exist_ok=True)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each script that a test starts is compiled anew
     total = Tally()
-    if steps:
-        perform(steps, total)
-    else:
-        perform_all(total)
+    for step in STEPS:
+        if step in steps:
+            perform(step, total)
+    if pytests := [step for step in PYTEST if step in steps]:
+        perform_parts(pytests, total)
     for title in total.skipped:
         print(f"skipped: {title}")
     for title in total.failed:
         print(f"FAILED: {title}")
     print(f"{total.passed} passed, {len(total.failed)} failed, {len(total.skipped)} skipped")
-    return 1 if total.failed or not total.passed else 0
+    nothing = not total.passed and steps != ["prepare"]  # which tests nothing
+    return 1 if total.failed or nothing else 0
 
 
 if __name__ == "__main__":

@@ -45,6 +45,8 @@ static inline struct packet packet_of(const struct lanes *from) {
 }
 
 static inline void advance(struct packet *p, real h, real hit_distance) {
+    ACTIVE(LANES - count_of(p->done));
+    COUNT(advance, call);
     real height = mul_add(p->t, p->slope, p->height);
     mask reached = but_not(p->done, less(least_of(h, height), hit_distance));
     p->t = p->t + drop(p->done, least_of(h, height));
@@ -54,6 +56,7 @@ static inline void advance(struct packet *p, real h, real hit_distance) {
 
 // What has ended gives its answer and is no longer live.
 static void retire(const struct packet *p, struct lanes *from, struct desk *desk) {
+    COUNT(retire, call);
     unload(p->t, from->field[B_FROM]);
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended; rest; rest &= rest - 1) {
@@ -71,6 +74,7 @@ static void retire(const struct packet *p, struct lanes *from, struct desk *desk
 }
 
 void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    COUNT(march_bulb, call);
     desk->shape = s->index;
     struct lanes lanes[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
@@ -79,7 +83,8 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
             unload(set(2.0f), lanes[k].field[i]);
     }
     // Finer than float tells points of its size apart no march can go.
-    real hit_distance = set(fmaxf((float)limits->hit_distance, 0x1p-22f));
+    real hit_distance =
+        set(limits->hit_distance > 0x1p-22 ? (float)limits->hit_distance : 0x1p-22f);
     int next = 0;
     unsigned live;
     long left = (long)limits->max_steps * (count / LANES + ABREAST);
@@ -95,6 +100,7 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
         while (ended < enough && left-- > 0) {
+            COUNT(march_bulb, step);
             struct vec at[ABREAST];
             real h[ABREAST];
             for (int k = 0; k < ABREAST; k++)
@@ -119,10 +125,13 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
 
 int gather_bulb(int count, const struct placed *s, struct vec o, const struct ray *ray, real end,
                 int slot, const struct prepared *scene, struct desk *desk) {
+    ACTIVE(count_of(ray->active));
+    COUNT(gather_bulb, call);
     struct vec d = turned(s, ray->direction);
     mask active = ray->active;
     real height = set(INFINITY), slope = set(0.0f);
     if (scene->plane >= 0) {
+        COUNT(gather_bulb, plane);
         const struct placed *plane = &scene->placed[scene->plane];
         height = height_over(plane, ray->origin);
         slope = vec_dot(vec_set(plane->normal), ray->direction);
@@ -136,6 +145,8 @@ int gather_bulb(int count, const struct placed *s, struct vec o, const struct ra
                      both(less(before - half, to), greater(to, zero)));
     if (!any(near))
         return count;
+    ACTIVE(count_of(near));
+    COUNT(gather_bulb, near);
     float (*field)[BULB_ROOM] = desk->bulb;
     const real values[B_FIELDS] = {c.x,
                                    c.y,
@@ -158,6 +169,8 @@ void take_bulb(struct stage *at, const struct eye *eyes, int slot, const struct 
     const struct desk *desk = work->desk;
     real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
     mask met = both(at->ray.active, less(t, at->hit.t));
+    ACTIVE(count_of(met));
+    COUNT(take_bulb, call);
     if (!any(met))
         return;
     at->hit.found = either(at->hit.found, met);
@@ -165,9 +178,13 @@ void take_bulb(struct stage *at, const struct eye *eyes, int slot, const struct 
     at->hit.shape = choose(met, shape, at->hit.shape);
     for (int i = 0; i < work->scene->model.shape_count; i++) {
         const struct placed *s = &work->scene->placed[i];
+        COUNT(take_bulb, shape);
         mask here = both(met, same_shape(shape, i));
         if (s->type != SHAPE_MANDELBULB || !any(here))
             continue;
+        COUNT(take_bulb, here);
+        if (!eyes)
+            COUNT(take_bulb, framed);
         struct vec o = eyes ? vec_set(eyes[i].at) : in_frame(s, at->ray.origin),
                    d = turned(s, at->ray.direction);
         real before = set(0.0f) - vec_dot(o, d);

@@ -17,6 +17,8 @@ struct bulb {
 };
 
 static inline struct bulb bulb_begin(struct vec p, mask done) {
+    ACTIVE(LANES - count_of(done));
+    COUNT(bulb_begin, call);
     struct bulb b = {p.x, p.y, p.z, vec_dot(p, p), set(1.5f), done, no_lane()};
     b.far = greater(b.m, set(1024.0f));
     b.escaped = either(done, b.far);
@@ -24,6 +26,8 @@ static inline struct bulb bulb_begin(struct vec p, mask done) {
 }
 
 static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
+    ACTIVE(LANES - count_of(b->escaped));
+    COUNT(bulb_step, call);
     real x = b->x, y = b->y, z = b->z, m = b->m;
     real x2 = x * x, y2 = y * y, z2 = z * z;
     real k3 = most_of(x2 + z2, set(1e-30f)), k4 = k3 - y2, per_root = inverse_root(k3);
@@ -46,9 +50,11 @@ static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
 }
 
 static inline real bulb_end(const struct bulb *b, struct vec p) {
+    COUNT(bulb_end, call);
     real m = most_of(b->m, set(1e-30f));
     real distance = set(0.25f) * (m * inverse_root(m)) / b->dz * log_of(m);
     if (any(b->far)) {
+        COUNT(bulb_end, far);
         real square = vec_dot(p, p), r = root(square);
         distance = choose(b->far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }

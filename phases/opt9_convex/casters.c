@@ -64,7 +64,7 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
         struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)),
                        d = turned(s, r->to_light);
         real t;
-        mask in = enter(o, d, s, but_not(own, met), &t, &at);
+        mask behind, in = enter(o, d, s, but_not(own, met), &t, &at, &behind);
         in = both(in, less(t, r->first));
         if (any(in)) {
             COUNT(look_at_solid, in);

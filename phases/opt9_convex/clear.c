@@ -87,7 +87,8 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
     COUNT(reaches_light, call);
     COUNT(reaches_light, scalar);
     const struct prepared *scene = work->scene;
-    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
+    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset),
+         hit = set((float)scene->model.march.hit_distance);
     float radius = (float)scene->model.march.bounds_radius;
     // From where a march would begin to the light, or to the bounds.
     struct vec start = vec_along(point, to_light, offset);
@@ -95,6 +96,7 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
     real leaves =
         root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
     real way = least_of(distance - offset, leaves - along);
+    real reach = mul_add(way, set(1.0f + 0x1p-21f), hit);
     mask open = active;
     for (int k = 0; k < work->desk->shadings && any(open); k++) {
         int i = work->desk->shading[k];
@@ -112,9 +114,14 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
                            o = vec_choose(own, vec_along(local, d, offset), in_frame(s, start));
             mask asked = s->convex ? but_not(own, open) : open;
             real t;
-            blocked = enter(o, d, s, asked, &t, &at);
-            blocked = both(blocked, less(t, way));
-            mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+            mask within;
+            blocked = enter(o, d, s, asked, &t, &at, &within);
+            blocked =
+                both(blocked, less(t, reach)); // a light may be in it by less than float tells
+            if (!s->convex) {
+                COUNT(reaches_light, torus);
+                within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+            }
             if (any(within)) {
                 COUNT(reaches_light, within);
                 blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));

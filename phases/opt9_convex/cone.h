@@ -27,7 +27,9 @@ static inline struct vec to_centre(const struct placed *s, struct vec p) {
 
 // The slope that the cone to a shape needs.
 static inline float slope_to(const struct placed *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
+    if (s->type != SHAPE_MANDELBULB)
+        return q;
+    return q < BULB_SHARE ? q / BULB_SHARE : 1.0f;
 }
 
 // Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
@@ -69,9 +71,10 @@ static inline real flat_within(struct vec p, const struct placed *s) {
 // first two steps of a march tell the shadow (clear.c), if they are short beside what the shape curves by.
 static inline mask bulges(const struct placed *s, struct vec local, real facing,
                           const struct prepared *scene) {
+    COUNT(bulges, call);
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
-    COUNT(bulges, call);
+    COUNT(bulges, solid);
     mask may = all_lanes();
     if (!s->convex) {
         COUNT(bulges, torus);

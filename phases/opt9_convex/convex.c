@@ -36,7 +36,8 @@ static void first_hit(struct vec direction, mask active, const struct eye *eyes,
             local = hit->local;
         } else {
             COUNT(first_hit, solid);
-            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+            mask behind;
+            met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
         }
         take(both(met, less(t, hit->t)), t, local, s, hit);
     }
@@ -49,8 +50,11 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
     COUNT(meet_from, call);
     if (s->convex)
         active = but_not(own, active); // what it leaves, it does not meet again
-    mask met = enter(o, d, s, active, t, local);
-    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    mask within, met = enter(o, d, s, active, t, local, &within);
+    if (!s->convex) {
+        COUNT(meet_from, torus);
+        within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    }
     if (!any(within))
         return met;
     COUNT(meet_from, within);
@@ -156,8 +160,10 @@ static int lesser(int a, int b) {
 }
 
 static inline mask in_picture(struct block block) {
+    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return all_lanes();
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));
@@ -181,19 +187,25 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
                           lesser(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
-static inline void look(const struct tile *tile, struct block block, int slot,
-                        const struct job *job, const struct desk *desk, struct stage *at) {
-    const struct frame *frame = job->frame;
-    ACTIVE(block.across * block.down);
-    COUNT(look, call);
+static inline struct vec get_direction(const struct tile *tile, struct block block,
+                                       const struct frame *frame) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, tile);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
     real y =
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
-    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot,
+                        const struct job *job, const struct desk *desk, struct stage *at) {
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
+    struct vec d = get_direction(tile, block, job->frame);
     at->ray =
         (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
                      set(0.0f), set(-1.0f), in_picture(block)};

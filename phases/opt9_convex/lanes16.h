@@ -112,6 +112,8 @@ static inline real root(real a) {
 
 // 1/√a for normal a > 0, to an ulp or two.
 static inline real inverse_root(real a) {
+    COUNT(inverse_root, call);
+    COUNT(inverse_root, rough);
     // 14 bits, and once Newton's step.
     real r = _mm512_rsqrt14_ps(a);
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));

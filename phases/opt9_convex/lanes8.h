@@ -116,6 +116,8 @@ static inline real root(real a) {
 
 // 1/√a for normal a > 0, to an ulp or two.
 static inline real inverse_root(real a) {
+    COUNT(inverse_root, call);
+    COUNT(inverse_root, exact);
     return set(1.0f) / _mm256_sqrt_ps(a);
 }
 

@@ -270,6 +270,7 @@ static int refill(struct pool *to, struct pool *ready, int next, const struct co
 
 static void retire(struct pool *from, struct desk *desk) {
     ACTIVE(count_of(lanes_of(from->live)));
+    COUNT(retire, call);
     COUNT(retire, lit);
     float lit[LANES];
     unload(root(from->march.square / from->march.divisor), lit);

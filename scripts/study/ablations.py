@@ -172,7 +172,9 @@ def count(cases: Sequence[Case], height: int, jobs: int) -> dict[Case, dict[str,
     def one(case: Case) -> dict[str, int] | None:
         scene = registry.find_scene(case[1])
         try:
-            found = run.render(case[0], scene.path, height, scene.size(height)[0], target="render-count")
+            found = run.render(
+                case[0], scene.path, height, scene.size(height)[0], target="render-count", timed=False
+            )
             return found["flops"]
         except DriverError as error:
             cli.say(f"no FLOPs of {case[0]} on {case[1]}: {error}")

@@ -83,6 +83,24 @@ def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     return found | {name: measured[name] for name in GEOMETRY}
 
 
+def right_distances(truth: Picture, image: Picture) -> np.ndarray:
+    """|Δt| of the proved pixels where both hit the same shape, in scene units, ascending."""
+    masks = wrong_hits(truth, image)
+    right = (truth["status"] == PROVED) & (truth["id"] >= 0)
+    right &= ~(masks["false_misses"] | masks["wrong_shape"])
+    return np.sort(np.abs(truth["Z"][right].astype(np.float64) - image["Z"][right]))
+
+
+def dt_p99_of(count: int, truth: Picture, image: Picture) -> float:
+    """dt_p99 over the `count` nearest of the picture's right hits, or all of fewer; NaN for none.
+
+    What a gate may compare: of as many of the true hits as the other picture has. A picture that hits more of
+    them is not further from truth for the grazing ones that it won.
+    """
+    nearest = right_distances(truth, image)[:count]
+    return float(np.percentile(nearest, 99)) if nearest.size else math.nan
+
+
 def _geometry(truth: Picture, image: Picture, where: np.ndarray) -> dict[str, float]:
     return images.geometry(*({name: p[name][where] for name in images.AOVS} for p in (truth, image)))
 

@@ -166,7 +166,7 @@ def measure(
     target = TARGETS[variant]
     with _LOCK:  # measured by several threads, built by one
         build(spec, target)
-    said = run.render(spec, scene_path, height, width, threads=threads, target=target)
+    said = run.render(spec, scene_path, height, width, threads=threads, target=target, timed=False)
     folder = build(spec, target).parent
     table = read_table(folder / target.removeprefix("render-") / "table.json")
     total, functions, edges = evaluate(table, said)

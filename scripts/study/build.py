@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import functools
 import re
 import subprocess
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 from study.cli import CANNOT_RUN, StudyError
@@ -29,13 +32,27 @@ def build(spec: Spec | str, target: str = "render") -> Path:
         return _build(str(spec), target)
 
 
+@contextlib.contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """While no other script makes anything in that folder. Where it cannot be written to, make says so."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / ".making").open("w")
+    except OSError:
+        yield
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 @functools.cache
 def _build(spec: str, target: str) -> Path:
     path = ROOT / "build" / spec / target
+    command = ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))]
     try:
-        done = subprocess.run(
-            ["make", "-s", "-C", str(ROOT), str(path.relative_to(ROOT))], capture_output=True, text=True
-        )
+        with _alone(path.parent):
+            done = subprocess.run(command, capture_output=True, text=True)
     except FileNotFoundError:
         raise StudyError("make is missing; run `make setup` or install make and gcc", CANNOT_RUN) from None
     if done.returncode != 0:

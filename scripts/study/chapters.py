@@ -20,6 +20,8 @@ def all_of(data: Data) -> list[Section]:
         sections.hot(path, name),
         sections.steps(path),
         truth_sections.approximations(path),
+        truth_sections.elsewhere(path),
+        truth_sections.rates(path),
         truth_sections.growth(path),
         truth_sections.compilers(path),
     ]

@@ -78,7 +78,7 @@ def study(height: int, folder: Path, distances: Sequence[float] = HIT_DISTANCES)
             out = folder / f"{SCENE}-{name}-{distance:g}-{width}x{height}.exr"
             options = {"aov": True, "out": out, "hit_distance": distance, "threads": threads}
             try:
-                run.render(spec, scene.path, height, width, **options)
+                run.render(spec, scene.path, height, width, timed=False, **options)
             except DriverError as error:
                 skipped.append({"phase": name, "reason": f"hit distance {distance:g}: {error.message}"})
                 continue

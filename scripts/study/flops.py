@@ -54,7 +54,7 @@ def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, th
     lanes, `useful` the active ones (both by the machine convention).
     """
     wide, high = scene.size(height, width)
-    made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count")
+    made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count", timed=False)
     about = {key: made[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
     about |= {key: made.get(key) for key in ("compiler", "flags", "lanes")}
     return {**about, "threads": threads, **{key: made[key] for key in KEYS}}

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 
 from study import accuracy, paper, stats
-from study.analysis import Cell, Data
+from study.analysis import Cell, Data, described
+from study.registry import arithmetic_flags
 from study.stats import Interval
 
 BASE, SAME_FLAGS = "baseline", "opt2"  # what speed-ups are over
@@ -90,6 +91,12 @@ def _spread(name: str, interval: Interval | None, scale: float = 1) -> dict[str,
     }
 
 
+def _flags(data: Data, cell: Cell) -> str:
+    """What the compiler was told that changes arithmetic; of a phase with variants what all of them share."""
+    about = described(data.plan).get(cell.spec.partition("@")[0], {})
+    return arithmetic_flags(cell.facts["flags"] or "", about.get("variants") or ())
+
+
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
     alike = (cell.scene, cell.height, cell.width)
     base = data.cell(alike[0], BASE, *alike[1:])
@@ -100,7 +107,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
             if (c.scene, c.height, c.width) == alike
             and c.threads == 1
             and c.spec.partition("@")[0] == SAME_FLAGS
-            and c.facts["flags"] == cell.facts["flags"]
+            and _flags(data, c) == _flags(data, cell)
         ),
         None,
     )

@@ -67,7 +67,8 @@ def overrides(plan: dict[str, Any]) -> dict[str, Any]:
 def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
     """Specs without duplicates, then opt2 with each set of flags it is to be compared under.
 
-    Two specs with the same sources and equal compiler flags are the same program.
+    Two specs with the same sources and equal compiler flags are the same program; of opt2 no further one is
+    built for flags that change no arithmetic.
     """
     found: dict[tuple[str, str], Spec] = {}
 
@@ -80,8 +81,11 @@ def wanted_specs(names: Iterable[str], second_base: bool) -> list[Spec]:
     for name in names:
         add(Spec.parse(name))
     if second_base and summary.SECOND_BASE in phases():
+        there = {summary.cflags(s.flags_from) for s in found.values() if s.phase == summary.SECOND_BASE}
+        there.add(summary.cflags(summary.SECOND_BASE))
         for spec in list(found.values()):
-            if find_phase(spec.flags_from).cflags != find_phase(summary.SECOND_BASE).cflags:
+            if (flags := summary.cflags(spec.flags_from)) not in there:
+                there.add(flags)
                 add(Spec(summary.SECOND_BASE, spec.flags_from))
     return list(found.values())
 

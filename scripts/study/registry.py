@@ -24,6 +24,7 @@ OPTIONAL = {
     "exact_hits",
     "embedded",
 }  # keys of phase.json that may be left out
+NO_ARITHMETIC = {"-pthread"}  # flags
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
@@ -218,6 +219,18 @@ def variant_here(phase: Phase) -> dict[str, Any]:
     have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
     alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
     return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
+
+
+def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str:
+    """Compiler flags without those that change no arithmetic, and without a variant's own: what it shares.
+
+    Two builds of one source by equal ones are one program as far as its speed and its picture go.
+    """
+    for own in (one["flags"] for one in variants):
+        if own and flags.endswith(own):
+            flags = flags.removesuffix(own)
+            break
+    return " ".join(flag for flag in flags.split() if flag not in NO_ARITHMETIC)
 
 
 def cpu_supports(what: Phase | Spec) -> bool:

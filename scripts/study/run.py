@@ -24,6 +24,7 @@ T = TypeVar("T", bound=Hashable)
 _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be imported
 _PR_SET_PDEATHSIG = 1
 USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
+UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure the clocks' rates, 25 ms
 NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
 
 
@@ -85,13 +86,15 @@ def _options(
     return arguments + ["--aov"] * aov
 
 
-def _lines(arguments: list[str], cpus: set[int] | None, env_bytes: int) -> Iterator[str]:
+def _lines(arguments: list[str], cpus: set[int] | None, env_bytes: int, timed: bool = True) -> Iterator[str]:
     """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
 
     The child dies with its reader: killed when the generator is closed, and by the kernel's
     parent-death signal when this process is killed outright.
     """
-    environment = dict(os.environ)
+    environment = {key: value for key, value in os.environ.items() if key != UNTIMED}
+    if not timed:
+        environment[UNTIMED] = "1"
     if env_bytes:
         environment["STEPWISE_PADDING"] = "x" * env_bytes
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
@@ -139,15 +142,16 @@ def render(
     *,
     cpu: int | None = None,
     threads: int = 1,
+    timed: bool = True,
     **options: Any,
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …).
-    Raises DriverError(status, message).
+    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …). Not `timed`: for a
+    picture or counts alone; the clocks' rates are 0. Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
-    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0))
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed))
     return _parse(text, arguments[0])
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from study import stats
 from study.cli import StudyError
-from study.registry import phases
+from study.registry import arithmetic_flags, phases
 
 BASE, SECOND_BASE = "baseline", "opt2"
 SPEED = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]
@@ -21,12 +21,12 @@ SPEED += [("second_base", "second base")]
 
 
 def cflags(phase: str) -> str:
-    """Compiler flags of a phase, its name where the phase is no longer there (an old run)."""
-    return phases()[phase].cflags if phase in phases() else phase
+    """Flags of a phase that change its arithmetic, its name where it is no longer there (an old run)."""
+    return arithmetic_flags(phases()[phase].cflags) if phase in phases() else phase
 
 
 def second_base(row: pd.Series, specs: Sequence[str]) -> str | None:
-    """The spec of opt2 among `specs` that is built with the same compiler flags as `row`."""
+    """The spec of opt2 among `specs` that is built with the compiler flags of `row`, those of no variant."""
     for spec in specs:
         phase, _, flags_from = spec.partition("@")
         if phase == SECOND_BASE and cflags(flags_from or phase) == cflags(row["flags_from"]):

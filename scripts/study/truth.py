@@ -101,7 +101,7 @@ def make(scene: Scene, size: Size) -> Path:
     try:
         raw = folder / "raw.exr"
         threads = len(os.sched_getaffinity(0))
-        run.render("truth", scene.path, size[1], size[0], aov=True, out=raw, threads=threads)
+        run.render("truth", scene.path, size[1], size[0], aov=True, out=raw, threads=threads, timed=False)
         planes = images.read(raw)
         decided, mended = decide(scene.data, planes)
         facts = {"decided": decided, "mended": mended, "seconds": time.monotonic() - begun}

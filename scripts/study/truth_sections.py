@@ -12,6 +12,8 @@ from pathlib import Path
 from study import (
     accuracy,
     accuracy_page,
+    frames,
+    frames_page,
     functions,
     functions_edges_page,
     functions_figures,
@@ -24,6 +26,9 @@ from study import (
     scaling_tables,
     show,
     toolchains,
+    views_measure,
+    views_page,
+    views_tables,
 )
 from study.draw import Drawing
 from study.pareto import Row
@@ -161,6 +166,38 @@ def growth(path: Path) -> Section:
             }
             images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
     return Section("scaling", "How cost grows", "make scaling", parts, remarks, images=images)
+
+
+def elsewhere(path: Path) -> Section:
+    """Each rung against its parent on further views: where constants were tuned, and everywhere else."""
+    file = path / views_measure.FILE
+    parts, remarks, images = [], [], {}
+    with reading(file, f"scripts/views.py --run {path}"):
+        result = views_measure.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in views_tables.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks = [views_page.note(result)]
+            captions = {
+                views_page.RATIOS: "Gain of each rung over its parent on every view",
+                views_page.SHEET: "The views: each scene's own and three further ones",
+            }
+            images = {path / "figures" / f"{name}.png": text for name, text in captions.items()}
+    return Section("views", "Views it was not tuned on", "make views", parts, remarks, images=images)
+
+
+def rates(path: Path) -> Section:
+    """Frames a second, presenting included, against the two goals."""
+    file = path / frames.FILE
+    parts, remarks, drawn = [], [], {}
+    with reading(file, f"scripts/frames.py --run {path}"):
+        result = frames.read(file)
+        if result["rows"]:
+            for name, caption, rows, columns, folded in frames_page.tables(result):
+                parts += part(name, caption, rows, columns, folded=folded)
+            remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
+    about = {"file": file, "script": "scripts/frames.py", "drawn": drawn}
+    return Section("frames", "Frame rates", "make frames", parts, remarks, **about)
 
 
 def _number(name: str):

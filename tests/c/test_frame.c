@@ -394,6 +394,46 @@ static void present_on_samples(void **state) {
     shower_free(&s);
 }
 
+// By each instruction set: the bytes of the formula around every change, at random, and in a tail of any length
+// with not a byte written beyond it.
+static void every_width_shows_the_same_bytes(void **state) {
+    (void)state;
+    static const char *const limits[] = {"none", "avx2", NULL};
+    uint64_t seed = 11;
+    struct shower s = shower_create();
+    static uint8_t expected[BATCH];
+    for (int i = 0; i < BATCH; i++) { // a float beside a change, or any
+        double change = pow((i / 8 % 255 + 1) / 255.0, 1 / 0.4545);
+        uint32_t bits;
+        float near = (float)change;
+        memcpy(&bits, &near, sizeof bits);
+        s.frame.rgb[i] = i % 2 ? random_float(&seed) : from_bits(bits + (uint32_t)(i / 2 % 4) - 2);
+        static const float not_finite[] = {NAN, -NAN, INFINITY, -INFINITY};
+        if (i % 13 == 0)
+            s.frame.rgb[i] = not_finite[i / 13 % 4];
+        expected[i] = (uint8_t)formula(s.frame.rgb[i]);
+    }
+    for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
+        limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
+        struct presenter *presenter = presenter_create();
+        assert_non_null(presenter);
+        struct frame part = s.frame;
+        for (int pixels = 1; pixels <= 40; pixels++) {
+            part.rgb = s.frame.rgb + 3 * pixels;
+            part.width = pixels;
+            memset(s.shown, 77, BATCH);
+            frame_present(presenter, &part, s.shown);
+            assert_memory_equal(s.shown, expected + 3 * pixels, 3 * (size_t)pixels);
+            for (int i = 3 * pixels; i < 3 * pixels + 64; i++)
+                assert_int_equal(s.shown[i], 77);
+        }
+        frame_present(presenter, &s.frame, s.shown);
+        assert_memory_equal(s.shown, expected, BATCH);
+        presenter_free(presenter);
+    }
+    shower_free(&s);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_are_preset),
@@ -404,6 +444,7 @@ int main(void) {
         cmocka_unit_test(present_is_the_formula_for_every_float),
         cmocka_unit_test(present_outside_the_range),
         cmocka_unit_test(present_on_samples),
+        cmocka_unit_test(every_width_shows_the_same_bytes),
     };
     return cmocka_run_group_tests_name("frame", tests, make_folder, remove_folder);
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -181,6 +183,20 @@ def bulb_points(random: np.random.Generator) -> np.ndarray:
     return points.astype(np.float32).astype(float)
 
 
+@functools.cache
+def bulb_answers(iterations: int, bailout: float, unit: float) -> tuple[np.ndarray, ...]:
+    """Points, their distances, how far noise of that unit roundoff moves them, and where it leaves the
+    number of turns alone: the same for every phase of that precision."""
+    bulb = shape("mandelbulb", iterations=iterations, bailout=bailout)
+    points = bulb_points(np.random.default_rng(5))
+    exact, margin = geometry.mandelbulb(points, bulb)
+    noisy = [geometry.mandelbulb(points, bulb, unit, seed) for seed in range(8)]
+    spread = np.max([np.abs(estimate - exact) for estimate, _ in noisy], axis=0)
+    # where rounding decides whether there is another turn, two answers are right
+    margins = np.array([m for _, m in noisy])
+    return points, exact, spread, (margin > 10 * np.ptp(margins, axis=0)) & (margin > 1e3 * unit)
+
+
 @pytest.mark.parametrize("iterations, bailout", [(1, 256), (2, 256), (4, 256), (7, 256), (4, 4), (4, 10000)])
 def test_mandelbulb(phase: str, iterations: int, bailout: float) -> None:
     """Against the map by angles in 80-bit floats, within what rounding of the phase's size can do.
@@ -189,15 +205,9 @@ def test_mandelbulb(phase: str, iterations: int, bailout: float) -> None:
     come to at a point is measured: the map again with noise of one unit roundoff at every turn.
     """
     bulb = shape("mandelbulb", iterations=iterations, bailout=bailout)
-    points = bulb_points(np.random.default_rng(5))
+    points, exact, spread, decided = bulb_answers(iterations, bailout, roundoff(phase))
     found, _, where = probe(phase, scene([bulb]), points, f"distance_mandelbulb_{iterations}_{bailout}")
     assert np.isfinite(found).all(), f"{where}: at {points[~np.isfinite(found)][0].tolist()} not finite"
-    exact, margin = geometry.mandelbulb(points, bulb)
-    noisy = [geometry.mandelbulb(points, bulb, roundoff(phase), seed) for seed in range(8)]
-    spread = np.max([np.abs(estimate - exact) for estimate, _ in noisy], axis=0)
-    # where rounding decides whether there is another turn, two answers are right
-    margins = np.array([m for _, m in noisy])
-    decided = (margin > 10 * np.ptp(margins, axis=0)) & (margin > 1e3 * roundoff(phase))
     assert decided.mean() > 0.8, f"{where}: only {decided.mean():.2f} of the points tell anything"
     tolerance = 16 * spread + 16 * roundoff(phase) * (np.abs(exact) + 1e-3)
     off = np.abs(found - exact)

@@ -291,7 +291,7 @@ def test_builds_differ() -> None:
         "fast": builds.fast_math(phase),
         "fma": builds.contracted(phase),
     }.items():
-        program = built.program()
+        program = built.program(built.renderer)
         flags[title] = (registry.ROOT / built.folder / built.name / "phase_info.h").read_text()
         loads = subprocess.run(["nm", program], capture_output=True, text=True, check=True).stdout
         assert ("set_fast_math" in loads) == (title != "fma"), f"{title}: start-up code"

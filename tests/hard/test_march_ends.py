@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from study import registry
 from study.hard import Phase, exact, measure
 from study.hard import c03_halo as c03
 from study.hard import c31_bounds_cut as c31
@@ -38,6 +39,9 @@ def test_after_a_near_miss_there_may_be_nothing(phase: str, distance: float) -> 
 def test_the_steps_may_end_behind_a_near_miss(phase: str) -> None:
     """At any cap the ray ends, with the wall or with nothing."""
     whole = c03.passing(1e-5, 1000)
+    if registry.phases()[phase].exact_hits:  # no steps: no cap is too low
+        assert all(Phase(phase).render(whole, (1, 1), max_steps=cap)["id"][0, 0] == 1 for cap in (1, 2, 40))
+        return
     needed = int(Phase(phase).render(whole, (1, 1))["evals"][0, 0])
     for cap in (needed, needed - 1, needed // 2 + 3, needed // 2, needed // 3):
         picture = Phase(phase, time_limit=5).render(whole, (1, 1), max_steps=cap)

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import started
 
 from study import hard, hard_page, registry, store
 from study.cli import StudyError
@@ -88,7 +89,7 @@ def test_not_a_stability_json(tmp_path: Path, broken: dict) -> None:
 
 def stability(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, registry.ROOT / "scripts" / "stability.py", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 def test_script(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import started
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -60,14 +61,14 @@ def built() -> None:
 @functools.cache
 def picture(name: str, scene: str, folder: Path) -> images.Picture:
     path = folder / f"{name}-{scene}.exr"
-    run.render(name, registry.find_scene(scene).path, HEIGHT, aov=True, out=path)
+    run.render(name, registry.find_scene(scene).path, HEIGHT, aov=True, out=path, timed=False)
     return images.read(path)
 
 
 @functools.cache
 def counts(name: str, scene: str) -> dict:
     built()
-    return run.render(name, registry.find_scene(scene).path, HEIGHT, target="render-count")
+    return run.render(name, registry.find_scene(scene).path, HEIGHT, target="render-count", timed=False)
 
 
 @pytest.fixture(scope="module")
@@ -511,7 +512,7 @@ def test_every_case_is_timed_once_a_round_in_random_order(monkeypatch):
 
 def command(*arguments: str, root: Path = ROOT, **environment: str) -> subprocess.CompletedProcess:
     words = [sys.executable, root / "scripts/ablations.py", *arguments]
-    return subprocess.run(words, capture_output=True, text=True, env=os.environ | environment)
+    return started.run(words, env=os.environ | environment)
 
 
 def test_the_table(tmp_path):

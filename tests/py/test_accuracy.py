@@ -87,6 +87,26 @@ def test_depth_and_normals_have_their_own_errors(blank):
     assert found["normal_p99_degrees"] == pytest.approx(3, abs=1e-4)
 
 
+def test_distances_are_compared_over_as_many_hits(blank):
+    """Who hits more of the true hits is not further for it: the hits that it won are its worst here."""
+    truth, base, more = (blank(10, 20) for _ in range(3))
+    truth = made_truth(truth)
+    base["Z"][:] += 0.25  # everywhere but in the row that it misses
+    base["Z"][0], base["id"][0] = np.inf, -1
+    more["Z"][:] += 0.125
+    more["Z"][0] += 4
+    count = len(accuracy.right_distances(truth, base))
+    assert count == 180
+    assert accuracy.metrics(truth, more)["dt_p99"] > 4
+    assert accuracy.dt_p99_of(count, truth, more) == 0.125
+    assert accuracy.dt_p99_of(count, truth, base) == accuracy.metrics(truth, base)["dt_p99"] == 0.25
+    assert accuracy.dt_p99_of(1000, truth, more) == accuracy.metrics(truth, more)["dt_p99"]  # of fewer: all
+    more["id"][:, 5:] = 7  # another shape is no right hit
+    assert len(accuracy.right_distances(truth, more)) == 50
+    more["Z"][:, :] = np.nan
+    assert math.isnan(accuracy.dt_p99_of(count, truth, more))
+
+
 # --- colours
 
 

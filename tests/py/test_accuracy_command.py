@@ -32,7 +32,7 @@ def house(tmp_path, monkeypatch, write_exr, disc):
         path.write_text(str(spec))
         return path
 
-    def render(spec, scene, height, width, *, aov, out):
+    def render(spec, scene, height, width, *, aov, out, timed):
         made = pictures[str(spec)]
         if isinstance(made, Exception):
             raise made

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import started
 
 from study import truth_sections
 from study.cli import StudyError
@@ -141,7 +141,7 @@ def test_the_scripts_end_in_status_2(tmp_path: Path, script: str, name: str) -> 
     run = shutil.copytree(ROOT / "tests" / "fixtures" / "run", tmp_path / "machine" / "run")
     (run / f"{name}.json").write_text(whole(name)[:3000])
     command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert f"{name}.json:1:" in done.stderr and f"scripts/{name}.py" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -1,8 +1,10 @@
 """Builds: what is built, and what is said when it cannot be."""
 
+import fcntl
 import os
 import shutil
 import sys
+import threading
 
 import pytest
 
@@ -74,3 +76,17 @@ def test_a_missing_make_is_named(root, monkeypatch):
     with pytest.raises(StudyError, match="make is missing") as error:
         module.build("baseline")
     assert error.value.exit_status == CANNOT_RUN
+
+
+def test_two_scripts_make_nothing_in_one_folder_at_once(root):
+    made = module.build("baseline")
+    made.unlink()  # to be linked again: a moment
+    module._build.cache_clear()
+    with open(made.parent / ".making", "w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        waiting = threading.Thread(target=module.build, args=("baseline",))
+        waiting.start()
+        waiting.join(2)
+        assert waiting.is_alive() and not made.exists()
+    waiting.join()
+    assert made.exists()

@@ -11,6 +11,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+import started
 from elftools.elf.elffile import ELFFile
 
 from study import ceilings, machine, store
@@ -310,10 +311,10 @@ def test_issue_is_the_best_of_any_mix() -> None:
 
 def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "scripts" / "ceilings.py"), "--samples", "5", "--json", "--run"]
-    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    done = started.run([*command, tmp_path])
     assert done.returncode == 2 and "not a run" in done.stderr
     store.write_json(tmp_path / "plan.json", {})
-    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    done = started.run([*command, tmp_path])
     assert done.returncode == 0, done.stderr
     limits = ceilings.read(tmp_path)
     assert json.loads(done.stdout)["ceilings"] == limits.rows
@@ -324,6 +325,6 @@ def test_the_script_keeps_them_with_the_run(tmp_path: Path) -> None:
     # A run of another machine cannot have its ceilings measured here.
     before = (tmp_path / "ceilings.json").read_bytes()
     store.write_json(tmp_path / "context.json", context)
-    done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+    done = started.run([*command, tmp_path])
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert "another machine" in done.stderr and (tmp_path / "ceilings.json").read_bytes() == before

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import started
 
 import tables
 from study import analysis, claims, cli, ladder, paper, register, roof
@@ -244,6 +244,6 @@ def test_every_command_works_without_a_run(command: str) -> None:
         names = (ROOT / "Makefile").read_text(encoding="utf-8")
         assert [f"\n{name}:" in names for name in options] == [True]
         return
-    done = subprocess.run([sys.executable, ROOT / program, "-h"], capture_output=True, text=True)
+    done = started.run([sys.executable, ROOT / program, "-h"])
     assert done.returncode == cli.OK and "[RUN]" not in done.stdout
     assert all(word in done.stdout for word in options if word.startswith("--"))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import started
 
 from study import cli
 from study.registry import ROOT
@@ -142,7 +143,7 @@ def test_a_reader_that_goes_away_is_no_error(tmp_path):
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
 def test_every_script_names_its_exit_statuses(path):
-    done = subprocess.run([sys.executable, path, "-h"], capture_output=True, text=True)
+    done = started.run([sys.executable, path, "-h"])
     assert done.returncode == 0, done.stderr
     assert "exit status:" in done.stdout
     assert "--json" in done.stdout
@@ -150,7 +151,7 @@ def test_every_script_names_its_exit_statuses(path):
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
 def test_every_script_refuses_an_unknown_option(path):
-    done = subprocess.run([sys.executable, path, "--no-such-option"], capture_output=True, text=True)
+    done = started.run([sys.executable, path, "--no-such-option"])
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stdout == ""

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import started
 
 import compare
 from study import store
@@ -48,7 +49,7 @@ def two(tmp_path):
 
 def run(*arguments) -> subprocess.CompletedProcess:
     command = [sys.executable, ROOT / "scripts" / "compare.py", *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 def test_ratios_are_those_of_the_medians(two):

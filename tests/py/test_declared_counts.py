@@ -80,7 +80,14 @@ def counted(scene_path, tmp_path_factory):
         out = folder / f"{phase}-{name}-{height}-{again}-{threads}.exr"
         try:
             made = run.render(
-                phase, scene_path(name), height, aov=True, out=out, threads=threads, target="render-count"
+                phase,
+                scene_path(name),
+                height,
+                aov=True,
+                out=out,
+                threads=threads,
+                target="render-count",
+                timed=False,
             )
         except run.DriverError as error:
             if error.status == run.UNSUPPORTED:
@@ -145,7 +152,7 @@ def test_two_threads_count_as_one(counted, scene_path, phase):
 @pytest.mark.parametrize("phase", DECLARED)
 def test_counting_does_not_change_the_picture(counted, scene_path, tmp_path, phase, name):
     made, counting = counted(phase, name)
-    run.render(phase, scene_path(name), made["height"], aov=True, out=tmp_path / "timing.exr")
+    run.render(phase, scene_path(name), made["height"], aov=True, out=tmp_path / "timing.exr", timed=False)
     timing = images.read(tmp_path / "timing.exr")
     for channel in images.AOVS:
         assert np.array_equal(counting[channel].view(np.uint32), timing[channel].view(np.uint32)), channel

@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 
 import pytest
+import started
 
 from study import columns, costs, decode, flops, libm, registry, show, table1
 from study.cli import StudyError
@@ -478,7 +479,7 @@ def test_a_line_that_is_no_cost_is_named(tmp_path):
 
 def command(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
     words = [sys.executable, str(ROOT / "scripts" / "flops.py"), *map(str, arguments)]
-    return subprocess.run(words, capture_output=True, text=True, env=os.environ | environment, timeout=300)
+    return started.run(words, env=os.environ | environment, timeout=300)
 
 
 def test_table1_of_a_small_picture_as_json():
@@ -554,9 +555,7 @@ def test_a_wrong_cost_is_found(tmp_path):
         )
     )
     words = [sys.executable, str(copy / "scripts" / "flops.py"), "--validate", "--phase", "baseline"]
-    done = subprocess.run(
-        [*words, "--scene", "spheres40", "-n", "8"], capture_output=True, text=True, timeout=300
-    )
+    done = started.run([*words, "--scene", "spheres40", "-n", "8"], timeout=300)
     assert done.returncode == 1 and "baseline spheres40 sdf_sphere (calls): declared" in done.stderr, (
         done.stderr
     )

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import started
 
 from study import functions, functions_edges_page, functions_figures, functions_page, show
 from study.cli import StudyError
@@ -44,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A quick run by the script."""
     path = tmp_path_factory.mktemp("functions")
     command = [sys.executable, SCRIPT, "--quick", "--rounds", "6", "--vectors", "1024", "--seed", "1"]
-    done = subprocess.run([*command, "--json", "--run", path], capture_output=True, text=True)
+    done = started.run([*command, "--json", "--run", path])
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == json.loads((path / functions.FILE).read_text())
     return path
@@ -82,7 +83,7 @@ def test_script_and_page(folder: Path) -> None:
     ],
 )
 def test_bad_arguments(arguments: list[str], said: str) -> None:
-    done = subprocess.run([sys.executable, SCRIPT, *arguments], capture_output=True, text=True)
+    done = started.run([sys.executable, SCRIPT, *arguments])
     assert done.returncode == 2 and said in done.stderr and not done.stdout
 
 

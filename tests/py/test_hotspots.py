@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import started
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -336,10 +337,8 @@ def test_the_script_for_real(tmp_path):
 
 
 def run_script(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
+    return started.run(
         [sys.executable, SCRIPT, *arguments],
-        capture_output=True,
-        text=True,
         env=os.environ | environment,
         timeout=600,
     )

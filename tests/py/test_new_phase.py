@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import started
 
 import new_phase
 from study import registry
@@ -98,7 +99,7 @@ def test_the_new_phase_builds_and_renders_as_its_parent(root):
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
     command = [sys.executable, ROOT / "scripts" / "new_phase.py", *arguments]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib
 import pytest
+import started
 
 from study import ablations, cli, images, pareto, pareto_page, registry, run, toolchains, truth_sections
 from study import pareto_measure as measuring
@@ -334,7 +334,7 @@ def test_too_few_launches_are_said(nothing: float | None) -> None:
 
 @pytest.mark.parametrize("value", ["inf", "nan", "0", "-1", "9e-10", "1.1e9", "near"])
 def test_a_hit_distance_that_no_loader_takes_is_an_argument_error(value: str) -> None:
-    done = subprocess.run([sys.executable, SCRIPT, f"--hit-distance={value}"], capture_output=True, text=True)
+    done = started.run([sys.executable, SCRIPT, f"--hit-distance={value}"])
     assert done.returncode == cli.BAD_INPUT and "must be a length of 1e-9 to 1e9" in done.stderr
 
 
@@ -343,7 +343,7 @@ def test_a_folder_that_cannot_be_written_to_is_said_at_once(tmp_path: Path) -> N
     for name in ("pareto", "toolchains", "stability", "functions"):
         command = [sys.executable, SCRIPT.with_name(f"{name}.py"), "--run", tmp_path / "file" / "run"]
         # Measuring all of these takes minutes: only a check before it ends in time.
-        done = subprocess.run(command, capture_output=True, text=True, timeout=20)
+        done = started.run(command, timeout=20)
         assert done.returncode == cli.BAD_INPUT and "cannot be written to" in done.stderr, name
 
 

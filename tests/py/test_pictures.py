@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 import sys
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+import started
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -146,10 +146,8 @@ def test_thumbnails_are_averaged_in_linear_light(tmp_path, write_exr, blank):
 
 
 def test_the_command_writes_both_figures(run_folder):
-    done = subprocess.run(
+    done = started.run(
         [sys.executable, ROOT / "scripts/pictures.py", "--run", run_folder, "--json"],
-        capture_output=True,
-        text=True,
     )
     assert done.returncode == 0, done.stderr
     made = json.loads(done.stdout)
@@ -163,9 +161,7 @@ def test_the_command_writes_both_figures(run_folder):
 
 
 def test_a_run_that_is_not_verified_is_told_what_to_do(tmp_path):
-    done = subprocess.run(
-        [sys.executable, ROOT / "scripts/pictures.py", "--run", tmp_path], capture_output=True, text=True
-    )
+    done = started.run([sys.executable, ROOT / "scripts/pictures.py", "--run", tmp_path])
     assert done.returncode == 2
     assert "make it with scripts/verify.py --run" in done.stderr
 
@@ -199,7 +195,7 @@ def test_demo_takes_the_furthest_phase_that_runs_here(monkeypatch, capsys):
 
 def test_demo_with_the_real_driver(tmp_path):
     words = ["--phase", "opt1", "--seconds", "0.01", "-o", tmp_path / "demo.png", "--json"]
-    done = subprocess.run([sys.executable, ROOT / "scripts/demo.py", *words], capture_output=True, text=True)
+    done = started.run([sys.executable, ROOT / "scripts/demo.py", *words])
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["identical"] and found["psnr_db"] is None and found["max_abs"] == 0

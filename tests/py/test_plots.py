@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+import started
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -40,7 +41,7 @@ def rows(data: Data) -> pd.DataFrame:
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
     command = [sys.executable, str(ROOT / "scripts" / "plots.py"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 def texts(figure: Figure) -> list[str]:

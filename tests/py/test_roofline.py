@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 import pandas as pd
 import pytest
+import started
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -123,7 +124,7 @@ def row(run: Path, phase: str, n: int) -> dict:
 
 def script(*arguments: object, name: str = "roofline.py") -> subprocess.CompletedProcess:
     command = [sys.executable, str(ROOT / "scripts" / name), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 # The roof of an operation mix, by hand

@@ -39,6 +39,14 @@ def test_frames_come_one_by_one_with_all_facts():
     assert all(frame["width"] == 5 and frame["ns"] > 0 for frame in got)
 
 
+def test_clocks_are_measured_unless_the_picture_alone_is_wanted(monkeypatch):
+    monkeypatch.setenv(run.UNTIMED, "1")  # what the environment says is not asked: a timing has its clocks
+    assert run.render("baseline", SCENE, 3)["tsc_hz"] > 1e8
+    assert next(run.frames("baseline", SCENE, 3))["core_hz_before"] > 1e8
+    monkeypatch.delenv(run.UNTIMED)
+    assert run.render("baseline", SCENE, 3, timed=False)["tsc_hz"] == 0
+
+
 @pytest.mark.parametrize("aov", [False, True])
 def test_picture_is_written(tmp_path, aov):
     got = run.render("baseline", SCENE, 3, aov=aov, out=tmp_path / "a.exr")

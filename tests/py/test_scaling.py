@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
+import started
 
 import scaling as command
 from study import cli, run, scaling, scaling_errors, scaling_fit, scaling_goals, scaling_page, scaling_scenes
@@ -459,7 +459,7 @@ def test_from_end_to_end(tmp_path: Path) -> None:
     ]
     # Far more time than it takes: what is measured must not hang on how fast this machine is now.
     words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
-    done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True)
+    done = started.run([sys.executable, SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / scaling.FILE).read_text())

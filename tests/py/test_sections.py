@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 import json
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import started
 
 from study import ablations, analysis, chapters, hotspots, sections
 from study.cli import StudyError
@@ -178,7 +178,7 @@ def test_the_scripts_end_in_status_2(
 ) -> None:
     put(run, name, broken(name, where, value))
     command = [sys.executable, ROOT / "scripts" / script, run, "-o", tmp_path / "out" / "made"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = started.run(command)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
     assert name in done.stderr
     assert not (tmp_path / "out").exists()

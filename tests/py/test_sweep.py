@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+import started
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -30,9 +31,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def sweep(*arguments: object, **environment: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        command(*arguments), capture_output=True, text=True, env=os.environ | environment, timeout=300
-    )
+    return started.run(command(*arguments), env=os.environ | environment, timeout=300)
 
 
 def only_run(results: Path) -> store.Run:
@@ -111,6 +110,8 @@ def test_bad_numbers_are_refused(text):
         ("opt2@opt1 opt2", True, "opt2"),
         ("opt2@opt3 opt2@opt4", True, "opt2@opt3"),
         ("opt3@opt4 opt3", True, "opt3 opt2@opt3"),
+        ("opt4 opt5_threads opt6_wide", True, "opt4 opt5_threads opt6_wide opt2@opt4"),
+        ("opt6_wide opt4", True, "opt6_wide opt4 opt2@opt6_wide"),
     ],
 )
 def test_specs_are_different_programs_with_the_second_base(names, second_base, specs):

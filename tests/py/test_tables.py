@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import started
 
 import tables
 from study import analysis, claims, ladder, paper, show
@@ -53,7 +54,7 @@ def edit_pairs(run: Path, change) -> None:
 
 def script(*arguments: object) -> subprocess.CompletedProcess:
     command = [sys.executable, str(ROOT / "scripts" / "tables.py"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
+    return started.run(command)
 
 
 # The ladder's figures
@@ -79,6 +80,18 @@ def test_speedups_are_ratios_of_medians_over_both_bases(run: Path) -> None:
     assert opt4["speedup_low"] < 32 < opt4["speedup_high"]
     assert (opt4["same_flags_base"], opt4["speedup_same_flags"]) == ("opt2@opt3", pytest.approx(6.4))
     assert (opt1["same_flags_base"], opt1["speedup_same_flags"]) == ("opt2", pytest.approx(0.8))
+
+
+def test_the_second_base_has_the_flags_that_all_of_a_phases_variants_share(run: Path) -> None:
+    """-pthread changes no arithmetic, and what one variant adds is not what all have; another -m flag is."""
+    avx2, wide = "-O3 -mavx2 -mfma -ffp-contract=off", "-mavx512f -mprefer-vector-width=512"
+    edit(run, lambda f: f.update(flags=f"{avx2} -pthread {wide}") if f["phase"] == "opt4" else None)
+    assert pd.isna(row(run, "scene0", "opt4", 180)["speedup_same_flags"])
+    plan = json.loads((run / "plan.json").read_text())
+    plan["phases"] = {"opt4": {"name": "opt4", "variants": [{"flags": wide}, {"flags": ""}]}}
+    (run / "plan.json").write_text(json.dumps(plan))
+    opt4 = row(run, "scene0", "opt4", 180)
+    assert (opt4["same_flags_base"], opt4["speedup_same_flags"]) == ("opt2@opt3", pytest.approx(6.4))
 
 
 def test_a_threaded_phase_is_compared_with_one_thread(run: Path) -> None:

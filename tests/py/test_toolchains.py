@@ -11,6 +11,7 @@ from pathlib import Path
 import documented
 import numpy as np
 import pytest
+import started
 
 from study import cli, images, registry, toolchains, truth_sections
 from study.cli import StudyError
@@ -95,7 +96,7 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
         "1",
         "--no-truth",
     ]
-    done = subprocess.run([*command, "--run", tmp_path, "--json"], capture_output=True, text=True)
+    done = started.run([*command, "--run", tmp_path, "--json"])
     assert done.returncode == cli.OK, done.stderr
     made = json.loads(done.stdout)
     assert made["rows"] == json.loads((tmp_path / "toolchains.json").read_text())["rows"]
@@ -109,7 +110,7 @@ def test_the_command_writes_its_rows(tmp_path: Path) -> None:
 def test_a_spec_with_flags_of_its_own_is_refused(tmp_path: Path) -> None:
     command = [sys.executable, ROOT / "scripts" / "toolchains.py", "--phase", "opt2@opt4", "--scene"]
     command += ["two_spheres", "--compiler", "gcc", "--flags", "as shipped", "-n", "8", "--launches", "1"]
-    done = subprocess.run([*command, "--no-truth", "--run", tmp_path], capture_output=True, text=True)
+    done = started.run([*command, "--no-truth", "--run", tmp_path])
     assert done.returncode == cli.BAD_INPUT and "opt2@opt4: flags are what is compared" in done.stderr
 
 

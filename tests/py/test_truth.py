@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+import started
 
 from study import accuracy, cli, images, registry, run, truth
 from study.cli import StudyError
@@ -129,7 +130,7 @@ def test_a_scene_is_its_values(scene):
 def test_the_script(tmp_path):
     def script(*arguments):
         command = [sys.executable, ROOT / "scripts" / "truth.py", *arguments]
-        return subprocess.run(command, capture_output=True, text=True)
+        return started.run(command)
 
     done = script("two_spheres", "-n", "12", "-w", "16", "--json")
     assert done.returncode == cli.OK, done.stderr

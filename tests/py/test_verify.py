@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+import started
 from tolerances import SMOOTH, bound, phase
 
 import verify
@@ -37,7 +37,9 @@ class FakeDriver:
             path.write_text(str(spec))
         return path
 
-    def render(self, spec: Spec, scene: Path, height: int, width: int, *, aov: bool, out: Path) -> dict:
+    def render(
+        self, spec: Spec, scene: Path, height: int, width: int, *, aov: bool, out: Path, timed: bool
+    ) -> dict:
         assert aov
         self.calls.append((str(spec), scene.stem, width, height))
         time.sleep(0.02)  # so that a picture wanted twice would be begun twice
@@ -286,9 +288,7 @@ def test_the_reference_is_identical_to_itself(driver, command):
     ],
 )
 def test_bad_arguments_end_with_status_2_and_what_would_be_right(words, message):
-    done = subprocess.run(
-        [sys.executable, ROOT / "scripts/verify.py", *words], capture_output=True, text=True
-    )
+    done = started.run([sys.executable, ROOT / "scripts/verify.py", *words])
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr
@@ -311,7 +311,7 @@ def test_end_to_end_with_the_real_driver(tmp_path):
         "5",
     ]
     command = [sys.executable, ROOT / "scripts/verify.py", *words, "--run", tmp_path, "--json"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = started.run(command)
     assert done.returncode == 0, done.stderr
     pairs = json.loads(done.stdout)["pairs"]
     assert [(p["phase"], p["scene"]) for p in pairs] == [

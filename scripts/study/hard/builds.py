@@ -10,9 +10,6 @@ import shutil
 from study import registry
 from study.hard.phase import Phase
 
-# Linked so that gcc's start-up code has the CPU flush denormals to zero (FTZ, DAZ); no flag differs.
-FLUSHING = "LIBS=-ffast-math -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lm"
-
 
 def _made(phase: Phase, make: tuple[str, ...], folder: str) -> Phase | None:
     if not shutil.which(make[0].removeprefix("CC=")):
@@ -21,8 +18,13 @@ def _made(phase: Phase, make: tuple[str, ...], folder: str) -> Phase | None:
 
 
 def flushing(phase: Phase) -> Phase | None:
-    """gcc, denormals flushed to zero. This and the others: None where the compiler is not installed."""
-    return _made(phase, ("CC=gcc", FLUSHING), "build/hard-ftz")
+    """gcc, denormals flushed to zero. This and the others: None where the compiler is not installed.
+
+    The phase's own objects, linked so that gcc's start-up code has the CPU do so (FTZ, DAZ).
+    """
+    if not shutil.which("gcc"):
+        return None
+    return Phase(phase.name, phase.make, phase.folder, phase.time_limit, "render-ftz")
 
 
 def fast_math(phase: Phase) -> Phase | None:

@@ -24,7 +24,7 @@ import numpy as np
 from study import build, images, registry
 from study.cli import StudyError
 from study.images import Picture
-from study.run import NO_ISA, UNSUPPORTED
+from study.run import NO_ISA, UNSUPPORTED, UNTIMED
 
 # No case takes a second where nothing goes wrong; the rest is for sanitized programs on busy machines.
 TIME_LIMIT = 30.0  # s
@@ -53,6 +53,7 @@ class Phase:
     make: tuple[str, ...] = ()
     folder: str = "build"
     time_limit: float = TIME_LIMIT  # s
+    renderer: str = "render"  # the target that draws
     non_finite: int = field(default=0, compare=False)
     renders: int = field(default=0, compare=False)
 
@@ -80,7 +81,7 @@ class Phase:
                 input=stdin,
                 capture_output=True,
                 timeout=self.time_limit,
-                env=os.environ | (env or {}),
+                env=os.environ | {UNTIMED: "1"} | (env or {}),
             )
         except subprocess.TimeoutExpired:
             raise Hung(f"not done after {self.time_limit:g} s") from None
@@ -97,7 +98,7 @@ class Phase:
         with tempfile.TemporaryDirectory(prefix="stepwise-hard-") as folder:
             path, out = Path(folder, "scene.json"), Path(folder, "picture.exr")
             path.write_text(json.dumps(scene), encoding="utf-8")
-            command = [self.program(), path, "-n", str(size[1]), "-w", str(size[0]), "-o", out]
+            command = [self.program(self.renderer), path, "-n", str(size[1]), "-w", str(size[0]), "-o", out]
             for name, value in overrides.items():
                 command += ["--" + name.replace("_", "-"), repr(value)]
             self._checked(self.execute([*command, "--aov"] if aov else command))

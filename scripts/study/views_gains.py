@@ -1,0 +1,143 @@
+"""What the times of further views say of a rung: median and worst gain over its parent, and a verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from study import stats
+from study.stats import Interval
+from study.views import OWN
+from study.views_measure import BASE, Row
+
+ALONE, SCENE_ALONE = "wins on the tuned views alone", "wins on its own view alone"
+FEW = "too few launches"
+RESAMPLES = 2000
+
+
+def level(row: Row, name: str = "psnr_db") -> float:
+    """PSNR in dB: JSON's null is infinite where the RMSE is a number, else NaN."""
+    value, rmse = row.get(name), row.get(name.replace("psnr", "rmse").removesuffix("_db"))
+    return float(value) if value is not None else math.nan if rmse is None else math.inf
+
+
+def ends(row: Row) -> tuple[float, float, float]:
+    """The ratio to the parent and its interval; NaN for what is not there."""
+    found = row["ratio"]
+    some = vars(found) if isinstance(found, Interval) else found
+    return tuple(math.nan if some[key] is None else some[key] for key in ("value", "low", "high"))
+
+
+def wins(row: Row) -> bool:
+    return ends(row)[1] > 1
+
+
+def loses(row: Row) -> bool:
+    return ends(row)[2] < 1
+
+
+def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed: int = 1) -> Interval:
+    """Median over views of median(parent) / median(rung), launches of each view resampled. NaN of none."""
+    if not pairs:
+        return Interval(math.nan, math.nan, math.nan, 0, False)
+    value = float(np.median([np.median(base) / np.median(own) for base, own in pairs]))
+    launches = min(len(some) for pair in pairs for some in pair)
+    if launches < stats.ENOUGH:
+        return Interval(value, math.nan, math.nan, launches, False)
+    random = np.random.default_rng(seed)
+
+    def medians(values: Sequence[float]) -> np.ndarray:
+        some = np.asarray(values, float)
+        return np.median(some[random.integers(len(some), size=(RESAMPLES, len(some)))], axis=1)
+
+    drawn = np.median([medians(base) / medians(own) for base, own in pairs], axis=0)
+    return Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
+
+
+def verdict(tuned: Sequence[Row], others: Sequence[Row], median: Interval) -> str:
+    """In words, with the intervals asked: what a rung's gain is elsewhere than where it was tuned."""
+    if not tuned or not others:
+        return "tuned views not measured" if others else "other views not measured"
+    if not median.sufficient:
+        return FEW
+    slower = sum(map(loses, others))
+    if median.low > 1:
+        if slower:
+            return f"wins in the median, slower on {slower} of {len(others)}"
+        everywhere = all(map(wins, [*tuned, *others]))
+        return "wins on every view" if everywhere else "wins, slower on none"
+    if any(map(wins, tuned)):
+        return ALONE
+    return "slower in the median" if median.high < 1 else "no gain"
+
+
+def rungs(rows: Sequence[Row]) -> list[Row]:
+    """One row a rung: tuned views' ratios, median and worst of the others, errors beside the parent's."""
+    times = {(r["phase"], r["scene"], r["view"]): r for r in rows}
+    made = []
+    for phase in dict.fromkeys(r["phase"] for r in rows if r["parent"]):
+        mine = [r for r in rows if r["phase"] == phase and r["ratio"]]
+        if not mine:
+            continue
+        tuned, others = [r for r in mine if r["tuned"]], [r for r in mine if not r["tuned"]]
+        pairs = [(times[r["parent"], r["scene"], r["view"]]["ns"], r["ns"]) for r in others]
+        median = median_ratio(pairs)
+        worst = min(others, key=lambda r: ends(r)[0], default=None)
+        made.append(
+            {
+                **{"phase": phase, "parent": mine[0]["parent"], "views": len(others)},
+                "tuned": {r["scene"]: r["ratio"] for r in tuned},
+                "median": median,
+                **{"worst": worst and worst["ratio"], "worst_scene": worst and worst["scene"]},
+                **{"worst_view": worst and worst["view"], "slower": sum(map(loses, others))},
+                "to_truth": _lowest(mine, times, "truth"),
+                "to_base": _lowest(mine, times, BASE),
+                "wrong_ppm": max(
+                    (r["wrong_ppm"] for r in mine if r.get("wrong_ppm") is not None), default=None
+                ),
+                "verdict": verdict(tuned, others, median),
+            }
+        )
+    return made
+
+
+def _lowest(rows: Sequence[Row], times: dict[tuple, Row], reference: str) -> Row | None:
+    """Where a rung is furthest from the reference: PSNR (null: identical), its parent's there, which view."""
+    some = [r for r in rows if r.get("reference") == reference]
+    bad = [r for r in some if math.isnan(level(r))]
+    low = bad[0] if bad else min(some, key=level, default=None)
+    if low is None:
+        return None
+    parent = times[low["parent"], low["scene"], low["view"]]
+    same = parent.get("reference") == reference
+    return {
+        **{"scene": low["scene"], "view": low["view"], "no_value": bool(bad), "psnr_db": level(low)},
+        "parent_db": level(parent) if same else None,
+        "parent_is_reference": not same,
+    }
+
+
+def by_scene(rows: Sequence[Row]) -> list[Row]:
+    """One row a rung and scene: the ratio of every view, and whether its own view is the only one gained."""
+    made = []
+    for phase, scene in dict.fromkeys((r["phase"], r["scene"]) for r in rows if r["ratio"]):
+        mine = {r["view"]: r for r in rows if (r["phase"], r["scene"]) == (phase, scene) and r["ratio"]}
+        others = [row for name, row in mine.items() if name != OWN]
+        own = mine.get(OWN)
+        alone = own is not None and others and wins(own) and not any(map(wins, others))
+        first = next(iter(mine.values()))
+        made.append(
+            {
+                **{"phase": phase, "parent": first["parent"], "scene": scene},
+                "views": {name: row["ratio"] for name, row in mine.items()},
+                "psnr": {name: None if math.isinf(level(row)) else level(row) for name, row in mine.items()},
+                "verdict": SCENE_ALONE if alone else "slower on " + _names(mine) if _names(mine) else "",
+            }
+        )
+    return made
+
+
+def _names(views: dict[str, Row]) -> str:
+    return ", ".join(name for name, row in views.items() if loses(row))

@@ -1,0 +1,174 @@
+"""Frame rates: sizes, rates, budgets and verdicts known by arithmetic; errors, the chapter, bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+import frames as command
+from study import cli, frames, frames_page, registry, stats, truth_sections
+from study.cli import StudyError
+from study.draw import STYLE
+from study.frames import Case, Settings
+from study.registry import Spec
+from study.run import DriverError
+from study.stats import Interval
+
+OPT4, OPT5 = Spec("opt4", "opt4"), Spec("opt5_threads", "opt5_threads")
+CASE = Case("scene0", 1080, 60, frames.OWN, 1e-6, Path("scene0.json"))
+
+
+def test_half_a_pixel_is_half_of_what_a_pixel_covers(tmp_path: Path) -> None:
+    bulb = registry.find_scene("mandelbulb")  # six away, 25 degrees over the height
+    edge = 6 * math.tan(math.radians(12.5))
+    assert frames.half_pixel(bulb, 720) == pytest.approx(2 * edge / 720 / 2)
+    own, half = frames.cases(["mandelbulb"], tmp_path)
+    assert (own.height, own.goal, own.hit_distance, own.path) == (720, 30, 1e-6, bulb.path)
+    made = json.loads(half.path.read_text())
+    assert made["march"]["hit_distance"] == half.hit_distance == frames.half_pixel(bulb, 720)
+    assert made["march"]["surface_offset"] == pytest.approx(3 * half.hit_distance)
+    made["march"] = bulb.data["march"]
+    assert made == bulb.data
+    wide = frames.coarser(bulb.data, 1e-5)["march"]
+    assert wide["surface_offset"] == bulb.data["march"]["surface_offset"]  # three of them are less
+
+
+def test_a_rate_is_one_over_the_median_time() -> None:
+    launches = [[20e6, 10e6, 10e6], [40e6, 20e6, 20e6], *[[20e6, 20e6, 20e6]] * 4]
+    found = frames.rate(launches)
+    assert found.value == pytest.approx(50) and found.low == pytest.approx(50) and found.high <= 100
+    assert not frames.rate(launches[:3]).sufficient
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "verdict"),
+    [(60, 70, "met"), (59, 61, "cannot be told apart here"), (50, 59, "missed")],
+)
+def test_the_whole_interval_is_asked(low: float, high: float, verdict: str) -> None:
+    assert frames.verdict(Interval((low + high) / 2, low, high, 6, True), CASE) == verdict
+    few = Interval(70, math.nan, math.nan, 5, False)
+    assert frames.verdict(few, CASE) == "too few launches"
+    small = Case("scene0", 180, 60, frames.OWN, 1e-6, CASE.path)
+    assert frames.verdict(Interval(99, 98, 100, 6, True), small) == "goal is for another size"
+
+
+def test_a_frame_is_rendering_and_presenting(tmp_path: Path) -> None:
+    settings = Settings(6, 2, 1, 60, tmp_path)
+    launches = [([10e6 + i * 1e6] * 20, [2e6] * 20) for i in range(6)]
+    made = frames.row(OPT5, CASE, launches, {"non_finite": 0}, settings)
+    assert (made["frames"], made["width"], made["n"], made["threads"]) == (120, 1920, 1080, 2)
+    assert made["median_ms"] == pytest.approx(14.5) and made["present_ms"] == pytest.approx(2)
+    assert made["frames_per_s"].value == pytest.approx(1000 / 14.5)
+    assert made["p99_ms"] == made["worst_ms"] == pytest.approx(17)
+    few = frames.row(OPT4, CASE, [([1e6], [1e6])] * 6, {"non_finite": 0}, settings)
+    assert few["p99_ms"] is None and few["threads"] == 1
+
+
+def chosen(tmp_path: Path, seconds: float, first) -> tuple[dict, list]:
+    return frames.choose([OPT4, OPT5], [CASE], Settings(6, 2, 1, seconds, tmp_path), first, clock=lambda: 0.0)
+
+
+def test_the_newest_phases_are_taken_while_the_time_lasts(tmp_path: Path) -> None:
+    one = frames.cost(0.1, 6)
+    assert one == pytest.approx(6 * (11 * (0.1 + frames.A_FRAME) + frames.OVERHEAD))  # ten frames in a second
+    assert [frames.reps_of(s) for s in (0.001, 0.1, 9)] == [20, 10, 3]
+    both, none = chosen(tmp_path, 2.01 * one, lambda spec, case: 0.1)
+    assert list(both) == [(OPT5, CASE), (OPT4, CASE)] and none == []
+    taken, left_out = chosen(tmp_path, 1.9 * one, lambda spec, case: 0.1)
+    assert list(taken) == [(OPT5, CASE)] and [r["phase"] for r in left_out] == ["opt4"]
+    taken, left_out = chosen(tmp_path, 0, lambda spec, case: 0.1)
+    assert list(taken) == [(OPT5, CASE)]  # the newest, whatever it takes
+
+    def refuses(spec: Spec, case: Case) -> float:
+        if spec == OPT5:
+            raise DriverError(4, "no such shape")
+        return 0.1
+
+    taken, left_out = chosen(tmp_path, 99, refuses)
+    assert list(taken) == [(OPT4, CASE)] and left_out[0]["reason"] == "no such shape"
+
+
+def test_errors_are_those_known_by_hand(blank, miss) -> None:
+    reference, made = blank(8, 8, 0.5), blank(8, 8, 0.6)
+    found = frames.against(reference, made, fractal=False)
+    assert found["psnr_db"] == pytest.approx(20, abs=1e-4) and found["fraction_over_1_255"] == 1
+    for name in "RGB":  # 0.6 and 0.4 in turn: gone in the 4 × 4 means
+        made[name][::2] = 0.4
+    assert frames.against(reference, made, fractal=True)["psnr_db"] > 100
+    miss(made, (0, slice(0, 2)))
+    found = frames.against(reference, made, fractal=True)
+    assert found["wrong_ppm"] == pytest.approx(2e6 / 64)
+    assert found["depth_agree_fraction"] == pytest.approx(62 / 64)
+
+
+def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None:
+    errors = {"psnr_db": 50.0, "rmse": 0.003, "fraction_over_1_255": 0.01, "averaged": True, "wrong_ppm": 3.0}
+    errors |= {"depth_agree_fraction": 0.999, "non_finite": 0}
+    launches = [([15e6 + i * 1e5] * 20, [1e6] * 20) for i in range(6)]
+    rows = [
+        frames.row(
+            OPT5,
+            CASE,
+            launches,
+            {"reference": "opt3", **errors, "to_own": None},
+            Settings(6, 2, 1, 60, tmp_path),
+        )
+    ]
+    rows.append(rows[0] | {"hit": frames.HALF, "to_own": errors | {"psnr_db": 17.0}, "p99_ms": None})
+    result = cli.plain({"schema": 1, "launches": 6, "threads": 2, "rows": rows, "left_out": []})
+    assert truth_sections.rates(tmp_path).parts == []
+    (tmp_path / frames.FILE).write_text(json.dumps(result))
+    chapter = truth_sections.rates(tmp_path)
+    text = chapter.parts[0].markdown
+    assert (
+        "61.5 [60" in text
+        and "50.0 (4×4 means)" in text
+        and "17.0 (4×4 means)" in text
+        and "| met |" in text
+    )
+    assert "16.5 (largest of 120)" in text
+    with matplotlib.rc_context(STYLE):
+        assert chapter.drawn[frames_page.FIGURE].make().axes
+    (tmp_path / frames.FILE).write_text('{"rows": [1]}')
+    with pytest.raises(StudyError, match=r"frames\.json: not what scripts/frames\.py writes"):
+        truth_sections.rates(tmp_path)
+
+
+def run_command(monkeypatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["frames.py", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main(command.main)
+    return ended.value.code
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--phase", "opt9x"], "no phase 'opt9x'"),
+        (["--phase", "truth"], "truth: is truth itself"),
+        (["--scene", "trio"], "trio has no goal in frames a second; there are scene0, mandelbulb"),
+        (["-n", "8"], "'8': must be a number of at least 16"),
+        (["--threads", "0"], "must be a number of at least 1"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path, monkeypatch, capsys) -> None:
+    assert run_command(monkeypatch, *words, "--run", str(tmp_path / "out")) == cli.BAD_INPUT
+    errors = capsys.readouterr().err
+    assert said in errors and "Traceback" not in errors and not list(tmp_path.rglob("frames.json"))
+
+
+def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
+    words = ["--phase", "opt4", "--scene", "scene0", "-n", "16", "--launches", "1", "--seconds", "3600"]
+    assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.OK
+    made = json.loads(capsys.readouterr().out)
+    assert made == json.loads((tmp_path / frames.FILE).read_text())
+    own, half = made["rows"]
+    assert (own["hit"], half["hit"]) == (frames.OWN, frames.HALF) and own["to_own"] is None
+    assert own["frames"] == len(own["ms"][0]) == 20 and own["psnr_db"] > 40 > half["to_own"]["psnr_db"]
+    assert own["frames_per_s"]["value"] == pytest.approx(1000 / stats.median_interval(own["ms"][0]).value)
+    assert (tmp_path / "figures" / "frames.png").stat().st_size > 1000

@@ -1,0 +1,249 @@
+"""opt7_tiles: no cone starts past a true hit, no list lacks what matters, the Mandelbulb stays in its ball.
+
+A start is the phase's own plane `start` (−1: the whole cone misses); the true hit is phases/truth's. What the
+lists must not change is the parent's picture.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import FEATURES, SIZES
+from study import images, registry
+from study.build import build
+from study.registry import ROOT
+
+PHASE, PARENT = "opt7_tiles", "opt6_wide"
+SMALL = (48, 27)
+WIDTHS = {"16 lanes": {}, "8 lanes": {"STEPWISE_ISA_LIMIT": "avx2"}}
+
+pytestmark = pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt7_tiles needs"
+)
+
+
+def picture(phase: str, scene: Path | dict, folder: Path, size=SMALL, *arguments: object, **env: str):
+    """Every plane of the scene's picture."""
+    if isinstance(scene, dict):
+        (folder / "scene.json").write_text(json.dumps(scene))
+        scene = folder / "scene.json"
+    out = folder / "picture.exr"
+    command = [build(phase), scene, "-w", size[0], "-n", size[1], "--aov", "-o", out, *arguments]
+    done = subprocess.run(
+        [str(word) for word in command], capture_output=True, text=True, env=os.environ | env, timeout=300
+    )
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    return images.read(out)
+
+
+def check_starts(scene: dict, folder: Path, where: str, size=SMALL) -> int:
+    """No start is past the true hit, on both widths; how many cones started beyond the camera."""
+    true = picture("truth", scene, folder, size, "--threads", 2)
+    known = true["status"] > 0
+    late = 0
+    for width, env in WIDTHS.items():
+        start = picture(PHASE, scene, folder, size, **env)["start"]
+        assert np.isfinite(start).all() and ((start >= 0) | (start == -1)).all(), f"{where}, {width}"
+        start = np.where(start < 0, np.inf, start)
+        past = known & np.isfinite(true["Z"]) & ~(start <= true["Z"])
+        row, column = np.argwhere(past)[0] if past.any() else (0, 0)
+        assert not past.any(), (
+            f"{where}, {width}: {past.sum()} starts past the hit; in row {row}, column {column} "
+            f"{start[row, column]!r} past {true['Z'][row, column]!r}"
+        )
+        late += int((start > 0).sum())
+    return late
+
+
+def views(scene: dict) -> dict[str, dict]:
+    """The scene's own view, and three more: from the side, from above and rolled, nearer and narrower."""
+    camera = scene["camera"]
+    place, at = np.array(camera["position"], float), np.array(camera["look_at"], float)
+    ahead = (at - place) / np.linalg.norm(at - place)
+    side = np.cross(camera["up"], ahead)
+    fov = camera["vertical_fov_degrees"]
+    changed = {
+        "own": {},
+        "side": {"position": place + 2 * side - 0.5 * ahead, "look_at": at + 0.7 * side + 3 * ahead},
+        "above": {
+            "position": place + np.array([0.3, 1.1, 0]) - ahead,
+            "look_at": at + 4 * ahead,
+            "up": [0.5, 0.8, 0.1],
+            "vertical_fov_degrees": min(1.7 * fov, 100),
+        },
+        "near": {"position": place + 0.4 * ahead + 0.05 * side, "vertical_fov_degrees": 0.35 * fov},
+    }
+    found = {}
+    for name, change in changed.items():
+        found[name] = copy.deepcopy(scene)
+        found[name]["camera"] |= {key: np.asarray(value).tolist() for key, value in change.items()}
+    return found
+
+
+@pytest.mark.parametrize("name", sorted(registry.scenes()))
+def test_no_start_past_the_true_hit(name, tmp_path) -> None:
+    late = {}
+    scene = registry.scenes()[name]
+    for view, seen in views(scene.data).items():
+        late[view] = check_starts(seen, tmp_path, f"{name} from {view}")
+    if not scene.fractal:  # rays that may meet a Mandelbulb take all of their steps
+        assert late["own"] > SMALL[0] * SMALL[1], f"{name}: hardly a cone has started beyond the camera"
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", [name for name, scene in registry.scenes().items() if scene.fractal])
+def test_a_mandelbulb_is_the_parents(name, width, tmp_path) -> None:
+    """What a march by its estimate finds hangs on every step: the same hits and normals, to the bit."""
+    scene = registry.scenes()[name]
+    bulb = next(i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] == "mandelbulb")
+    mine, parents = (
+        picture(phase, scene.path, tmp_path, (96, 54), **WIDTHS[width]) for phase in (PHASE, PARENT)
+    )
+    hit = parents["id"] == bulb
+    assert hit.sum() > 200 and np.array_equal(mine["id"] == bulb, hit)
+    for plane in ("Z", "N.x", "N.y", "N.z", "evals"):
+        assert np.array_equal(mine[plane][hit], parents[plane][hit]), plane
+
+
+def test_no_start_past_the_true_hit_of_any_feature(tmp_path) -> None:
+    chosen = [*list(FEATURES)[::5], "everything", "nothing_to_see", "camera_within_a_shape"]
+    for name in dict.fromkeys(chosen):
+        check_starts(FEATURES[name], tmp_path, name, (33, 19))
+
+
+def crowd(seed: int, count: int, shadows: str) -> dict:
+    """Turned shapes of every kind in a box of ten, a floor, a few mirrors."""
+    random = np.random.default_rng(seed)
+    whole = copy.deepcopy(registry.scenes()["scene0"].data)
+    whole["light"] |= {"shadows": shadows, "position": [6, 20, -8], "emission": [20, 20, 20]}
+    whole["materials"]["plain"] = {"color": [0.5, 0.6, 0.4], "reflectivity": 0, "shininess": 15}
+    mirror = whole["shapes"][0]["material"]
+    kinds = ["sphere", "box", "torus", "cone", "octahedron"]
+    shapes = [{"type": "plane", "normal": [0, 1, 0], "offset": -5, "material": "plain"}]
+    for _ in range(count):
+        kind = kinds[random.integers(len(kinds))]
+        sizes = {
+            key: (np.array(value) * random.uniform(0.2, 0.7)).tolist() for key, value in SIZES[kind].items()
+        }
+        place = random.uniform([-6, -4, 8], [6, 4, 18]).tolist()
+        angles = random.uniform(-180, 180, 3).tolist()
+        material = mirror if random.uniform() < 0.2 else "plain"
+        placed = {"position": place, "rotation_degrees": angles, "material": material}
+        shapes.append({"type": kind, **sizes, **placed})
+    return whole | {"shapes": shapes}
+
+
+def check_same(mine: dict, parents: dict, where: str) -> None:
+    """The same shapes at the same distances in the same light, but for what a rounding may turn."""
+    pixels = mine["Z"].size
+    few = max(1, pixels // 1000)
+    assert (mine["id"] != parents["id"]).sum() <= few, where
+    both = np.isfinite(mine["Z"]) & np.isfinite(parents["Z"])
+    apart = np.abs(mine["Z"][both] - parents["Z"][both])
+    assert (~(apart <= 1e-5 * np.abs(parents["Z"][both]))).sum() <= few, where
+    for channel in "RGB":
+        off = ~(np.abs(mine[channel] - parents[channel]) <= 1e-3)
+        assert off.sum() <= few, f"{where}: channel {channel}: {off.sum()} pixels"
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("shadows", ["none", "hard", "soft"])
+def test_lists_leave_out_nothing_that_matters(shadows, width, tmp_path) -> None:
+    for seed, count in ((1, 12), (2, 60)):
+        scene = crowd(seed, count, shadows)
+        mine = picture(PHASE, scene, tmp_path, (160, 90), **WIDTHS[width])
+        parents = picture(PARENT, scene, tmp_path, (160, 90))
+        check_same(mine, parents, f"{count} shapes, {shadows} shadows, {width}")
+        offered = mine["shapes"][mine["start"] >= 0]
+        assert 0 < offered.mean() < 0.5 * (count + 1), "the lists hold half of the scene and more"
+
+
+def test_every_feature_looks_as_in_the_parent(tmp_path) -> None:
+    for number, (name, scene) in enumerate(FEATURES.items()):
+        fractal = any(shape["type"] == "mandelbulb" for shape in scene["shapes"])
+        if fractal or scene["march"]["max_steps"] < 1000 or scene["march"]["hit_distance"] > 1e-5:
+            continue  # from another start a ray ends elsewhere within the hit distance, or within its cap
+        width = list(WIDTHS)[number % 2]
+        mine = picture(PHASE, scene, tmp_path, (49, 27), **WIDTHS[width])
+        check_same(mine, picture(PARENT, scene, tmp_path, (49, 27)), f"{name}, {width}")
+
+
+def test_a_capped_march_finds_more_of_the_true_hits(tmp_path) -> None:
+    """two_spheres allows 20 steps: those before the start are saved."""
+    scene = registry.scenes()["two_spheres"].data
+    true = picture("truth", scene, tmp_path, (64, 64))["id"] >= 0
+    mine, parents = (picture(phase, scene, tmp_path, (64, 64))["id"] >= 0 for phase in (PHASE, PARENT))
+    assert not (mine & ~true).any() and not (parents & ~mine).any()
+    assert (true & ~mine).sum() < (true & ~parents).sum()
+
+
+def test_what_cannot_be_trusted_starts_at_the_camera(tmp_path) -> None:
+    """A cone repeated along its axis jumps at its cells' walls; a camera within a shape, or out of bounds."""
+    whole = FEATURES["everything"]
+    cone = {"type": "cone", **SIZES["cone"], "repeat": [0, 4, 0], "material": "plain", "position": [0, 0, 6]}
+    ball = {"type": "sphere", "radius": 2, "material": "plain", "position": [0, 0, 0]}
+    camera = whole["camera"] | {"position": [0, 0.3, 0], "look_at": [0, 0, 6], "up": [0, 1, 0]}
+    ahead = ball | {"position": [0, 0, 6]}
+    outside = camera | {"position": [0, 0.3, -101]}
+    for shapes, view, count in (
+        ([cone, ahead], camera, None),
+        ([ball, ahead], camera, 2),
+        ([ahead], outside, 1),
+    ):
+        scene = whole | {"shapes": shapes, "camera": view}
+        mine = picture(PHASE, scene, tmp_path)
+        assert (mine["start"] == 0).all()
+        assert (mine["shapes"] >= 1).all() and (count is None or (mine["shapes"] == count).all())
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 9), (1, 70), (97, 41)])
+def test_any_size_and_number_of_threads(size, tmp_path) -> None:
+    """Bit for bit: nothing depends on who draws a tile."""
+    scene = FEATURES["everything"]
+    alone = picture(PHASE, scene, tmp_path, size)
+    for threads in (2, 5):
+        mine = picture(PHASE, scene, tmp_path, size, "--threads", threads, "--reps", 2)
+        for name, plane in alone.items():
+            assert np.array_equal(plane.view(np.uint32), mine[name].view(np.uint32)), f"{threads}: {name}"
+
+
+def constant(file: str, pattern: str) -> float:
+    found = re.search(pattern, (ROOT / "phases" / PHASE / file).read_text())
+    assert found, f"{file} has no {pattern}"
+    return float(found[1])
+
+
+@pytest.mark.parametrize("iterations", [1, 2, 4, 20])
+@pytest.mark.parametrize("bailout", [4, 256, 10000])
+def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
+    """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
+    radius = constant("render.c", r"#define BALL_RADIUS ([\d.]+)f")
+    tangent = constant("bundles.c", r"#define TANGENT ([\d.]+)f")
+    bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
+    scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
+    (tmp_path / "bulb.json").write_text(json.dumps(scene))
+    random = np.random.default_rng(iterations + bailout)
+    away = random.normal(size=(100_000, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    away[:2000] = np.round(away[:2000])  # axes and diagonals
+    away[:2000] /= np.maximum(np.linalg.norm(away[:2000], axis=1, keepdims=True), 1e-9)
+    beyond = np.exp(random.uniform(np.log(1e-4), np.log(100), len(away)))[:, None]
+    points = away * (radius + beyond)
+    done = subprocess.run(
+        [build(PARENT, "probe"), tmp_path / "bulb.json"], input=points.tobytes(), capture_output=True
+    )
+    assert done.returncode == 0
+    estimate = np.frombuffer(done.stdout).reshape(-1, 2)[:, 0]
+    r = np.linalg.norm(points, axis=1)
+    far = r > radius  # a rounded direction may be none at all
+    assert far.sum() > 0.9 * len(r)
+    assert (estimate[far] > 0.01).all()
+    assert (estimate[far] >= np.maximum(0.5 * (r[far] - radius), r[far] - tangent)).all()
