@@ -9,14 +9,14 @@ N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
-LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles
+LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 truth enclosures stability pareto functions scaling views frames toolchains
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 truth enclosures stability pareto functions scaling views frames drjit toolchains
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
 
-study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (15 minutes; FULL=1: the paper's sweep, hours)
+study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (23 minutes; FULL=1: the paper's sweep, hours)
 	@$(PY) scripts/run_study.py $(if $(FULL),--full) $(ARGS)
 
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
@@ -25,7 +25,7 @@ demo: setup ## one picture by baseline and by opt4, the time and the error betwe
 test: setup-test ## install what is needed and run every test
 	@$(MAKE) --no-print-directory check
 
-phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
+phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
@@ -73,6 +73,9 @@ views: setup ## every rung against its parent on views it was not tuned on: medi
 
 frames: setup ## frames a second on every core, gamma and 8 bits included, against 60 and 30 (5 minutes)
 	@$(PY) scripts/run_study.py --part frames $(ARGS)
+
+drjit: setup ## our phases beside Dr.Jit (installed into build/drjit; needs LLVM 17 or newer), with the error of both (5 minutes)
+	@$(PY) scripts/run_study.py --part drjit $(ARGS)
 
 toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
 	@$(PY) scripts/run_study.py --part toolchains $(ARGS)

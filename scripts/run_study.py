@@ -218,6 +218,12 @@ def frames(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("frames", "--seconds", seconds, "--run", str(run))
 
 
+def drjit(run: Path, options: argparse.Namespace, height: int) -> bool:
+    accepted = (*CHECKED, cli.CANNOT_RUN)  # without Dr.Jit or LLVM the study goes on; the script has said so
+    done = script("drjit", "--run", str(run), capture=True, accepted=accepted)
+    return done.returncode != cli.FAILED
+
+
 def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
@@ -240,9 +246,11 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "views": ("views that nothing was tuned on", views),
     "frames": ("frames a second", frames),
     "scaling": ("how cost grows", scaling),
+    "drjit": ("our phases beside Dr.Jit", drjit),
     "toolchains": ("compilers and flags", toolchains),
 }
-ON_REQUEST = {"toolchains"}  # minutes of building: by make toolchains, and with --full
+# Minutes of building, and what has to be installed: by make toolchains and make drjit, and with --full.
+ON_REQUEST = {"toolchains", "drjit"}
 
 
 def arguments() -> argparse.Namespace:

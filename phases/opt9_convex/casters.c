@@ -1,8 +1,8 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
 #include "cone.h"
 
-static void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
-                          struct near *near) {
+void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
+                   struct near *near) {
     COUNT(look_at_plane, call);
     COUNT(look_at_plane, scalar);
     float q = work->scene->lit_slope;
@@ -21,6 +21,20 @@ static void look_at_plane(const struct placed *s, int i, struct rays *r, const s
         mask met = both(but_not(own, r->active), both(less(slope, set(0.0f)), less(t, r->first)));
         r->first = choose(met, t, r->first);
         r->cosine = choose(met, set(0.0f) - slope, r->cosine);
+    }
+}
+
+void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
+    COUNT(enter_on_the_way, call);
+    mask own = same_shape(r->shape, i);
+    struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
+    real t;
+    mask behind, in = enter(o, d, s, but_not(own, met), &t, &at, &behind);
+    in = both(in, less(t, r->first));
+    if (any(in)) {
+        COUNT(enter_on_the_way, in);
+        r->first = choose(in, t, r->first);
+        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
     }
 }
 
@@ -59,18 +73,25 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     from = drop(own, most_of(from, zero));
     near->from = from;
     r->alone = least_of(r->alone, from);
-    if (any(met) && !bulb) {
-        COUNT(look_at_solid, met);
-        struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)),
-                       d = turned(s, r->to_light);
-        real t;
-        mask behind, in = enter(o, d, s, but_not(own, met), &t, &at, &behind);
-        in = both(in, less(t, r->first));
-        if (any(in)) {
-            COUNT(look_at_solid, in);
-            r->first = choose(in, t, r->first);
-            r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
-        }
+    if (any(met) && !bulb)
+        enter_on_the_way(s, i, r, met);
+}
+
+void see_along(const struct rays *r, int i, struct near *near, const struct convex *work) {
+    COUNT(see_along, call);
+    const struct placed *s = &work->scene->placed[i];
+    near->wakes = set(-INFINITY);
+    if (s->way == LINEAR)
+        return;
+    COUNT(see_along, solid);
+    mask own = same_shape(r->shape, i);
+    near->origin = vec_choose(own, r->local, in_frame(s, r->point));
+    near->direction = turned(s, r->to_light);
+    near->power = s->type == SHAPE_SPHERE && any(own) && !work->scene->bulbs;
+    if (near->power) {
+        COUNT(see_along, power);
+        near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
+        near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
     }
 }
 
@@ -92,25 +113,12 @@ int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct
     }
     int count = 0;
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
         struct near *near = &nears[i];
         COUNT(choose_shapes, shape);
         if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
             continue;
         casters[count++] = i;
-        near->wakes = set(-INFINITY);
-        if (s->way == LINEAR)
-            continue;
-        COUNT(choose_shapes, solid);
-        mask own = same_shape(r->shape, i);
-        near->origin = vec_choose(own, r->local, in_frame(s, r->point));
-        near->direction = turned(s, r->to_light);
-        near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
-        if (near->power) {
-            COUNT(choose_shapes, power);
-            near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
-            near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
-        }
+        see_along(r, i, near, work);
     }
     return count;
 }

@@ -1,6 +1,7 @@
 // What a hit looks like: normals in closed form, light (Phong, as in shade.c), and what has to wait for a shadow or
 // a mirror ray.
 #include "bulb.h"
+#include "crowd.h"
 #include "stage.h"
 
 // Forward differences of the estimate, the only normal it has.
@@ -319,6 +320,12 @@ static void choose_shading(const struct stage *stage, int count, const struct co
     struct ball ball;
     bool known = ball_of(stage, count, work->view, &ball);
     desk->shadings = 0;
+    if (known && scene->tree.levels) {
+        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        desk->shadings = crowd_towards_light(ball.centre, ball.radius, ball.to_light,
+                                             q + ball.spread, work, desk->shading);
+        return;
+    }
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;

@@ -109,6 +109,12 @@ struct rays {
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 
+void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
+                   struct near *near);
+// Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
+void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
+// A shape's own view of the rays.
+void see_along(const struct rays *r, int i, struct near *near, const struct convex *work);
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays; how many.
 int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work);
 

@@ -1,7 +1,9 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "crowd.h"
 #include "picture.h"
+#include "window.h"
 
 static inline void take(mask met, real t, struct vec local, const struct placed *s,
                         struct found *hit) {
@@ -65,11 +67,16 @@ static mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
     return either(met, inside);
 }
 
-static void mirror_hit(const struct ray *ray, const struct prepared *scene, struct found *hit) {
+static void mirror_hit(const struct ray *ray, const struct convex *work, struct found *hit) {
     COUNT(mirror_hit, call);
+    const struct prepared *scene = work->scene;
+    int *list = scene->tree.levels ? work->desk->mirrored : NULL, count = scene->model.shape_count;
+    if (list)
+        count = crowd_along(ray->origin, ray->direction, ray->active, work, list);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
-    for (int i = 0; i < scene->model.shape_count; i++) {
+    for (int k = 0; k < count; k++) {
+        int i = list ? list[k] : k;
         const struct placed *s = &scene->placed[i];
         ACTIVE(count_of(ray->active));
         mask own = same_shape(ray->leaves, i), met;
@@ -114,7 +121,7 @@ static void follow_mirrors(const struct convex *work) {
                                    first_lanes(count)};
         }
         for (int i = 0; i < packets; i++)
-            mirror_hit(&stage[i].ray, work->scene, &stage[i].hit);
+            mirror_hit(&stage[i].ray, work, &stage[i].hit);
         if (work->scene->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
@@ -122,11 +129,6 @@ static void follow_mirrors(const struct convex *work) {
             add_light(stage[i].ray.active, stage[i].color, stage[i].ray.pixel, desk);
     }
 }
-
-// The part of the picture's plane at distance 1 that the tile's rays go through.
-struct window {
-    float left, right, bottom, top;
-};
 
 // The shapes that lie across it, at least with their bounding spheres.
 static int shapes_in(const struct window *w, const struct job *job, int *list) {
@@ -137,11 +139,9 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
     for (int i = 0; i < job->prepared->model.shape_count; i++) {
         const struct placed *s = &job->prepared->placed[i];
         const float *c = job->prepared->eyes[i].centre;
-        if (s->way ==
-            LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+        if (s->way == LINEAR) { // centre: its normal
             COUNT(shapes_in, plane);
-            float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
-            if (c[0] * x + c[1] * y + c[2] < 1e-6f)
+            if (plane_in_window(w, c))
                 list[count++] = i;
             continue;
         }
@@ -213,20 +213,73 @@ static inline void look(const struct tile *tile, struct block block, int slot,
               &at->hit);
 }
 
+// The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
+struct exact_eye {
+    double at[3], ahead[3], across[3], up[3];
+};
+
+static struct exact_eye exact_eye_of(const struct placed *s, const struct view *view) {
+    COUNT(exact_eye_of, call);
+    struct exact_eye eye = {{0}, {0}, {0}, {0}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            eye.at[i] += s->row[i][k] * (view->position[k] - s->centre[k]);
+            eye.ahead[i] += s->row[i][k] * view->forward[k];
+            eye.across[i] += s->row[i][k] * view->right[k];
+            eye.up[i] += s->row[i][k] * view->up[k];
+        }
+    return eye;
+}
+
+static inline wide wide_add(wide a, double b) {
+    half each = half_set(b);
+    return (wide){a.low + each, a.high + each};
+}
+
+static struct wide_vec exact_look(const struct tile *tile, struct block block,
+                                  const struct exact_eye *eye, const struct job *job) {
+    COUNT(exact_look, call);
+    double per_height = job->view->tan_half_fov / job->frame->height;
+    real zero = set(0.0f), two = set(2.0f);
+    real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));
+    real y = neg_mul_add(two, tile->below, set((float)(job->frame->height - 1 - 2 * block.row)));
+    wide right = wide_mul(wide_sum(x, zero), per_height);
+    wide above = wide_mul(wide_sum(y, zero), per_height);
+    wide d[3];
+    half low = half_set(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = wide_add(wide_mul_add(right, eye->across[i], wide_mul(above, eye->up[i])),
+                        eye->ahead[i]);
+        low = half_mul_add(d[i].low, d[i].low, low);
+        high = half_mul_add(d[i].high, d[i].high, high);
+    }
+    low = half_set(1.0) / half_root(low);
+    high = half_set(1.0) / half_root(high);
+    for (int i = 0; i < 3; i++)
+        d[i] = (wide){d[i].low * low, d[i].high * high};
+    return (struct wide_vec){d[0], d[1], d[2]};
+}
+
+static inline wide wide_set(double a) {
+    return (wide){half_set(a), half_set(a)};
+}
+
 static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {
     clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
     for (int k = 0; k < desk->listed; k++) {
         const struct placed *s = &job->prepared->placed[desk->list[k]];
         if (s->type != SHAPE_MANDELBULB)
             continue;
-        const float *eye = job->prepared->eyes[desk->list[k]].at;
+        struct exact_eye eye = exact_eye_of(s, job->view);
+        struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
         int count = 0, slot = 0;
         for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
             for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
                 struct stage at;
-                look(tile, block_at(tile, row, i), slot, job, desk, &at);
-                count = gather_bulb(count, s, vec_set(eye), &at.ray, at.hit.t, slot, job->prepared,
-                                    desk);
+                struct block block = block_at(tile, row, i);
+                look(tile, block, slot, job, desk, &at);
+                count = gather_bulb(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
+                                    at.hit.t, slot, job->prepared, desk);
             }
         march_bulb(s, count, &job->prepared->model.march, desk);
     }
@@ -256,7 +309,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
                             (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
                             (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
                             (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
-    desk->listed = shapes_in(&window, job, desk->list);
+    desk->listed = job->prepared->tree.levels ? crowd_in_window(&window, job, desk, desk->list)
+                                              : shapes_in(&window, job, desk->list);
     if (desk->listed == 0) {
         fill_background(frame, tile.left, tile.right, tile.top, tile.bottom, &job->prepared->model);
         return;
@@ -271,7 +325,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             struct stage *at = &stage[count];
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
             if (job->prepared->bulbs)
-                take_bulb(at, job->prepared->eyes, pixel + count * LANES, &work);
+                take_bulb(at, pixel + count * LANES, desk);
         }
         color_all(stage, count, &work);
         for (int i = 0; i < count; i++, pixel += LANES) {

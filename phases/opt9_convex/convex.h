@@ -8,12 +8,12 @@ enum {
     TILE_WIDTH = 32,
     TILE_HEIGHT = 8,
     BULB_TILE_HEIGHT =
-        64, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
+        128, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
-    QUEUE = 2560,                                // rays; a full one is worked off
+    QUEUE = 5120,                                // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES
 };
 
@@ -38,16 +38,19 @@ enum shadow_field {
     S_PIXEL,
     S_FIELDS
 };
-// Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
+// Rays through a Mandelbulb's bounding sphere, in its frame, from where they are nearest to its centre: `before`
+// from their origin. What is a double is two floats, the second B_REST behind the first.
 enum bulb_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_FROM = 6,
-    B_TO,
+    B_T = 6, // from there; until `to`
+    B_REST,
+    B_TO = 2 * B_REST,
     B_SLOT,
     B_BEFORE,
     B_HEIGHT,
     B_SLOPE,
+    B_BORN, // in steps of all; not on the desk
     B_FIELDS
 };
 enum { BULB_ROOM = TILE_PIXELS + LANES };
@@ -56,9 +59,10 @@ enum { BULB_ROOM = TILE_PIXELS + LANES };
 struct desk {
     float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
-    float bulb[B_FIELDS][BULB_ROOM];
+    float bulb[B_BORN][BULB_ROOM];
     float met[TILE_PIXELS],
-        met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
+        met_shape[TILE_PIXELS], // where rays meet a Mandelbulb, ∞: nowhere, and which
+        met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
     int listed;        // shapes that the tile's camera rays may meet
@@ -67,6 +71,10 @@ struct desk {
     int *shading; // shapes that can matter to the light on the group in work
     int shadings; // how many
     int *casters; // shapes that the packet may meet
+    // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
+    int *mirrored, *vicinity;
+    unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
+    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };
 
 // What a shape is to a packet of shadow rays.

@@ -168,53 +168,90 @@ static float lit_slope(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
+// A scene of this many shapes is a crowd: of two nodes of the tree or more. Not with a Mandelbulb, whose shadow
+// streams ask every shape.
+enum { CROWD = 2 * TREE_WIDTH };
+
+static void plant(struct prepared *prepared) {
+    int count = prepared->model.shape_count, solids = 0;
+    prepared->tree.levels = 0;
+    if (count < CROWD || !prepared->solids || prepared->bulbs)
+        return;
+    for (int i = 0; i < count; i++) {
+        const struct placed *p = &prepared->placed[i];
+        if (p->way == LINEAR)
+            continue;
+        struct leaf *leaf = &prepared->leaves[solids++];
+        *leaf = (struct leaf){.radius = p->bound, .shape = i};
+        for (int k = 0; k < 3; k++)
+            leaf->centre[k] = p->position[k];
+    }
+    tree_build(&prepared->tree, prepared->leaves, solids);
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
     prepared->plane = -1;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = lit_slope(model->shadow_strength);
+    prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
         if (p->way == LINEAR && prepared->plane < 0)
             prepared->plane = i;
+        if (p->way == LINEAR)
+            prepared->planes[prepared->plane_count++] = i;
         if (p->repeated || p->way == POWER ||
             (p->type == SHAPE_MANDELBULB &&
              (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD)))
             prepared->solids = false;
     }
+    plant(prepared);
     return true;
+}
+
+static void release(struct kept *kept) {
+    if (!kept)
+        return;
+    struct prepared *prepared = &kept->prepared;
+    tree_free(&prepared->tree);
+    free(prepared->leaves);
+    free(prepared->planes);
+    free(prepared->placed);
+    free(prepared->eyes);
+    free(kept);
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct kept *kept = calloc(1, sizeof *kept);
-    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    struct eye *eyes = calloc((size_t)model->shape_count, sizeof *eyes);
-    if (kept && placed && eyes) {
-        kept->sixteen = variant_here().lanes == 16;
+    size_t count = (size_t)model->shape_count;
+    if (!kept)
+        return NULL;
+    struct prepared *prepared = &kept->prepared;
+    prepared->placed = calloc(count, sizeof *prepared->placed);
+    prepared->eyes = calloc(count, sizeof *prepared->eyes);
+    prepared->planes = calloc(count, sizeof *prepared->planes);
+    prepared->leaves = calloc(count, sizeof *prepared->leaves);
+    kept->sixteen = variant_here().lanes == 16;
+    if (prepared->placed && prepared->eyes && prepared->planes && prepared->leaves &&
+        (count < CROWD || tree_reserve(&prepared->tree, model->shape_count)))
         kept->team =
             team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
-    }
-    if (!kept || !placed || !eyes || !kept->team) {
-        free(kept);
-        free(placed);
-        free(eyes);
+    if (!kept->team) {
+        release(kept);
         return NULL;
     }
-    kept->prepared.placed = placed;
-    kept->prepared.eyes = eyes;
-    phase_update(&kept->prepared, model);
-    return &kept->prepared;
+    phase_update(prepared, model);
+    return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
     team_end(kept->team);
-    free(prepared->placed);
-    free(prepared->eyes);
-    free(kept);
+    release(kept);
 }
 
 // Apart from what the caller writes on its stack: all workers read it.
@@ -264,10 +301,17 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
     return clear;
 }
 
+// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+static int tile_height(const struct prepared *prepared, const struct frame *frame) {
+    if (prepared->bulbs)
+        return frame->height > 256 ? 128 : 64;
+    return prepared->tree.levels ? 64 : 8;
+}
+
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->bulbs ? 64 : 8,
+    struct frame_job job = {{prepared, view, frame, tile_height(prepared, frame),
                              prepared->solids && set_eyes(prepared, view)},
                             kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));

@@ -117,8 +117,8 @@ static size_t whole_lines(size_t size) {
 
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + (ABREAST + 1) * shapes * sizeof(struct near) +
-                  4 * whole_lines(shapes * sizeof(int));
+    size_t desk = whole_lines(sizeof(struct desk)) + POOLS * shapes * sizeof(struct near) +
+                  6 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
 
@@ -136,10 +136,12 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     struct desk *desk = own;
     char *behind = (char *)own + whole_lines(sizeof *desk);
     desk->near = (struct near *)behind;
-    behind += (ABREAST + 1) * shapes * sizeof(struct near);
+    behind += POOLS * shapes * sizeof(struct near);
     desk->list = (int *)behind;
     desk->shading = (int *)(behind + whole_lines(shapes * sizeof(int)));
     desk->casters = (int *)(behind + 2 * whole_lines(shapes * sizeof(int)));
+    desk->mirrored = (int *)(behind + 4 * whole_lines(shapes * sizeof(int)));
+    desk->vicinity = (int *)(behind + 5 * whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study import sections, truth_sections
+from study import negative, sections, truth_sections
 from study.analysis import Data
 from study.sections import Section
 
@@ -19,9 +19,11 @@ def all_of(data: Data) -> list[Section]:
         sections.roofline(data),
         sections.hot(path, name),
         sections.steps(path),
+        negative.section(path),
         truth_sections.approximations(path),
         truth_sections.elsewhere(path),
         truth_sections.rates(path),
+        truth_sections.rival(path),
         truth_sections.growth(path),
         truth_sections.compilers(path),
     ]

@@ -120,11 +120,11 @@ def draw(result: Row) -> Figure:
         goal = mine[0]["goal"]
         axes.axvline(1000 / goal, color=BAD, linewidth=1.2, zorder=1)
         axes.set_yticks(range(len(mine)), [r["phase"] for r in mine], fontsize=9)
-        title = f"{kind[0]}, {mine[0]['width']}×{mine[0]['n']}, hit distance: {_hit(mine[0])}"
+        title = f"{kind[0]}, {mine[0]['width']}×{mine[0]['n']}, hit distance {_hit(mine[0])}"
         axes.set(
             xscale="log", xlabel="ms a frame (left is faster)", ylim=(-0.6, len(mine) - 0.4), title=title
         )
-        axes.title.set_fontsize(10)
+        axes.title.set_fontsize(9)
         low, high = axes.get_xlim()
         axes.set_xlim(min(low, 800 / goal), max(high, 1300 / goal))
         plain_log(axes.xaxis)
@@ -134,7 +134,7 @@ def draw(result: Row) -> Figure:
         Line2D([], [], color="black", linewidth=1, linestyle=":", label="99 %"),
         Line2D([], [], color=BAD, linewidth=1.2, label="the goal: 60 and 30 frames a second"),
     ]
-    figure.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=9)
+    figure.legend(handles=marks, loc="outside upper right", ncols=4, frameon=False, fontsize=9)
     return figure
 
 

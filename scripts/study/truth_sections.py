@@ -12,6 +12,8 @@ from pathlib import Path
 from study import (
     accuracy,
     accuracy_page,
+    drjit_measure,
+    drjit_page,
     frames,
     frames_page,
     functions,
@@ -198,6 +200,19 @@ def rates(path: Path) -> Section:
             remarks, drawn = [frames_page.note(result)], frames_page.drawings(result)
     about = {"file": file, "script": "scripts/frames.py", "drawn": drawn}
     return Section("frames", "Frame rates", "make frames", parts, remarks, **about)
+
+
+def rival(path: Path) -> Section:
+    """Our phases beside Dr.Jit on the same machine."""
+    file = path / drjit_measure.FILE
+    parts, remarks = [], []
+    with reading(file, f"scripts/drjit.py --run {path}"):
+        result = drjit_measure.read(file)
+        if result["rows"]:
+            caption = "Our phases and Dr.Jit on the same scenes"
+            parts = part("drjit", caption, result["rows"], drjit_page.COLUMNS)
+            remarks = [drjit_page.note(result)]
+    return Section("drjit", "Beside Dr.Jit", "make drjit", parts, remarks)
 
 
 def _number(name: str):

@@ -282,6 +282,22 @@ def test_error_of_the_fast_root(steps, error, tmp_path):
     assert 0.9 * error < off.max() <= error * 1.001
 
 
+def test_an_over_relaxed_step_goes_back_to_what_it_leapt_over(tmp_path):
+    """1.6 of the first distance, 1 to the sphere above, ends behind the small one at 1.2 to 1.4."""
+    spec_of("opt6_wide+over_relaxation")
+    scene = json.loads(registry.find_scene("two_spheres").path.read_text())
+    scene["camera"] |= {"position": [0, 0, 0], "look_at": [0, 0, 1], "vertical_fov_degrees": 2}
+    scene["march"] |= {"max_steps": 100, "hit_distance": 1e-6}
+    for shape, place, radius in zip(scene["shapes"], ([0, 2, 0], [0, 0, 1.3]), (1, 0.1), strict=True):
+        shape |= {"position": place, "radius": radius}
+    path = tmp_path / "leap.json"
+    path.write_text(json.dumps(scene))
+    run.render("opt6_wide+over_relaxation", path, 9, 9, aov=True, out=tmp_path / "leap.exr")
+    made = images.read(tmp_path / "leap.exr")
+    assert (made["id"] == 1).all() and made["Z"][4, 4] == pytest.approx(1.2, abs=1e-6)
+    assert made["evals"].max() < 12  # and does not go back for ever
+
+
 # --- applying patches
 
 LINES = st.lists(st.sampled_from(["", "a", "b", "c", "-- x", "++ y", "@@ -1 +1 @@", "d d"]), max_size=30)

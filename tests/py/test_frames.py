@@ -126,10 +126,7 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
     chapter = truth_sections.rates(tmp_path)
     text = chapter.parts[0].markdown
     assert (
-        "61.5 [60" in text
-        and "50.0 (4×4 means)" in text
-        and "17.0 (4×4 means)" in text
-        and "| met |" in text
+        "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text and "| met |" in text
     )
     assert "16.5 (largest of 120)" in text
     with matplotlib.rc_context(STYLE):

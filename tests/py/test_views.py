@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
 import sys
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
+import started
 
 import views as command
 from study import cli, registry, stats, truth_sections, views, views_gains, views_measure, views_page
@@ -318,7 +318,7 @@ def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path, monk
 def test_from_end_to_end(tmp_path: Path) -> None:
     words = ["--phase", "opt1", "--scene", "two_spheres", "-n", "8", "--error-n", "8", "--launches", "1"]
     words += ["--seconds", "3600", "--seed", "1", "--run", str(tmp_path), "--json"]
-    done = subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True)
+    done = started.run([sys.executable, SCRIPT, *words])
     assert done.returncode == cli.OK, done.stderr
     made = json.loads(done.stdout)
     assert made == json.loads((tmp_path / views_measure.FILE).read_text())

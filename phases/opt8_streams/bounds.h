@@ -1,0 +1,42 @@
+// What cones and bundles take a shape's distance for: what float makes of it is taken off before it is believed.
+#ifndef OPT7_BOUNDS_H
+#define OPT7_BOUNDS_H
+
+#include "tiles.h"
+
+// From a place on the way to the nearest from where the shape's own distance may say "hit".
+__attribute__((always_inline)) static inline real lower_bound(const struct approach *a, real t,
+                                                              const struct placed *placed) {
+    COUNT(lower_bound, call);
+    real d;
+    if (placed->trust == BALL) {
+        COUNT(lower_bound, ball);
+        struct vec p = vec_along(a->origin, a->direction, t);
+        d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - set(placed->a);
+    } else
+        d = distance_to_shape(a, t, placed, placed->repeated, placed->way, placed->type,
+                              all_lanes());
+    return neg_mul_add(absolute(d), set(0x1p-18f), d - set(placed->error));
+}
+
+// What the distance itself is not above: by as much as was taken off it.
+static inline real upper_bound(real lower, const struct placed *placed) {
+    COUNT(upper_bound, call);
+    return mul_add(absolute(lower), set(0x1p-16f), mul_add(set(placed->error), set(2.0f), lower));
+}
+
+static inline float close_of(const struct limits *limits) {
+    return (float)(limits->hit_distance + 4.0 * limits->normal_step);
+}
+
+static inline struct beam eye_of(struct own *own, const struct prepared *scene) {
+    return (struct beam){own->eye, scene->all, own->eye_wake, set(0.0f)};
+}
+
+// Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.
+struct list list_of(const bool *wanted, const struct prepared *scene, int *shapes);
+// The same for rays that are to be hit: all shapes where a Mandelbulb is wanted. Its estimate is no bound, a march leaps
+// over what is thin, and what it finds hangs on every step from the ray's origin on.
+struct list hit_list(const bool *wanted, const struct prepared *scene, int *shapes);
+
+#endif

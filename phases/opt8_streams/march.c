@@ -1,0 +1,335 @@
+// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
+// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "streams.h"
+
+struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
+    COUNT(leaving, call);
+    COUNT(leaving, scalar);
+    float radius = (float)model->march.bounds_radius;
+    struct vec o = origin.hi;
+    return (struct exit){set(2.0f) * vec_dot(o, direction),
+                         vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
+}
+
+static mask within(struct place place, const struct model *model) {
+    COUNT(within, call);
+    COUNT(within, scalar);
+    double radius = model->march.bounds_radius;
+    return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
+}
+
+// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
+// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
+static inline real newton(real h, real slope, real way) {
+    COUNT(newton, call);
+    mask own = less(absolute(h), way * set(0x1p-21f));
+    return keep(own, h / most_of(slope, set(0x1p-9f)));
+}
+
+// Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
+// sum, rounded, would lose what places the hit on the surface.
+struct progress {
+    struct place origin; // at the distance `before`
+    real before, t, last, evals;
+    real start; // t of the next evaluation
+    mask found;
+    struct exit exit;
+    int left;  // steps that every ray has before its cap
+    mask deep; // a ray that started inside a shape has stepped back out of it
+    real inside;
+    struct nearness near;
+};
+
+// Rays that march on from a hit have had some of their evaluations.
+static int steps_left(const struct progress *at, mask live, int cap) {
+    float evals[LANES];
+    unload(keep(live, at->evals), evals);
+    int had = 0;
+    for (int lane = 0; lane < LANES; lane++)
+        had = (int)evals[lane] > had ? (int)evals[lane] : had;
+    return cap - had;
+}
+
+// Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
+// neighbours had.
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
+                                                 mask inside, struct group *group, int cap) {
+    COUNT(march_ends, call);
+    mask live = group->live[k], reached = but_not(going, live);
+    at->last = choose(reached, group->distance[k], at->last);
+    at->found = either(at->found, reached);
+    real evals = at->evals + set((float)step);
+    if (step >= at->left) {
+        COUNT(march_ends, cap);
+        inside = less_in(inside, evals, set((float)cap));
+    }
+    at->evals = choose(but_not(inside, live), evals, at->evals);
+    group->live[k] = inside;
+    group->high[k] = choose(inside, group->high[k], set(-INFINITY));
+}
+
+// The packets that have a live ray, and what of a ray that has none would wake a shape.
+void set_out(struct group *group) {
+    group->count = 0;
+    for (int k = 0; k < GROUP; k++) {
+        group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
+        if (any(group->live[k]))
+            group->list[group->count++] = k;
+        else
+            group->t[k] = set(0.0f);
+    }
+}
+
+// The step-th step of a packet, its distance known. False after the last.
+static inline bool march_step(struct progress *at, int step, int k, struct group *group,
+                              const struct model *model) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(march_step, call);
+    real t = group->t[k], distance = group->distance[k];
+    mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
+    group->t[k] = t = add_where(going, t, distance);
+    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+    if (same(inside, live) && step < at->left)
+        return true;
+    march_ends(at, step, k, going, inside, group, step_cap(model));
+    return any(group->live[k]);
+}
+
+// Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
+// operations that wait for each other.
+struct line {
+    real origin, direction, t;
+    struct exit exit;
+    mask live;
+};
+
+// What a step has come to.
+struct stride {
+    real distance;
+    mask going, inside;
+};
+
+static inline struct stride march_line(struct line *line, real hit_distance) {
+    ACTIVE(count_of(line->live));
+    COUNT(march_line, call);
+    real distance = mul_add(line->t, line->direction, line->origin);
+    mask going = not_less_in(line->live, distance, least_step(line->t, hit_distance));
+    line->t = add_where(going, line->t, distance);
+    mask inside = not_greater_in(going, beyond(line->exit, line->t), set(0.0f));
+    return (struct stride){distance, going, inside};
+}
+
+static void march_lines(struct progress packets[GROUP], int shape, struct group *group,
+                        const struct model *model) {
+    real hit_distance = set((float)model->march.hit_distance);
+    struct line line[GROUP];
+    int cap = step_cap(model), left = cap, under_way = group->count;
+    for (int k = 0; k < GROUP; k++) {
+        const struct approach *a = &group->beam[k].approach[shape];
+        line[k] = (struct line){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
+                                group->live[k]};
+        if (any(group->live[k]) && packets[k].left < left)
+            left = packets[k].left;
+    }
+    for (int step = 1; under_way > 0; step++) {
+        struct stride stride[GROUP];
+        bool on = step < left;
+        for (int k = 0; k < GROUP; k++)
+            stride[k] = march_line(&line[k], hit_distance);
+        for (int k = 0; k < GROUP; k++)
+            on = on && same(stride[k].inside, line[k].live);
+        if (on)
+            continue;
+        for (int k = 0; k < GROUP; k++) {
+            if (!any(line[k].live) ||
+                (same(stride[k].inside, line[k].live) && step < packets[k].left))
+                continue;
+            group->distance[k] = stride[k].distance;
+            march_ends(&packets[k], step, k, stride[k].going, stride[k].inside, group, cap);
+            line[k].live = group->live[k];
+            under_way -= !any(line[k].live);
+        }
+    }
+    for (int i = 0; i < group->count; i++)
+        packets[group->list[i]].t = line[group->list[i]].t;
+}
+
+// Until every ray has ended, by the hit test of a float march, which errs with t.
+static void march(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    COUNT(march, call);
+    const struct prepared *scene = world->scene;
+    struct group *group = &world->group;
+    set_out(group);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        struct progress *at = &packets[k];
+        at->exit = leaving(at->origin, rays->direction[k], &scene->model);
+        at->left = steps_left(at, group->live[k], step_cap(&scene->model));
+        group->t[k] = choose(group->live[k], at->start, at->t); // what is done stays where it is
+        at->start = set(0.0f);
+        at->last = drop(group->live[k], at->last);
+    }
+    struct list list = group->beam[0].list;
+    if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
+        march_lines(packets, *list.shape, group, &scene->model);
+        return;
+    }
+    for (int step = 1; group->count > 0; step++) {
+        scene_distances(group, scene);
+        for (int i = 0; i < group->count;) {
+            int k = group->list[i];
+            if (march_step(&packets[k], step, k, group, &scene->model)) {
+                i++;
+                continue;
+            }
+            packets[k].t = group->t[k];
+            group->list[i] = group->list[--group->count];
+        }
+    }
+}
+
+// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+__attribute__((noinline)) static void stay_in(mask deep, real t, const struct prepared *scene,
+                                              const struct beam *beam, real *shape) {
+    ACTIVE(count_of(deep));
+    COUNT(stay_in, call);
+    real inside = set(-1.0f);
+    nearest_shape(beam, t, scene, deep, &inside);
+    *shape = choose(deep, inside, *shape);
+}
+
+// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
+// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
+// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+static bool landed(struct progress *at, mask settled, struct vec direction,
+                   const struct prepared *scene, struct beam *beam, mask *live) {
+    ACTIVE(count_of(at->found));
+    COUNT(landed, call);
+    if (!any(at->found))
+        return false;
+    COUNT(landed, point);
+    COUNT(landed, scalar);
+    float twice = 2.0f * (float)scene->model.march.hit_distance;
+    mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
+    if (any(sunk))
+        stay_in(sunk, at->t, scene, beam, &at->inside);
+    at->deep = either(at->deep, sunk);
+    // What has settled stays as it is to the bit, whatever its neighbours do.
+    at->origin =
+        place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
+    approach_origins(at->origin, scene, beam);
+    at->near = near_hit(at->found, scene, beam);
+    mask off =
+        both(at->found, but_not(either(at->deep, settled), greater(at->near.distance, set(twice))));
+    if (!any(off))
+        return false;
+    ACTIVE(count_of(off));
+    COUNT(landed, on);
+    // From where it surely was before that surface, be it as thin as an ulp of t.
+    real back = keep(off, at->t * set(-0x1p-22f));
+    at->origin.lo = vec_along(at->origin.lo, direction, back);
+    at->before = choose(off, at->before + (at->t + (at->last + back)), at->before);
+    approach_origins(at->origin, scene, beam);
+    approach_directions(direction, scene, beam);
+    at->found = but_not(off, at->found);
+    *live = less_in(off, at->evals, set((float)step_cap(&scene->model)));
+    return any(*live);
+}
+
+static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,
+                         struct beam *beam) {
+    COUNT(hit_of, call);
+    struct hit hit = {.found = at->found, .shape = set(-1.0f), .evals = at->evals};
+    hit.smooth = no_lane();
+    if (!any(at->found))
+        return hit;
+    real way = at->before + at->t;
+    mask unmoved = not_less(set(0.0f), way); // hits wherever it starts
+    hit.found = both(hit.found, either(within(at->origin, &scene->model), unmoved));
+    struct nearness near = at->near;
+    if (any(at->deep)) {
+        COUNT(hit_of, deep);
+        mask other = not_less(absolute(near.shape - at->inside), set(0.5f));
+        near.contact = either(near.contact, both(at->deep, other));
+        near.shape = choose(at->deep, at->inside, near.shape);
+    }
+    real slope;
+    hit.normal = normal_at(direction, hit.found, &near, scene, beam, &slope, &hit.smooth);
+    hit.smooth = but_not(at->deep, hit.smooth);
+    ACTIVE(count_of(hit.found));
+    COUNT(hit_of, end);
+    hit.shape = choose(hit.found, near.shape, hit.shape);
+    real more = drop(at->deep, newton(near.distance, slope, way));
+    hit.t = at->before + (at->t + (at->last + more));
+    hit.point = at->origin;
+    hit.point.lo = vec_along(hit.point.lo, direction, more);
+    approach_moved(more, scene, beam);
+    return hit;
+}
+
+// Rays whose march is over: see bulb.c. Those that no Mandelbulb is before march on among the other shapes.
+static void recall(struct progress packets[GROUP], const struct rays *rays, struct world *world) {
+    COUNT(recall, call);
+    const struct desk *desk = world->desk;
+    struct group *group = &world->group;
+    struct list all = group->beam[0].list;
+    for (int k = 0, slot = rays->marched; k < GROUP; k++, slot += LANES) {
+        struct progress *at = &packets[k];
+        COUNT(recall, packet);
+        real found = load(&desk->marched[MARCHED_FOUND][slot]);
+        mask over = both(rays->active[k], not_less(found, set(0.0f)));
+        at->t = keep(rays->active[k], load(&desk->marched[MARCHED_T][slot]));
+        at->start = drop(over, at->t);
+        at->last = keep(over, load(&desk->marched[MARCHED_LAST][slot]));
+        at->evals = keep(rays->active[k], load(&desk->marched[MARCHED_EVALS][slot]));
+        at->found = both(over, greater(found, set(0.5f)));
+        group->live[k] = but_not(over, rays->active[k]);
+        group->beam[k].list = rays->others;
+    }
+    march(packets, rays, world);
+    for (int k = 0; k < GROUP; k++)
+        group->beam[k].list = all;
+}
+
+void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+    COUNT(ray_march, call);
+    const struct prepared *scene = world->scene;
+    struct progress packets[GROUP];
+    unsigned going = 0;
+    bool recalled = rays->marched < 0;
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(rays->active[k]));
+        real zero = set(0.0f);
+        packets[k] = (struct progress){.origin = rays->origin[k]};
+        packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
+        packets[k].found = packets[k].deep = no_lane();
+        packets[k].inside = set(-1.0f);
+        packets[k].start = rays->start;
+        world->group.live[k] = rays->active[k];
+        if (!any(rays->active[k]))
+            continue;
+        going |= 1u << k;
+        approach_origins(rays->origin[k], scene, &world->group.beam[k]);
+        approach_directions(rays->direction[k], scene, &world->group.beam[k]);
+    }
+    while (going) {
+        mask settled[GROUP];
+        for (int k = 0; k < GROUP; k++)
+            settled[k] = packets[k].found;
+        if (recalled)
+            march(packets, rays, world);
+        else
+            recall(packets, rays, world);
+        recalled = true;
+        for (int k = 0; k < GROUP; k++)
+            if (going >> k & 1 && !landed(&packets[k], settled[k], rays->direction[k], scene,
+                                          &world->group.beam[k], &world->group.live[k]))
+                going &= ~(1u << k);
+    }
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(packets[k].found));
+        hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
+    }
+}

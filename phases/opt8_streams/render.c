@@ -1,0 +1,296 @@
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
+// (tile.c, march.c, shade.c), built twice.
+#include <math.h>
+#include <stdalign.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "placed.h"
+#include "threads.h"
+#include "variant.h"
+
+// What the march reads is `prepared`, as in opt4; the team stands behind it.
+struct kept {
+    struct prepared prepared;
+    struct team *team;
+    bool sixteen; // lanes, not eight
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
+// then (x,z), then (x,y).
+static void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static void to_floats(const double from[3], float to[3]) {
+    for (int i = 0; i < 3; i++)
+        to[i] = (float)from[i];
+}
+
+// See struct placed. A plane that is not repeated has one row.
+static void place_rows(struct placed *p, const struct shape *shape, double turn[3][3]) {
+    bool linear = p->way == LINEAR;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const double *n = shape->plane.normal;
+            p->row[i][j] =
+                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
+        }
+        p->centre[i] = shape->position[i];
+    }
+    if (p->way == POWER) {
+        p->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)p->radius_sq;
+    }
+    if (linear) {
+        p->offset = shape->plane.offset;
+        to_floats(p->row[0], p->normal);
+    }
+}
+
+// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
+// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// cheaper, and from many radii away more exact. 1e15: its square is a float.
+static enum way way_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+    if (repeated)
+        return AT_POINT;
+    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
+        shape->sphere.radius < 1e15)
+        return POWER;
+    return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
+}
+
+// From a shape's centre to its furthest point; of a plane, which is nowhere near, nothing.
+static float reach_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return (float)shape->sphere.radius;
+    case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
+    case SHAPE_TORUS: return (float)(shape->torus.major_radius + shape->torus.minor_radius);
+    case SHAPE_CONE:
+        return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                            shape->cone.half_height);
+    case SHAPE_OCTAHEDRON: return (float)shape->octahedron.radius;
+    default: return 0.0f;
+    }
+}
+
+// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
+// of the distance to that ball: tests/py/test_tiles.py samples it.
+#define BALL_RADIUS 1.15f
+
+// A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
+static enum trust trust_of(const struct shape *shape, bool repeated) {
+    if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
+        return NOTHING;
+    return shape->type == SHAPE_MANDELBULB ? BALL : DISTANCE;
+}
+
+static struct placed place_shape(int index, const struct shape *shape,
+                                 const struct limits *limits) {
+    struct placed p = {.type = shape->type, .index = (float)index};
+    double turn[3][3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++) {
+        split(shape->position[i], &p.position[i], &p.position_lo[i]);
+        to_floats(turn[i], p.turn[i]);
+        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.repeated = p.repeated || shape->repeat[i] > 0.0;
+        p.cell[i] = (float)shape->repeat[i];
+        p.wide_cell[i] = shape->repeat[i];
+        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.per_cell[i] = (float)p.wide_per_cell[i];
+    }
+    p.way = way_of(shape, p.repeated, limits);
+    place_rows(&p, shape, turn);
+    switch (shape->type) {
+    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
+    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_TORUS:
+        p.a = (float)shape->torus.major_radius;
+        p.b = (float)shape->torus.minor_radius;
+        break;
+    case SHAPE_CONE: {
+        double across = shape->cone.top_radius - shape->cone.bottom_radius;
+        double up = 2.0 * shape->cone.half_height;
+        p.a = (float)shape->cone.bottom_radius;
+        p.b = (float)shape->cone.top_radius;
+        p.c = (float)shape->cone.half_height;
+        p.slope[0] = (float)across;
+        p.slope[1] = (float)up;
+        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
+        break;
+    }
+    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
+    case SHAPE_PLANE:
+        to_floats(shape->plane.normal, p.size);
+        p.a = (float)shape->plane.offset;
+        break;
+    default:
+        p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
+        p.bailout = (float)shape->mandelbulb.bailout;
+        p.iterations = shape->mandelbulb.iterations;
+        break;
+    }
+    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
+    p.trust = trust_of(shape, p.repeated);
+    p.error = 0x1p-18f * fmaxf(reach_of(shape), shape->type == SHAPE_PLANE ? fabsf(p.a) : 1.0f);
+    p.slack = 0x1p-18f * reach_of(shape);
+    return p;
+}
+
+// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+static double bound_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
+    case SHAPE_CONE:
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                     shape->cone.half_height) *
+               (1 + 1e-5);
+    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    case SHAPE_MANDELBULB: return BALL_RADIUS;
+    default: return INFINITY;
+    }
+}
+
+static void place_solid(struct placed *p, const struct shape *shape, const struct model *model) {
+    double bound = bound_of(shape);
+    p->bound = (float)bound;
+    p->bound_sq = (float)(bound * bound);
+    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    if (p->way == LINEAR)
+        p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
+                          p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
+    const struct material *m = &model->materials[shape->material];
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+}
+
+// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
+// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+static float soft_slope(double strength) {
+    double low = 0, high = 1;
+    for (int i = 0; i < 60; i++) {
+        double q = (low + high) / 2, r = (1 + q) / 2;
+        double away = q * sqrt(1 - r * r) / (1 - q * r);
+        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
+    }
+    return (float)(high * (1 + 1e-5));
+}
+
+// Of a hard shadow: such a ray is nowhere within twice the hit distance of a surface.
+static float hard_slope(const struct limits *limits) {
+    return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
+}
+
+// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that.
+static void place_cone(struct placed *p, float q) {
+    p->slope_lit = p->type == SHAPE_MANDELBULB ? fminf(2 * q, 1) : q;
+    p->lean = p->slope_lit * p->bound;
+    p->wide = 1 - p->slope_lit * p->slope_lit;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
+    prepared->told = true;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
+    prepared->lit_slope = model->shadows == SHADOWS_HARD ? hard_slope(&model->march)
+                                                         : soft_slope(model->shadow_strength);
+    prepared->all.count = model->shape_count;
+    prepared->all.steady = 0;
+    for (int i = 0; i < model->shape_count; i++)
+        each[i] = i;
+    for (int i = 0; i < model->shape_count; i++) {
+        struct placed *p = &prepared->placed[i];
+        *p = place_shape(i, &model->shapes[i], &model->march);
+        place_solid(p, &model->shapes[i], model);
+        place_cone(p, prepared->lit_slope);
+        prepared->told = prepared->told && !p->repeated && p->way != POWER;
+    }
+    for (int steady = 1; steady >= 0; steady--)
+        for (int type = 0; type < SHAPE_TYPES; type++)
+            for (int i = 0; i < model->shape_count; i++)
+                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                    order[next++] = i;
+                    prepared->all.steady += steady;
+                }
+    return true;
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct kept *kept = calloc(1, sizeof *kept);
+    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
+    int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
+    if (kept && placed && both) {
+        kept->sixteen = variant_here().lanes == 16;
+        kept->team =
+            team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
+    }
+    if (!kept || !placed || !both || !kept->team) {
+        free(kept);
+        free(placed);
+        free(both);
+        return NULL;
+    }
+    kept->prepared.placed = placed;
+    kept->prepared.all.shape = both;
+    kept->prepared.all.order = both + model->shape_count;
+    phase_update(&kept->prepared, model);
+    return &kept->prepared;
+}
+
+void phase_release(struct prepared *prepared) {
+    struct kept *kept = (struct kept *)prepared; // its first member
+    team_end(kept->team);
+    free(prepared->placed);
+    free((void *)prepared->all.shape); // and order
+    free(kept);
+}
+
+// Apart from what the caller writes on its stack: all workers read it.
+struct frame_job {
+    alignas(APART) struct job job;
+    bool sixteen;
+};
+
+void render_tile(const void *data, int tile, void *own) {
+    const struct frame_job *job = data;
+    if (job->sixteen)
+        lanes16_tile(&job->job, tile, own);
+    else
+        lanes8_tile(&job->job, tile, own);
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    const struct kept *kept = (const struct kept *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame}, kept->sixteen};
+    team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    const struct kept *kept = (const struct kept *)prepared; // its first member
+    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
+                         : lanes8_distances(prepared, count, points, distance, nearest);
+}

@@ -1,0 +1,113 @@
+// Rays that wait until there are enough of them to fill all lanes, and the colours of a tile, to which they add what
+// they bring: a colour is linear in every shadow and in every mirrored ray. Queues of rays that are sorted, packed and
+// filled again: I. Wald et al., "Active thread compaction for GPU path tracing" (HPG 2011); S. Boulos et al.,
+// "Adaptive ray packet reordering" (RT 2008).
+#ifndef OPT8_STREAMS_H
+#define OPT8_STREAMS_H
+
+#include "tiles.h"
+
+enum {
+    PATCH = 8, // pixels on each side
+    PATCHES_ACROSS = 4,
+    TILE_WIDTH = PATCHES_ACROSS * PATCH,
+    TILE_HEIGHT = LANES / PATCHES_ACROSS * PATCH,
+    TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
+    STRIP = 4, // tiles side by side, whose rays wait together
+    STRIP_PIXELS = STRIP * TILE_PIXELS,
+    BLOCK_WIDTH = 4,
+    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
+    TOGETHER = GROUP * LANES, // rays that are marched together
+    QUEUE = STRIP_PIXELS,     // of each kind; a full one is worked off
+    ROOM = QUEUE + TOGETHER   // what is packed or loaded may reach beyond its end
+};
+
+// Mirror rays: what they add to their pixel is `weight` times what they see.
+enum mirror_field { M_HI, M_LO = 3, M_DIRECTION = 6, M_WEIGHT = 9, M_PIXEL, M_BOUNCE, M_FIELDS };
+// Shadow rays: `light` is what they add to their pixel where nothing is in the way.
+enum shadow_field {
+    S_HI,
+    S_LO = 3,
+    S_TO_LIGHT = 6,
+    S_DISTANCE = 9,
+    S_LIGHT,
+    S_PIXEL = 13,
+    S_FIELDS
+};
+
+// Where a march has ended: MARCHED_FOUND is 1 at a surface, else 0; −1: nowhere yet, but no
+// Mandelbulb is before it any more.
+enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
+
+// A worker's own.
+struct desk {
+    float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
+    float mirror[M_FIELDS][ROOM], shadow[S_FIELDS][ROOM];
+    int mirrors, shadows;
+    float gaze[3][STRIP_PIXELS], marched[MARCHED][STRIP_PIXELS]; // camera rays of bulb.c
+    int gaze_at[STRIP_PIXELS / LANES], gazes;                    // the first pixel of each packet
+    unsigned gaze_active[STRIP_PIXELS / LANES];
+    int *shading,
+        shadings; // shapes that can come between the group in work and the light, and how many
+};
+
+struct lighting {
+    struct vec to_light; // of unit length
+    real distance, facing;
+    mask lit;
+};
+
+// A packet of camera rays that wait for march_gazes(); slot: the pixel of its first lane.
+void gaze(struct vec direction, mask active, int slot, struct world *world);
+void march_gazes(struct world *world);
+
+// Work off the queues.
+void cast_shadows(struct world *world);
+void follow_mirrors(struct world *world);
+
+// Which shapes can come between the group's hits and the light.
+void choose_shading(const struct hit hit[GROUP], const struct lighting light[GROUP],
+                    struct world *world);
+// Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
+// below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.
+mask cleared(const struct hit *hit, const struct lighting *light, const struct beam *beam,
+             const struct world *world);
+// The soft shadow on these: the least of those two terms.
+real own_shadow(const struct placed *s, struct vec local, struct vec normal,
+                const struct lighting *light, const struct model *model);
+
+static inline struct vec load_vec(float field[][ROOM], int first) {
+    return (struct vec){load(&field[0][first]), load(&field[1][first]), load(&field[2][first])};
+}
+
+static inline void pack_vec(mask m, struct vec v, float field[][ROOM], int first) {
+    pack(m, v.x, &field[0][first]);
+    pack(m, v.y, &field[1][first]);
+    pack(m, v.z, &field[2][first]);
+}
+
+static inline mask lanes_before(int count) { // of so many rays those that this packet has
+    return first_lanes(count < 0 ? 0 : count);
+}
+
+static inline mask same_shape(real shape, int i) {
+    return less(absolute(shape - set((float)i)), set(0.5f));
+}
+
+// Adds to the pixels of the lanes in m, one after the other: two may be the same.
+static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    COUNT(add_light, call);
+    float from[3][LANES], at[LANES];
+    unload(light.x, from[0]);
+    unload(light.y, from[1]);
+    unload(light.z, from[2]);
+    unload(pixel, at);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), i = (int)at[lane];
+        COUNT(add_light, lane);
+        for (int k = 0; k < 3; k++)
+            desk->color[k][i] += from[k][lane];
+    }
+}
+
+#endif

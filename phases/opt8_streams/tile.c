@@ -1,0 +1,382 @@
+// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
+// of a block lies outside the picture is masked, so any size will do.
+#include "streams.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+// A tile is drawn by one worker: a patch for each lane, so that the cones of its patches march together. A patch
+// is a group of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
+// width is a multiple of 32.
+enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
+
+static struct vec vec_from(const double a[3]) {
+    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
+}
+
+static struct place place_of(const double a[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(a[i], &hi[i], &lo[i]);
+    return (struct place){vec_set(hi), vec_set(lo)};
+}
+
+struct block {
+    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
+    int across, down; // what of it is in the picture
+};
+
+static mask in_picture(struct block block) {
+    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+    return both(less(load(right), set((float)block.across)),
+                less(load(below), set((float)block.down)));
+}
+
+static struct vec get_direction(struct block block, const struct frame *frame,
+                                const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, scalar);
+    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
+    float columns[LANES], rows[LANES];
+    for (int i = 0; i < BLOCK_HEIGHT; i++) {
+        COUNT(get_direction, row);
+        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
+        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
+            int column = block.column + lane % BLOCK_WIDTH;
+            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
+            rows[lane] = y;
+        }
+    }
+    real x = load(columns) * set((float)per_height), y = load(rows);
+    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
+    d = vec_along(d, vec_from(view->up), y);
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
+                        real values) {
+    float lanes[LANES];
+    unload(values, lanes);
+    for (int row = 0; row < block.down; row++) {
+        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
+        for (int i = 0; i < block.across; i++)
+            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
+    }
+}
+
+static void store_hit(struct frame *frame, struct block block, real start, int shapes,
+                      const struct hit *hit) {
+    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->id, 1, frame, block, hit->shape);
+    store_plane(frame->normal, 3, frame, block, hit->normal.x);
+    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
+    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
+    store_plane(frame->evals, 1, frame, block, hit->evals);
+    if (frame->plane_count > 0) {
+        store_plane(frame->planes[0], 1, frame, block, start);
+        store_plane(frame->planes[1], 1, frame, block, set((float)shapes));
+    }
+}
+
+static void store_color(struct frame *frame, struct block block, const struct desk *desk, int at) {
+    real red = load(&desk->color[0][at]), green = load(&desk->color[1][at]);
+    real blue = load(&desk->color[2][at]);
+    size_t width = (size_t)frame->width;
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        store_block(rgb, 3 * width, red, green, blue);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, red);
+    store_plane(frame->rgb + 1, 3, frame, block, green);
+    store_plane(frame->rgb + 2, 3, frame, block, blue);
+}
+
+static int tiles_across(const struct frame *frame) {
+    return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+}
+
+static int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+struct patch { // of pixels, what of it is in the picture
+    int left, top, right, bottom;
+};
+
+static struct patch patch_of(int tile, int lane, const struct frame *frame) {
+    int left = tile % tiles_across(frame) * TILE_WIDTH + lane % PATCHES_ACROSS * PATCH;
+    int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / PATCHES_ACROSS * PATCH;
+    return (struct patch){left, top, lesser(frame->width, left + PATCH),
+                          lesser(frame->height, top + PATCH)};
+}
+
+static struct vec unit(struct vec v) {
+    return vec_scale(v, set(1.0f) / vec_norm(v));
+}
+
+// Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
+// axis is an ellipse in the picture, and what is between two of its points is within.
+static struct cones cones_around(real x[2], real y[2], const struct view *view) {
+    COUNT(cones_around, call);
+    struct vec corner[4], sum = {set(0.0f), set(0.0f), set(0.0f)};
+    for (int i = 0; i < 4; i++) {
+        corner[i] = vec_along(vec_from(view->forward), vec_from(view->right), x[i & 1]);
+        corner[i] = unit(vec_along(corner[i], vec_from(view->up), y[i >> 1]));
+        sum = vec_along(sum, corner[i], set(1.0f));
+    }
+    struct cones cones = {.axis = unit(sum)};
+    real most = set(0.0f);
+    for (int i = 0; i < 4; i++) {
+        struct vec apart = vec_along(corner[i], cones.axis, set(-1.0f));
+        most = most_of(most, vec_dot(apart, apart));
+    }
+    cones.spread = mul_add(root(most), set(1.0f + 0x1p-16f), set(0x1p-20f));
+    return cones;
+}
+
+// A cone for each patch of the tile; which of them there are.
+static mask get_cones(int tile, const struct job *job, struct cones *cones) {
+    COUNT(get_cones, call);
+    const struct frame *frame = job->frame;
+    double per_height = job->view->tan_half_fov / frame->height;
+    float edge[4][LANES], there[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        COUNT(get_cones, scalar);
+        struct patch p = patch_of(tile, lane, frame);
+        there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
+        edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
+        edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
+        edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
+        edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
+    }
+    real x[2] = {load(edge[0]), load(edge[1])}, y[2] = {load(edge[2]), load(edge[3])};
+    ACTIVE(LANES);
+    *cones = cones_around(x, y, job->view);
+    return greater(load(there), set(0.5f));
+}
+
+static struct block block_of(const struct patch *patch, int number) {
+    int column = patch->left + number % (PATCH / BLOCK_WIDTH) * BLOCK_WIDTH;
+    int row = patch->top + number / (PATCH / BLOCK_WIDTH) * BLOCK_HEIGHT;
+    return (struct block){column, row, lesser(BLOCK_WIDTH, patch->right - column),
+                          lesser(BLOCK_HEIGHT, patch->bottom - row)};
+}
+
+// Nothing is hit by any of its rays.
+static void store_nothing(const struct patch *patch, const struct job *job) {
+    const double *background = job->prepared->model.background;
+    struct frame *frame = job->frame;
+    float color[3 * PATCH];
+    for (int i = 0; i < 3 * PATCH; i++)
+        color[i] = (float)background[i % 3];
+    size_t width = (size_t)(patch->right - patch->left);
+    for (int row = patch->top; row < patch->bottom; row++) {
+        size_t first = (size_t)row * (size_t)frame->width + (size_t)patch->left;
+        memcpy(frame->rgb + 3 * first, color, 3 * width * sizeof(float));
+    }
+    if (!frame->depth)
+        return;
+    struct hit nothing = {.found = no_lane(), .shape = set(-1.0f)};
+    nothing.t = nothing.evals = set(0.0f);
+    nothing.normal = (struct vec){nothing.t, nothing.t, nothing.t};
+    for (int i = 0; i < BLOCKS; i++)
+        store_hit(frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
+}
+
+// Its rays are offered all shapes then, and go by march_gazes().
+static bool may_meet_bulb(const struct list *list, const struct prepared *scene) {
+    return scene->bulbs > 0 && list->shape == scene->all.shape;
+}
+
+static void gaze_patch(const struct patch *patch, int at, const struct job *job,
+                       struct world *world) {
+    COUNT(gaze_patch, call);
+    for (int i = 0; i < BLOCKS; i++) {
+        struct block block = block_of(patch, i);
+        mask active = in_picture(block);
+        ACTIVE(count_of(active));
+        COUNT(gaze_patch, packet);
+        if (any(active))
+            gaze(get_direction(block, job->frame, job->view), active, at + i * LANES, world);
+    }
+}
+
+// Into the desk, from place `at` on.
+static void render_patch(const struct patch *patch, float start, struct list list, int at,
+                         const struct job *job, struct world *world) {
+    COUNT(render_patch, call);
+    bool marched = may_meet_bulb(&list, world->scene);
+    struct rays rays = {.start = set(start)};
+    if (marched)
+        rays.others = list_without_bulbs(world->scene, world->own);
+    for (int first = 0; first < BLOCKS; first += GROUP) {
+        struct vec color[GROUP];
+        struct hit hit[GROUP];
+        for (int k = 0; k < GROUP; k++) {
+            struct block block = block_of(patch, first + k);
+            rays.active[k] = in_picture(block);
+            ACTIVE(count_of(rays.active[k]));
+            COUNT(render_patch, packet);
+            rays.origin[k] = world->eye;
+            rays.direction[k] = get_direction(block, job->frame, job->view);
+            rays.weight[k] = set(1.0f);
+            rays.pixel[k] = lane_numbers() + set((float)(at + k * LANES));
+            rays.bounce[k] = set(0.0f);
+            world->group.beam[k].list = list;
+        }
+        rays.marched = marched ? at : -1;
+        trace(&rays, world, color, hit);
+        for (int k = 0; k < GROUP; k++, at += LANES) {
+            if (!any(rays.active[k]))
+                continue;
+            unload(color[k].x, &world->desk->color[0][at]);
+            unload(color[k].y, &world->desk->color[1][at]);
+            unload(color[k].z, &world->desk->color[2][at]);
+            if (job->frame->depth)
+                store_hit(job->frame, block_of(patch, first + k), set(start), list.count, &hit[k]);
+        }
+    }
+    if (world->desk->mirrors > QUEUE / 2)
+        follow_mirrors(world);
+}
+
+static void place_beams(struct group *group, struct own *own, int shapes) {
+    for (int i = 0; i < shapes * GROUP; i++)
+        own->wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+    for (int k = 0; k < GROUP; k++)
+        group->beam[k] =
+            (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
+}
+
+static size_t whole_lines(size_t size) {
+    return (size + 63) / 64 * 64;
+}
+
+// A worker's memory: its lists and beams, its desk, and what that points to.
+static size_t desk_at(int shapes) {
+    return whole_lines(own_size(shapes));
+}
+
+// A tile in work.
+struct drawn {
+    int tile;
+    unsigned patches; // those that may meet something
+    mask *met;
+    float start[LANES];
+};
+
+// Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued.
+static void begin_tile(struct drawn *drawn, int at, const struct job *job, struct world *world) {
+    COUNT(begin_tile, call);
+    const struct prepared *scene = job->prepared;
+    struct cones cones;
+    mask there = get_cones(drawn->tile, job, &cones);
+    world->own->met = drawn->met;
+    march_cones(world->eye, there, &cones, scene, world->own);
+    unload(cones.start, drawn->start);
+    drawn->patches = 0;
+    for (unsigned rest = bits(there); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        if (drawn->start[lane] == INFINITY) {
+            store_nothing(&patch, job);
+            continue;
+        }
+        drawn->patches |= 1u << lane;
+        struct list list = list_of_cone(lane, scene, world->own, &drawn->start[lane]);
+        if (may_meet_bulb(&list, scene))
+            gaze_patch(&patch, at + lane * PATCH * PATCH, job, world);
+    }
+}
+
+static void render_patches(struct drawn *drawn, int at, const struct job *job,
+                           struct world *world) {
+    world->own->met = drawn->met;
+    for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        struct list list = list_of_cone(lane, job->prepared, world->own, &drawn->start[lane]);
+        render_patch(&patch, drawn->start[lane], list, at + lane * PATCH * PATCH, job, world);
+    }
+}
+
+static void store_colors(const struct drawn *drawn, int at, const struct job *job,
+                         const struct desk *desk) {
+    for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        for (int i = 0; i < BLOCKS; i++)
+            store_color(job->frame, block_of(&patch, i), desk,
+                        at + lane * PATCH * PATCH + i * LANES);
+    }
+}
+
+static int strips_across(const struct frame *frame) {
+    return (tiles_across(frame) + STRIP - 1) / STRIP;
+}
+
+static void draw_strip(const struct job *job, int strip, void *memory) {
+    COUNT(draw_strip, call);
+    COUNT(draw_strip, scalar);
+    const struct prepared *scene = job->prepared;
+    int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
+    struct own own = own_of(memory, shapes);
+    struct desk *desk = (struct desk *)((char *)memory + desk_at(shapes));
+    desk->shading = (int *)((char *)desk + whole_lines(sizeof *desk));
+    desk->mirrors = desk->shadows = desk->gazes = 0;
+    struct world world = {.scene = scene, .view = job->view, .own = &own, .desk = desk};
+    world.eye = place_of(job->view->position);
+    place_beams(&world.group, &own, shapes);
+    struct drawn drawn[STRIP];
+    mask *met = own.met;
+    for (int column = strip % across * STRIP; count < STRIP && column < tiles_across(job->frame);
+         column++, count++) {
+        drawn[count].tile = strip / across * tiles_across(job->frame) + column;
+        drawn[count].met = met + count * shapes;
+        begin_tile(&drawn[count], count * TILE_PIXELS, job, &world);
+    }
+    if (desk->gazes > 0)
+        march_gazes(&world);
+    for (int i = 0; i < count; i++)
+        render_patches(&drawn[i], i * TILE_PIXELS, job, &world);
+    follow_mirrors(&world);
+    cast_shadows(&world);
+    for (int i = 0; i < count; i++)
+        store_colors(&drawn[i], i * TILE_PIXELS, job, desk);
+}
+
+size_t VARIANT(own_size)(const struct model *model) {
+    int shapes = model->shape_count;
+    return desk_at(shapes) + whole_lines(sizeof(struct desk)) +
+           whole_lines((size_t)shapes * sizeof(int));
+}
+
+int VARIANT(tiles)(const struct frame *frame) {
+    return strips_across(frame) * ((frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
+}
+
+void VARIANT(tile)(const struct job *job, int tile, void *own) {
+    draw_strip(job, tile, own);
+}
+
+bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
+                        double *distance, int *nearest) {
+    size_t size = VARIANT(own_size)(&prepared->model);
+    void *own = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!own)
+        return false;
+    struct own parts = own_of(own, prepared->model.shape_count);
+    struct beam all = {parts.approach, prepared->all, parts.wake, set(0.0f)}, *beam = &all;
+    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    for (size_t i = 0; i < count; i++) {
+        real shape = set(-1.0f);
+        approach_origins(place_of(points + 3 * i), prepared, beam);
+        approach_directions(nowhere, prepared, beam);
+        distance[i] = first_of(nearest_shape(beam, set(0.0f), prepared, all_lanes(), &shape));
+        nearest[i] = (int)first_of(shape);
+    }
+    free(own);
+    return true;
+}

@@ -1,0 +1,159 @@
+// Cones: see tiles.h. A cone's axis stands at t; its rays are within spread·t of it. All of them may go
+// on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
+// distance is taken off it before it is believed.
+#include "bounds.h"
+#include "streams.h"
+
+enum { MOST_CONE_STEPS = 512 };
+
+// A cone meets a shape once the gap to it is below this part of the cone's radius.
+#define GAP 0.5f
+
+static size_t places(int shapes) { // so many that whole numbers behind masks are aligned
+    return ((size_t)shapes + 1) / 2 * 2;
+}
+
+size_t own_size(int shapes) {
+    return places(shapes) *
+           ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) + GROUP * sizeof(real) +
+            STRIP * sizeof(mask) + 6 * sizeof(int) + sizeof(bool));
+}
+
+struct own own_of(void *memory, int shapes) {
+    size_t n = places(shapes);
+    struct own own = {.wake = memory};
+    own.approach = (struct approach *)(own.wake + GROUP * n);
+    own.eye_wake = (real *)(own.approach + GROUP * n);
+    own.eye = (struct approach *)(own.eye_wake + GROUP * n);
+    own.distance = (real *)(own.eye + n);
+    own.met = (mask *)(own.distance + n);
+    own.tile = (int *)(own.met + STRIP * n);
+    own.mirror = own.tile + 2 * n;
+    own.shadow = own.mirror + 2 * n;
+    own.wanted = (bool *)(own.shadow + 2 * n);
+    return own;
+}
+
+// One step of the cones: what they touch where they are, how far to the nearest of what they have not met
+// (`least`), how deep they are in what they have.
+struct around {
+    mask touched;
+    real least, depth;
+};
+
+static struct around look_around(real t, real radius, real touch, mask live,
+                                 const struct prepared *scene, struct own *own) {
+    struct around found = {no_lane(), set(INFINITY), set(INFINITY)};
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *placed = &scene->placed[i];
+        if (placed->trust == NOTHING)
+            continue;
+        COUNT(march_cones, shape);
+        real d = lower_bound(&own->eye[i], t, placed);
+        mask here = less_in(live, d, touch);
+        mask met = own->met[i] = either(own->met[i], here);
+        found.touched = either(found.touched, here);
+        found.least = least_of(choose(met, set(INFINITY), d), found.least);
+        if (placed->trust != DISTANCE)
+            continue;
+        COUNT(march_cones, depth);
+        real depth = upper_bound(d, placed) + radius;
+        found.depth = least_of(choose(met, depth, set(INFINITY)), found.depth);
+    }
+    return found;
+}
+
+static void meet_all(mask lanes, const struct prepared *scene, struct own *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->met[i] = either(own->met[i], lanes);
+}
+
+void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
+                 struct own *own) {
+    ACTIVE(count_of(active));
+    COUNT(march_cones, call);
+    const struct limits *limits = &scene->model.march;
+    real zero = set(0.0f), bounds = set((float)limits->bounds_radius);
+    real from_centre = vec_dot(eye.hi, eye.hi);
+    real linear = set(2.0f) * vec_dot(eye.hi, cones->axis);
+    real furthest = (bounds + root(from_centre)) * set(1.0f + 0x1p-10f);
+    real close = set(close_of(limits)), t = zero;
+    real gap = cones->spread * set(GAP), outer = bounds * set(1.0f + 0x1p-16f);
+    struct beam beam = eye_of(own, scene);
+    approach_origins(eye, scene, &beam);
+    approach_directions(cones->axis, scene, &beam);
+    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    mask live = both(active, less(from_centre, bounds * bounds * set(1.0f - 0x1p-18f)));
+    mask met = but_not(live, active);
+    cones->start = zero;
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->met[i] = scene->placed[i].trust == NOTHING ? active : but_not(live, active);
+    for (int i = 0; i < scene->model.shape_count; i++)
+        met = either(met, own->met[i]);
+    for (int step = 0; step < MOST_CONE_STEPS && any(live); step++) {
+        ACTIVE(count_of(live));
+        COUNT(march_cones, step);
+        real radius = mul_add(cones->spread, t, mul_add(t, set(0x1p-18f), close));
+        real touch = mul_add(gap, t, radius);
+        struct around around = look_around(t, radius, touch, live, scene, own);
+        mask first = but_not(met, around.touched);
+        cones->start = choose(first, t, cones->start);
+        met = either(met, around.touched);
+        // A ray from within a shape is hit behind it, near to whatever is there.
+        if (step == 0 && any(first)) {
+            meet_all(first, scene, own);
+            live = but_not(first, live);
+        }
+        // Each of its rays has been hit by now, or is out of the bounds.
+        mask hit = less(around.depth, zero);
+        t = add_where(live, t, around.least - radius);
+        real wide = mul_add(cones->spread, t, outer);
+        mask out = either(greater(mul_add(t, t + linear, from_centre), wide * wide),
+                          not_less(t, furthest));
+        cones->start = choose(both(live, but_not(met, out)), set(INFINITY), cones->start);
+        live = but_not(either(hit, out), live);
+    }
+    if (any(live)) { // out of steps: known as far as they are
+        cones->start = choose(but_not(met, live), t, cones->start);
+        meet_all(live, scene, own);
+    }
+    cones->start =
+        choose(less(cones->start, set(INFINITY)),
+               most_of(neg_mul_add(cones->start, set(0x1p-18f), cones->start), zero), cones->start);
+}
+
+struct list list_of(const bool *wanted, const struct prepared *scene, int *shapes) {
+    const struct list *all = &scene->all;
+    int count = 0, same = 0, steady = 0, *order = shapes + all->count;
+    for (int n = 0; n < all->count; n++) {
+        shapes[count] = n;
+        count += wanted[n];
+        order[same] = all->order[n];
+        same += wanted[all->order[n]];
+        steady += n < all->steady && wanted[all->order[n]];
+    }
+    return (struct list){count, steady, shapes, order};
+}
+
+struct list hit_list(const bool *wanted, const struct prepared *scene, int *shapes) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (wanted[i] && scene->placed[i].trust == BALL)
+            return scene->all;
+    return list_of(wanted, scene, shapes);
+}
+
+struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start) {
+    COUNT(list_of_cone, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        own->wanted[i] = bits(own->met[i]) >> lane & 1;
+        if (own->wanted[i] && scene->placed[i].trust == BALL)
+            *start = 0.0f;
+    }
+    return hit_list(own->wanted, scene, own->tile);
+}
+
+struct list list_without_bulbs(const struct prepared *scene, struct own *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = own->wanted[i] && scene->placed[i].trust != BALL;
+    return list_of(own->wanted, scene, own->tile);
+}

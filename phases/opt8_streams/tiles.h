@@ -1,0 +1,49 @@
+// Rays together: cones of neighbouring pixels and bundles of secondary rays, and which shapes they can meet.
+// Cones over distances: J. Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996);
+// see NOTES.md for rods of pixels. Two places |p − q| apart differ in distance by no more than that.
+#ifndef OPT7_TILES_H
+#define OPT7_TILES_H
+
+#include "trace.h"
+
+// A worker's memory, of the size that own_size() says.
+struct own {
+    real *wake; // GROUP for each shape, as the next: of the rays being marched
+    struct approach *approach;
+    real *eye_wake; // of cones and bundles
+    struct approach *eye;
+    real *distance;              // at the ends of a bundle's intervals
+    mask *met;                   // lanes whose cone can meet the shape
+    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
+    bool *wanted;                // of each shape, on the way to a list
+};
+
+size_t own_size(int shapes);
+struct own own_of(void *memory, int shapes);
+
+// A cone of pixels in each lane: |dir − axis| ≤ spread for each of its rays.
+struct cones {
+    struct vec axis;
+    real spread;
+    real start; // no ray of it is hit before; +∞: none is at all
+};
+
+// Fills start and own->met: what a ray of the cone can hit between start and the bounds, and what is so near to
+// such a place that the normal there asks for it.
+void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
+                 struct own *own);
+// Where a Mandelbulb is on it, `start` is the camera.
+struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start);
+
+// What is on the last list_of_cone(), but for Mandelbulbs.
+struct list list_without_bulbs(const struct prepared *scene, struct own *own);
+
+// By least of distances: where a ray is hit; or that very number.
+enum meant { HIT, UNION };
+
+// Lists for the rays of a group, in its beams. HIT: what a ray can hit, and what is near such a place; UNION: the
+// least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
+void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
+          int *shapes);
+
+#endif

@@ -1,0 +1,165 @@
+"""What did not pay: single steps that gain nothing or cost too much of the picture, measured in this run, and
+what each phase's NOTES.md says of what was tried."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import markdown_it
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from study import ablations, registry, show
+from study.draw import BAD, Drawing
+from study.sections import Section, part, reading
+from study.show import Column
+
+HEADING = re.compile(r"^## +What did not pay\b.*$", re.MULTILINE | re.IGNORECASE)
+PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
+FEW = "too few launches"
+ABOUT = (
+    "Steps that are described as faster and are not here, or are faster for another picture. Each is a patch "
+    "(phases/NAME/ablations) timed in this run, interleaved with what it is put into; shown are all scenes "
+    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. PSNR is "
+    "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
+)
+NOTES = (
+    "The rest is quoted from the phases' NOTES.md: measured when they were written, on the machine and at "
+    "the size that is said there, and not again in this run."
+)
+Row = dict[str, Any]
+
+
+def _ends(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    gain = row["gain"]
+    return tuple(math.nan if gain[k] is None else gain[k] for k in ("value", "low", "high"))
+
+
+def outcome(row: Mapping[str, Any]) -> str:
+    """What a step is worth on a scene, its whole interval asked."""
+    _, low, high = _ends(row)
+    if not math.isfinite(low):
+        return FEW
+    if low > 1:
+        return COSTS if row["verdict"] in ("approximate", "OUTSIDE") else PAYS
+    return SLOWER if high < 1 else NOTHING_GAINED
+
+
+def chosen(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
+    """All rows of the steps that do not plainly pay on each of their scenes, with their outcome."""
+    judged = [{**row, "outcome": outcome(row)} for row in rows]
+    names = {row["ablation"] for row in judged if row["outcome"] != PAYS}
+    return [row for row in judged if row["ablation"] in names]
+
+
+def _gain(row: Row) -> str:
+    value, low, high = _ends(row)
+    return show.interval({"v": value, "v_low": low, "v_high": high}, "v", 3, "×")
+
+
+def _db(name: str):
+    return lambda row: "identical" if row[name] is None else show.number(row[name])
+
+
+STEPS = [
+    Column("", "step", lambda r: r["ablation"]),
+    Column("", "what", lambda r: r["what"]),
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "gain of the step [95 %]", _gain),
+    Column("PSNR to baseline, dB", "patched", _db("psnr_db")),
+    Column("PSNR to baseline, dB", "without the patch", _db("against_psnr_db")),
+    Column("", "pixels off > 1/255", lambda r: show.percent(r["fraction_over_1_255"])),
+    Column("", "picture", lambda r: r["verdict"]),
+    Column("", "outcome", lambda r: r["outcome"], lambda r: "bad" if r["outcome"] == SLOWER else ""),
+]
+
+
+def draw(rows: Sequence[Row]) -> Figure:
+    """A line a step and scene: its gain with the interval, and what it does to the picture."""
+    figure = Figure(figsize=(10, 0.42 * len(rows) + 1.7), layout="constrained")
+    figure.suptitle("Steps that did not plainly pay", x=0.01, ha="left", fontsize=12)
+    axes = figure.subplots()
+    axes.axvline(1, color="#888888", linewidth=1)
+    for place, row in enumerate(rows):
+        value, low, high = _ends(row)
+        colour = BAD if row["outcome"] == SLOWER else "#E69F00" if row["outcome"] != PAYS else "#009E73"
+        if math.isfinite(low):
+            axes.plot([low, high], [place] * 2, color=colour, linewidth=2.2)
+        axes.plot([value], [place], "o", color=colour, markersize=6)
+        before, after = (_db(name)(row) for name in ("against_psnr_db", "psnr_db"))
+        unit = "" if before == "identical" else " dB"
+        same = f"as before: {before}{unit}" if before == after else f"{before} → {after} dB"
+        end = high if math.isfinite(high) else value
+        axes.annotate(same, (end, place), (8, 0), textcoords="offset points", fontsize=8, va="center")
+    axes.set_yticks(range(len(rows)), [f"{row['ablation']}, {row['scene']}" for row in rows], fontsize=8.5)
+    axes.set(
+        xlabel="time without the step over time with it: left of 1 it costs time",
+        ylim=(len(rows) - 0.5, -0.5),
+    )
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, 0.95), max(high, 1.05) + 0.16 * (max(high, 1.05) - min(low, 0.95)))
+    kinds = ((SLOWER, BAD), ("no gain, or at an error", "#E69F00"), ("pays on this scene", "#009E73"))
+    marks = [Line2D([], [], color=c, marker="o", linewidth=2.2, label=text) for text, c in kinds]
+    figure.legend(handles=marks, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def quoted(text: str) -> str | None:
+    """The part of a NOTES.md headed "What did not pay", its heading first; None without one."""
+    found = HEADING.search(text)
+    if not found:
+        return None
+    rest = text[found.end() :]
+    end = re.search(r"^## ", rest, re.MULTILINE)
+    return (found[0] + (rest[: end.start()] if end else rest)).strip() + "\n"
+
+
+def notes(phases: Mapping[str, registry.Phase]) -> dict[str, str]:
+    """Phase → that part of its NOTES.md, of those that have one."""
+    found = {}
+    for name, phase in phases.items():
+        file = phase.path / "NOTES.md"
+        if file.is_file() and (text := quoted(file.read_text(encoding="utf-8"))):
+            found[name] = text
+    return found
+
+
+def as_html(found: Mapping[str, str]) -> str:
+    """The quotations below the page's own headings; neither HTML nor pictures pass through."""
+    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
+    parts = []
+    for name, text in found.items():
+        heading, _, rest = text.partition("\n")
+        heading = html.escape(heading.removeprefix("##").strip())
+        title = f"<h3>{html.escape(name)}: {heading[:1].lower()}{heading[1:]}</h3>"
+        parts.append(f'{title}\n<div class="scroll">{markdown.render(rest)}</div>')
+    return "\n".join(parts)
+
+
+def section(path: Path, phases: Mapping[str, registry.Phase] | None = None) -> Section:
+    """The page of negative results: from a run's ablations.json, and from the notes as they are now."""
+    file = path / "ablations.json"
+    parts, remarks, drawn = [], [], {}
+    with reading(file, f"scripts/ablations.py --run {path}"):
+        rows = chosen(ablations.read(file)["rows"])
+        if rows:
+            parts = part("negative", "Steps that did not plainly pay", rows, STEPS)
+            remarks = [ABOUT]
+            caption = "Gain of steps that did not plainly pay, and what they do to the picture"
+            drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
+    said = notes(phases if phases is not None else registry.ladder())
+    text = f"<p>{NOTES}</p>\n{as_html(said)}" if said else ""
+    about = {"file": file, "script": "scripts/ablations.py", "drawn": drawn, "html": text}
+    return Section("negative", "What did not pay", "make hotspots", parts, remarks, **about)
+
+
+def _note(result: Mapping[str, Any]) -> str:
+    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    return (
+        f"{cpu}; n = {result['n']}, {result['launches']} interleaved launches; PSNR to baseline, linear RGB."
+    )

@@ -1,0 +1,82 @@
+"""opt9_convex's crowds: scenes of more shapes than can be asked one by one, against a march of all of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from study import images, registry, run, scaling_scenes
+from study.build import build
+
+PHASE, MARCHED = "opt9_convex", "opt6_wide"
+
+pytestmark = pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
+)
+
+
+def picture(phase: str, data: dict[str, Any], tmp_path: Path, n: int = 48, **more: Any) -> images.Picture:
+    path = tmp_path / "scene.json"
+    path.write_text(json.dumps(data))
+    build(phase)
+    out = tmp_path / f"{phase}.exr"
+    run.render(phase, path, n, aov=True, out=out, timed=False, **more)
+    return images.read(out)
+
+
+def crowd(count: int, shadows: str = "soft", floor: bool = False, mirrors: float = 0.0) -> dict[str, Any]:
+    data = scaling_scenes.data("scattered", count, 3)
+    data["light"]["shadows"] = shadows
+    for material in data["materials"].values():
+        material["reflectivity"] = mirrors
+    if floor:
+        plane = {"type": "plane", "normal": [0, 1, 0], "offset": -9.0, "material": "green"}
+        data["shapes"].insert(7, plane)
+    return data
+
+
+def psnr(a: images.Picture, b: images.Picture) -> float:
+    return images.colour_errors(images.rgb(a), images.rgb(b), with_flip=False)["psnr_db"]
+
+
+@pytest.mark.parametrize(
+    ("count", "shadows", "floor", "mirrors"),
+    [
+        (31, "soft", False, 0.0),  # the most that is no crowd
+        (32, "soft", False, 0.0),
+        (257, "soft", True, 0.0),  # a node with a single shape
+        (300, "soft", True, 0.5),
+        (300, "hard", True, 0.5),
+        (500, "none", False, 0.5),
+    ],
+)
+def test_as_the_march_of_all_shapes(
+    count: int, shadows: str, floor: bool, mirrors: float, tmp_path: Path
+) -> None:
+    """The same shapes in the same light, but for single pixels at rims, and at edges, where the march's normal
+    is a difference over two faces."""
+    data = crowd(count, shadows, floor, mirrors)
+    mine, all_asked = (picture(phase, data, tmp_path) for phase in (PHASE, MARCHED))
+    off = np.abs(images.rgb(mine) - images.rgb(all_asked)).max(axis=-1)
+    assert (mine["id"] != all_asked["id"]).sum() <= 3
+    assert not ((off > 0.002).sum() > 3) and np.isfinite(off).all()
+
+
+def test_coincident_shapes(tmp_path: Path) -> None:
+    """4,096 spheres in one place: the picture of one, and the first of them has it."""
+    data = scaling_scenes.data("scattered", 1, 3)
+    one = picture(PHASE, data, tmp_path, 24)
+    data["shapes"] *= 4096
+    many = picture(PHASE, data, tmp_path, 24)
+    assert np.array_equal(one["id"], many["id"])
+    assert psnr(one, many) >= 80
+
+
+def test_threads(tmp_path: Path) -> None:
+    data = crowd(300, "soft", True, 0.5)
+    one, three = (picture(PHASE, data, tmp_path, threads=threads) for threads in (1, 3))
+    assert all(np.array_equal(one[plane], three[plane]) for plane in one)
