@@ -1,8 +1,8 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
 #include "cone.h"
 
-INLINE void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
-                          struct near *near) {
+CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+                                const struct convex *work, struct near *near) {
     COUNT(look_at_plane, call);
     COUNT(look_at_plane, scalar);
     float q = KNOWN(work->scene)->lit_slope;
@@ -20,6 +20,20 @@ INLINE void look_at_plane(const struct placed *s, int i, struct rays *r, const s
         mask met = both(but_not(own, r->active), both(less(slope, set(0.0f)), less(t, r->first)));
         r->first = choose(met, t, r->first);
         r->cosine = choose(met, set(0.0f) - slope, r->cosine);
+    }
+}
+
+CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
+    COUNT(enter_on_the_way, call);
+    mask own = same_shape(r->shape, i);
+    struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
+    real t;
+    mask behind, in = enter(o, d, s, but_not(own, met), &t, &at, &behind);
+    in = both(in, less(t, r->first));
+    if (any(in)) {
+        COUNT(enter_on_the_way, in);
+        r->first = choose(in, t, r->first);
+        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
     }
 }
 
@@ -58,18 +72,33 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     from = drop(own, most_of(from, zero));
     near->from = from;
     r->alone = least_of(r->alone, from);
-    if (any(met) && !bulb) {
-        COUNT(look_at_solid, met);
-        struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)),
-                       d = turned(s, r->to_light);
-        real t;
-        mask in = enter(o, d, s, but_not(own, met), &t, &at);
-        in = both(in, less(t, r->first));
-        if (any(in)) {
-            COUNT(look_at_solid, in);
-            r->first = choose(in, t, r->first);
-            r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
-        }
+    if (any(met) && !bulb)
+        enter_on_the_way(s, i, r, met);
+}
+
+CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
+                            const struct convex *work) {
+    COUNT(see_along, call);
+    const struct prepared *scene = KNOWN(work->scene);
+    const struct placed *s = &scene->placed[i];
+    near->wakes = set(-INFINITY);
+    if (s->way == LINEAR)
+        return;
+    COUNT(see_along, solid);
+    if (r->floor) {
+        near->origin = in_frame(s, r->point);
+        near->direction = turned(s, r->to_light);
+        near->power = false;
+        return;
+    }
+    mask own = same_shape(r->shape, i);
+    near->origin = vec_choose(own, r->local, in_frame(s, r->point));
+    near->direction = turned(s, r->to_light);
+    near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
+    if (near->power) {
+        COUNT(see_along, power);
+        near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
+        near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
     }
 }
 
@@ -99,10 +128,10 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     r->end = choose(met, most_of(leaves, r->end), r->end);
     struct vec at, d = turned(s, r->to_light);
     real t;
-    mask in = enter(in_frame(s, r->point), d, s, met, &t, &at);
+    mask behind, in = enter(in_frame(s, r->point), d, s, met, &t, &at, &behind);
     in = both(in, less(t, r->first));
     if (any(in)) {
-        COUNT(look_at_solid, in);
+        COUNT(look_from_plane, in);
         r->first = choose(in, t, r->first);
         r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
     }
@@ -125,33 +154,15 @@ INLINE void look_at(int i, struct rays *r, const struct convex *work, struct nea
         look_at_solid(s, i, r, work, &nears[i]);
 }
 
-INLINE void choose_shape(int i, struct rays *r, const struct prepared *scene, struct near *nears,
+INLINE void choose_shape(int i, struct rays *r, const struct convex *work, struct near *nears,
                          struct shapes *casters) {
-    const struct placed *s = &scene->placed[i];
+    const struct prepared *scene = KNOWN(work->scene);
     struct near *near = &nears[i];
     COUNT(choose_shapes, shape);
     if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
         return;
     put_in(casters, i);
-    near->wakes = set(-INFINITY);
-    if (s->way == LINEAR)
-        return;
-    COUNT(choose_shapes, solid);
-    if (r->floor) {
-        near->origin = in_frame(s, r->point);
-        near->direction = turned(s, r->to_light);
-        near->power = false;
-        return;
-    }
-    mask own = same_shape(r->shape, i);
-    near->origin = vec_choose(own, r->local, in_frame(s, r->point));
-    near->direction = turned(s, r->to_light);
-    near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
-    if (near->power) {
-        COUNT(choose_shapes, power);
-        near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
-        near->slope = set(2.0f) * vec_dot(near->origin, near->direction);
-    }
+    see_along(r, i, near, work);
 }
 
 void choose_shapes(struct rays *rays, struct near *nears, struct shapes *casters,
@@ -162,6 +173,6 @@ void choose_shapes(struct rays *rays, struct near *nears, struct shapes *casters
     r.floor = !any(but_not(r.on_plane, r.active));
     EACH_SHAPE(work->scene, look_at, &r, work, nears);
     none_of(casters);
-    EACH_SHAPE(work->scene, choose_shape, &r, scene, nears, casters);
+    EACH_SHAPE(work->scene, choose_shape, &r, work, nears, casters);
     *rays = r;
 }

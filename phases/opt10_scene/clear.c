@@ -89,7 +89,7 @@ real own_shadow(const struct placed *s, struct vec local, struct vec to_light, r
 // From where a march would begin to the light, or to the bounds.
 struct way_out {
     struct vec point, start, local, to_light;
-    real shape, way;
+    real shape, way, reach; // reach: a light may be in a shape by less than float tells
 };
 
 INLINE void block_by(int i, const struct way_out *w, const struct convex *work, mask *open) {
@@ -111,9 +111,13 @@ INLINE void block_by(int i, const struct way_out *w, const struct convex *work, 
                        o = vec_choose(own, vec_along(w->local, d, offset), in_frame(s, w->start));
         mask asked = s->convex ? but_not(own, *open) : *open;
         real t;
-        blocked = enter(o, d, s, asked, &t, &at);
-        blocked = both(blocked, less(t, w->way));
-        mask within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+        mask within;
+        blocked = enter(o, d, s, asked, &t, &at, &within);
+        blocked = both(blocked, less(t, w->reach));
+        if (!s->convex) {
+            COUNT(reaches_light, torus);
+            within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+        }
         if (any(within)) {
             COUNT(reaches_light, within);
             blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));
@@ -128,14 +132,16 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
     COUNT(reaches_light, call);
     COUNT(reaches_light, scalar);
     const struct model *model = &KNOWN(work->scene)->model;
-    real zero = set(0.0f), offset = set((float)model->march.surface_offset);
+    real zero = set(0.0f), offset = set((float)model->march.surface_offset),
+         hit = set((float)work->scene->model.march.hit_distance);
     float radius = (float)model->march.bounds_radius;
     struct vec start = vec_along(point, to_light, offset);
     real along = vec_dot(start, to_light);
     real leaves =
         root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
-    struct way_out w = {point,    start, local,
-                        to_light, shape, least_of(distance - offset, leaves - along)};
+    real way = least_of(distance - offset, leaves - along);
+    real reach = mul_add(way, set(1.0f + 0x1p-21f), hit);
+    struct way_out w = {point, start, local, to_light, shape, way, reach};
     mask open = active;
     EACH_IN(work->desk->shading, block_by, &w, work, &open);
     return open;

@@ -1,6 +1,7 @@
 // What a hit looks like: normals in closed form, light (Phong, as in shade.c), and what has to wait for a shadow or
 // a mirror ray.
 #include "bulb.h"
+#include "crowd.h"
 #include "stage.h"
 
 // Forward differences of the estimate, the only normal it has.
@@ -98,9 +99,48 @@ INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_lig
     *light = vec_choose(same, vec_scale(*light, lit), *light);
 }
 
-static inline mask in_bounds(struct vec p, const struct model *model) {
-    float radius = (float)model->march.bounds_radius;
-    return not_less(set(radius * radius), vec_dot(p, p));
+static double dot3(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
+// plane's t, which is one of them.
+static mask in_bounds_nearly(const struct stage *at, mask asked, const struct prepared *scene) {
+    const struct ray *ray = &at->ray;
+    double radius = scene->model.march.bounds_radius;
+    float lanes[8][LANES];
+    const real parts[8] = {ray->origin.x,    ray->origin.y,    ray->origin.z, ray->direction.x,
+                           ray->direction.y, ray->direction.z, at->hit.t,     at->hit.shape};
+    for (int i = 0; i < 8; i++)
+        unload(parts[i], lanes[i]);
+    unsigned in = 0;
+    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        const struct placed *s = &scene->placed[(int)lanes[7][lane]];
+        double o[3], d[3], p[3], t = lanes[6][lane];
+        for (int k = 0; k < 3; k++) {
+            o[k] = lanes[k][lane];
+            d[k] = lanes[3 + k][lane];
+            p[k] = o[k] - s->centre[k];
+        }
+        if (s->way == LINEAR)
+            t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
+        for (int k = 0; k < 3; k++)
+            p[k] = o[k] + t * d[k];
+        in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
+    }
+    return lanes_of(in);
+}
+
+static inline mask in_bounds(const struct stage *at, const struct prepared *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float bound = (float)(radius * radius);
+    real square = vec_dot(at->point, at->point);
+    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
+    if (!any(asked))
+        return all_lanes();
+    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
+    return either(in_bounds_nearly(at, asked, scene), but_not(asked, not_less(set(bound), square)));
 }
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
@@ -109,7 +149,7 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     COUNT(stage_surface, call);
     COUNT(stage_surface, scalar);
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
-    at->hit.found = both(at->hit.found, in_bounds(at->point, &KNOWN(scene)->model));
+    at->hit.found = both(at->hit.found, in_bounds(at, KNOWN(scene)));
     at->lit = no_lane();
     if (any(at->hit.found))
         at->surface = surface_at(&at->hit, ray->direction, scene);
@@ -275,7 +315,10 @@ static bool ball_clears(const struct ball *ball, const struct placed *s, float q
         need += v * v;
     }
     float lean = along + q * radius;
-    return need > 0 && q < 1 && (lean <= 0 || lean * lean * (1 + 1e-4f) < (1 - q * q) * need);
+    if (!(need > 0 && q < 1) || lean <= 0)
+        return need > 0 && q < 1;
+    COUNT(ball_clears, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
 INLINE void shade_from(int i, const struct ball *ball, const struct convex *work) {
@@ -292,6 +335,13 @@ INLINE void shade_from(int i, const struct ball *ball, const struct convex *work
 static void choose_shading(const struct stage *stage, int count, const struct convex *work) {
     struct ball ball;
     bool known = ball_of(stage, count, work->view, &ball);
+    if (known && IS_CROWD(work->scene)) {
+        const struct prepared *scene = work->scene;
+        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        fill_list(&work->desk->shading, crowd_towards_light, ball.centre, ball.radius,
+                  ball.to_light, q + ball.spread, work);
+        return;
+    }
     none_of(&work->desk->shading);
     EACH_SHAPE(work->scene, shade_from, known ? &ball : NULL, work);
 }

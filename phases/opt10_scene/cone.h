@@ -27,7 +27,9 @@ INLINE struct vec to_centre(const struct placed *s, struct vec p) {
 
 // The slope that the cone to a shape needs.
 INLINE float slope_to(const struct placed *s, float q) {
-    return s->type == SHAPE_MANDELBULB ? fminf(q / BULB_SHARE, 1.0f) : q;
+    if (s->type != SHAPE_MANDELBULB)
+        return q;
+    return q < BULB_SHARE ? q / BULB_SHARE : 1.0f;
 }
 
 // Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
@@ -69,9 +71,10 @@ INLINE real flat_within(struct vec p, const struct placed *s) {
 // first two steps of a march tell the shadow (clear.c), if they are short beside what the shape curves by.
 INLINE mask bulges(const struct placed *s, struct vec local, real facing,
                    const struct prepared *scene) {
+    COUNT(bulges, call);
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
-    COUNT(bulges, call);
+    COUNT(bulges, solid);
     mask may = all_lanes();
     if (!s->convex) {
         COUNT(bulges, torus);
@@ -107,6 +110,13 @@ struct rays {
     real first, cosine; // the first entry into a solid, of those that can be met
 };
 
+CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+                                const struct convex *work, struct near *near);
+// Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
+CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
+// A shape's own view of the rays.
+CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
+                            const struct convex *work);
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
 SHARED void choose_shapes(struct rays *r, struct near *nears, struct shapes *casters,
                           const struct convex *work);

@@ -1,8 +1,10 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "crowd.h"
 #include "desk.h"
 #include "picture.h"
+#include "window.h"
 
 INLINE void take(mask met, real t, struct vec local, const struct placed *s, struct found *hit) {
     if (!any(met))
@@ -36,7 +38,8 @@ INLINE void meet(int i, struct vec direction, mask active, const struct eye *eye
         local = hit->local;
     } else {
         COUNT(first_hit, solid);
-        met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local);
+        mask behind;
+        met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
     }
     take(both(met, less(t, hit->t)), t, local, s, hit);
 }
@@ -48,8 +51,11 @@ INLINE mask meet_from(struct vec o, struct vec d, const struct placed *s, mask a
     COUNT(meet_from, call);
     if (s->convex)
         active = but_not(own, active); // what it leaves, it does not meet again
-    mask met = enter(o, d, s, active, t, local);
-    mask within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    mask within, met = enter(o, d, s, active, t, local, &within);
+    if (!s->convex) {
+        COUNT(meet_from, torus);
+        within = both(but_not(own, active), less(vec_dot(o, o), set(s->bound_sq)));
+    }
     if (!any(within))
         return met;
     COUNT(meet_from, within);
@@ -85,6 +91,19 @@ INLINE void meet_mirror(int i, const struct ray *ray, const struct prepared *sce
 }
 
 // The last of the rays that wait first: what they see may make more of them.
+static struct found mirror_hit(const struct ray *ray, const struct convex *work) {
+    COUNT(mirror_hit, call);
+    struct found hit = nothing_met();
+    if (IS_CROWD(work->scene)) {
+        int *list = work->desk->mirrored;
+        int count = crowd_along(ray->origin, ray->direction, ray->active, work, list);
+        for (int k = 0; k < count; k++)
+            meet_mirror(list[k], ray, work->scene, &hit);
+    } else
+        EACH_SHAPE(work->scene, meet_mirror, ray, work->scene, &hit);
+    return hit;
+}
+
 static void follow_mirrors(const struct convex *work) {
     struct desk *desk = work->desk;
     float (*field)[QUEUE_ROOM] = desk->mirror;
@@ -103,12 +122,8 @@ static void follow_mirrors(const struct convex *work) {
                                    load(&field[M_LEAVES][first]),
                                    first_lanes(count)};
         }
-        for (int i = 0; i < packets; i++) {
-            COUNT(mirror_hit, call);
-            struct found hit = nothing_met();
-            EACH_SHAPE(work->scene, meet_mirror, &stage[i].ray, work->scene, &hit);
-            stage[i].hit = hit;
-        }
+        for (int i = 0; i < packets; i++)
+            stage[i].hit = mirror_hit(&stage[i].ray, work);
         if (KNOWN(work->scene)->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
@@ -117,21 +132,14 @@ static void follow_mirrors(const struct convex *work) {
     }
 }
 
-// The part of the picture's plane at distance 1 that the tile's rays go through.
-struct window {
-    float left, right, bottom, top;
-};
-
-// Whether a shape lies across it, at least with its bounding sphere.
+// Whether a shape lies across the window, at least with its bounding sphere.
 INLINE void look_across(int i, const struct window *w, const float *sides, const struct job *job,
                         struct shapes *list) {
     const struct placed *s = &KNOWN(job->prepared)->placed[i];
     const float *c = job->eyes[i].centre;
-    if (s->way ==
-        LINEAR) { // centre: its normal; a ray (x, y, 1) falls towards it where this is negative
+    if (s->way == LINEAR) { // centre: its normal
         COUNT(shapes_in, plane);
-        float x = c[0] > 0 ? w->left : w->right, y = c[1] > 0 ? w->bottom : w->top;
-        if (c[0] * x + c[1] * y + c[2] < 1e-6f)
+        if (plane_in_window(w, c))
             put_in(list, i);
         return;
     }
@@ -156,8 +164,10 @@ static int lesser(int a, int b) {
 }
 
 static inline mask in_picture(struct block block) {
+    COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
         return all_lanes();
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));
@@ -181,19 +191,25 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
                           lesser(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
-static inline void look(const struct tile *tile, struct block block, int slot,
-                        const struct job *job, const struct desk *desk, struct stage *at) {
-    const struct frame *frame = job->frame;
-    ACTIVE(block.across * block.down);
-    COUNT(look, call);
+static inline struct vec get_direction(const struct tile *tile, struct block block,
+                                       const struct frame *frame) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, tile);
     real two = set(2.0f), per_height = set(tile->per_height);
     real x =
         mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
     real y =
         neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
     struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
-    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+// A camera ray and what it meets, but for Mandelbulbs.
+static inline void look(const struct tile *tile, struct block block, int slot,
+                        const struct job *job, const struct desk *desk, struct stage *at) {
+    ACTIVE(block.across * block.down);
+    COUNT(look, call);
+    struct vec d = get_direction(tile, block, job->frame);
     at->ray =
         (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
                      set(0.0f), set(-1.0f), in_picture(block)};
@@ -203,18 +219,72 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     at->hit = hit;
 }
 
+// The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
+struct exact_eye {
+    double at[3], ahead[3], across[3], up[3];
+};
+
+static struct exact_eye exact_eye_of(const struct placed *s, const struct view *view) {
+    COUNT(exact_eye_of, call);
+    struct exact_eye eye = {{0}, {0}, {0}, {0}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            eye.at[i] += s->row[i][k] * (view->position[k] - s->centre[k]);
+            eye.ahead[i] += s->row[i][k] * view->forward[k];
+            eye.across[i] += s->row[i][k] * view->right[k];
+            eye.up[i] += s->row[i][k] * view->up[k];
+        }
+    return eye;
+}
+
+static inline wide wide_add(wide a, double b) {
+    half each = half_set(b);
+    return (wide){a.low + each, a.high + each};
+}
+
+static struct wide_vec exact_look(const struct tile *tile, struct block block,
+                                  const struct exact_eye *eye, const struct job *job) {
+    COUNT(exact_look, call);
+    double per_height = job->view->tan_half_fov / job->frame->height;
+    real zero = set(0.0f), two = set(2.0f);
+    real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));
+    real y = neg_mul_add(two, tile->below, set((float)(job->frame->height - 1 - 2 * block.row)));
+    wide right = wide_mul(wide_sum(x, zero), per_height);
+    wide above = wide_mul(wide_sum(y, zero), per_height);
+    wide d[3];
+    half low = half_set(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = wide_add(wide_mul_add(right, eye->across[i], wide_mul(above, eye->up[i])),
+                        eye->ahead[i]);
+        low = half_mul_add(d[i].low, d[i].low, low);
+        high = half_mul_add(d[i].high, d[i].high, high);
+    }
+    low = half_set(1.0) / half_root(low);
+    high = half_set(1.0) / half_root(high);
+    for (int i = 0; i < 3; i++)
+        d[i] = (wide){d[i].low * low, d[i].high * high};
+    return (struct wide_vec){d[0], d[1], d[2]};
+}
+
+static inline wide wide_set(double a) {
+    return (wide){half_set(a), half_set(a)};
+}
+
 INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
                           struct desk *desk) {
     const struct placed *s = &KNOWN(job->prepared)->placed[shape];
     if (s->type != SHAPE_MANDELBULB)
         return;
+    struct exact_eye eye = exact_eye_of(s, job->view);
+    struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
     int count = 0, slot = 0;
     for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
         for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
             struct stage at;
-            look(tile, block_at(tile, row, i), slot, job, desk, &at);
-            count = gather_bulb(count, s, vec_set(job->eyes[shape].at), &at.ray, at.hit.t, slot,
-                                job->prepared, desk);
+            struct block block = block_at(tile, row, i);
+            look(tile, block, slot, job, desk, &at);
+            count = gather_bulb(count, s, o, exact_look(tile, block, &eye, job), &at.ray, at.hit.t,
+                                slot, job->prepared, desk);
         }
     march_bulb(s, count, &job->prepared->model.march, desk);
 }
@@ -248,7 +318,10 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
                             (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
                             (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
                             (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
-    shapes_in(&window, job, &desk->listed);
+    if (IS_CROWD(job->prepared))
+        fill_list(&desk->listed, crowd_in_window, &window, job, desk);
+    else
+        shapes_in(&window, job, &desk->listed);
     if (is_empty(&desk->listed)) {
         fill_background(frame, tile.left, tile.right, tile.top, tile.bottom,
                         &KNOWN(job->prepared)->model);
@@ -266,7 +339,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             struct stage *at = &stage[count];
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
             if (KNOWN(job->prepared)->bulbs)
-                take_bulb(at, job->eyes, pixel + count * LANES, &work);
+                take_bulb(at, pixel + count * LANES, desk);
         }
         color_all(stage, count, &work);
         for (int i = 0; i < count; i++, pixel += LANES) {

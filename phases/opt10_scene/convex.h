@@ -8,12 +8,12 @@ enum {
     TILE_WIDTH = 32,
     TILE_HEIGHT = 8,
     BULB_TILE_HEIGHT =
-        64, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
+        128, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
-    QUEUE = 2560,                                // rays; a full one is worked off
+    QUEUE = 5120,                                // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES,
     CASTS = 4 // packets of shadow rays in work
 };
@@ -39,16 +39,19 @@ enum shadow_field {
     S_PIXEL,
     S_FIELDS
 };
-// Rays inside a Mandelbulb's bounding sphere, in its frame; from and to: where they enter and leave it.
+// Rays through a Mandelbulb's bounding sphere, in its frame, from where they are nearest to its centre: `before`
+// from their origin. What is a double is two floats, the second B_REST behind the first.
 enum bulb_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_FROM = 6,
-    B_TO,
+    B_T = 6, // from there; until `to`
+    B_REST,
+    B_TO = 2 * B_REST,
     B_SLOT,
     B_BEFORE,
     B_HEIGHT,
     B_SLOPE,
+    B_BORN, // in steps of all; not on the desk
     B_FIELDS
 };
 enum { BULB_ROOM = TILE_PIXELS + LANES };
@@ -57,15 +60,20 @@ enum { BULB_ROOM = TILE_PIXELS + LANES };
 struct desk {
     float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
-    float bulb[B_FIELDS][BULB_ROOM];
+    float bulb[B_BORN][BULB_ROOM];
     float met[TILE_PIXELS],
-        met_shape[TILE_PIXELS]; // where rays meet a Mandelbulb, ∞: nowhere, and which
+        met_shape[TILE_PIXELS], // where rays meet a Mandelbulb, ∞: nowhere, and which
+        met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
     struct near *near;            // of the packets of shadow rays in work, one per shape and packet
     struct shapes listed;         // those that the tile's camera rays may meet
     struct shapes shading;        // those that can matter to the light on the group in work
     struct shapes casters[CASTS]; // those that a packet may meet
+    // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
+    int *mirrored, *vicinity;
+    unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
+    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };
 
 // What a shape is to a packet of shadow rays.
@@ -84,10 +92,15 @@ struct convex {
 };
 
 // What one of these files calls of another: a kernel is one file.
+// Crowds (crowd.c) have none: IS_CROWD is false there, and what crowd.c calls too is inlined.
 #ifdef SCENE_KERNEL
 #define SHARED static
+#define CROWD_SHARED INLINE
+#define IS_CROWD(scene) false
 #else
 #define SHARED
+#define CROWD_SHARED
+#define IS_CROWD(scene) ((scene)->tree.levels > 0)
 #endif
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own

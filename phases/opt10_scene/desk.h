@@ -5,7 +5,8 @@
 #include "bulb.h"
 #include "convex.h"
 
-enum { LISTS = 2 + CASTS, NEARS = CASTS > ABREAST + 1 ? CASTS : ABREAST + 1 };
+enum { LISTS = 4 + CASTS, NEARS = POOLS };
+_Static_assert((int)NEARS >= (int)CASTS, "one for each packet in work, too");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 #define DESK_SIZE(shapes)                                                                          \
     (WHOLE_LINES(sizeof(struct desk)) + NEARS * (size_t)(shapes) * sizeof(struct near) +           \
@@ -18,7 +19,11 @@ static inline struct desk *desk_at(void *own, int shape_count) {
     desk->near = (struct near *)behind;
 #if !UNROLLED
     behind += NEARS * shapes * sizeof(struct near);
-    for (size_t i = 0; i < LISTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
+    desk->mirrored = (int *)behind;
+    behind += WHOLE_LINES(shapes * sizeof(int));
+    desk->vicinity = (int *)behind;
+    behind += WHOLE_LINES(shapes * sizeof(int));
+    for (size_t i = 0; i + 2 < LISTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
         struct shapes *list = i == 0   ? &desk->listed
                               : i == 1 ? &desk->shading
                                        : &desk->casters[i - 2];

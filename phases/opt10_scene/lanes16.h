@@ -112,6 +112,8 @@ static inline real root(real a) {
 
 // 1/√a for normal a > 0, to an ulp or two.
 static inline real inverse_root(real a) {
+    COUNT(inverse_root, call);
+    COUNT(inverse_root, rough);
     // 14 bits, and once Newton's step.
     real r = _mm512_rsqrt14_ps(a);
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
@@ -120,6 +122,35 @@ static inline real inverse_root(real a) {
 static inline real guess_inverse(real a) {
     __m512i bits = _mm512_sub_epi32(_mm512_set1_epi32(0x7ef311c3), _mm512_castps_si512(a));
     return _mm512_castsi512_ps(bits);
+}
+
+// 1/√a and 1/a to 14 bits, for normal a > 0.
+static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
+    real r = _mm512_rsqrt14_ps(a);
+    return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
+    real r = _mm512_rcp14_ps(a);
+    return r * _mm512_fnmadd_ps(a, r, set(2.0f));
+}
+
+// 2·√a and 4/a for normal a > 0, to an ulp or two: both by one step from the same 14 bits.
+static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, sixteen);
+    real r = _mm512_rsqrt14_ps(a), rr = r + r, h = a * r, four = rr * rr;
+    real error = _mm512_fnmadd_ps(h, r, set(1.0f));
+    *twice_root = _mm512_fmadd_ps(h, error, h + h);
+    *four_per = _mm512_fmadd_ps(four, error, four);
+}
+
+// a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
+static inline real mantissa_near_1(real a, real *exponent) {
+    *exponent = _mm512_getexp_ps(a * set(4.0f / 3.0f));
+    return _mm512_getmant_ps(a, _MM_MANT_NORM_p75_1p5, _MM_MANT_SIGN_src);
 }
 
 static inline real floor_of(real a) {
@@ -162,6 +193,11 @@ static inline void pack(mask m, real a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
 }
 
+// The other way round: floats in a row into the lanes of `to`.
+static inline real expand(real a, unsigned to, const float *from) {
+    return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);
+}
+
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);
@@ -181,6 +217,19 @@ static inline half half_set(double a) {
 
 static inline half half_mul_add(half a, half b, half c) {
     return _mm512_fmadd_pd(a, b, c);
+}
+
+static inline half half_neg_mul_add(half a, half b, half c) {
+    return _mm512_fnmadd_pd(a, b, c);
+}
+
+// 1/√a to 14 bits.
+static inline half half_rough_inverse_root(half a) {
+    return _mm512_rsqrt14_pd(a);
+}
+
+static inline half half_root(half a) {
+    return _mm512_sqrt_pd(a);
 }
 
 static inline half half_floor(half a) {

@@ -116,12 +116,44 @@ static inline real root(real a) {
 
 // 1/√a for normal a > 0, to an ulp or two.
 static inline real inverse_root(real a) {
+    COUNT(inverse_root, call);
+    COUNT(inverse_root, exact);
     return set(1.0f) / _mm256_sqrt_ps(a);
 }
 
 static inline real guess_inverse(real a) {
     __m256i bits = _mm256_sub_epi32(_mm256_set1_epi32(0x7ef311c3), _mm256_castps_si256(a));
     return _mm256_castsi256_ps(bits);
+}
+
+// 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
+static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
+    real r = _mm256_rsqrt_ps(a);
+    return r * _mm256_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
+    real r = _mm256_rcp_ps(a);
+    return r * _mm256_fnmadd_ps(a, r, set(2.0f));
+}
+
+// 2·√a and 4/a for normal a > 0, to a few ulp.
+static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, eight);
+    real r = rough_inverse_root(a), rr = r + r;
+    *twice_root = a * rr;
+    *four_per = rr * rr;
+}
+
+// a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
+static inline real mantissa_near_1(real a, real *exponent) {
+    __m256i all = _mm256_castps_si256(a);
+    __m256i steps = _mm256_srai_epi32(_mm256_sub_epi32(all, _mm256_set1_epi32(0x3f400000)), 23);
+    *exponent = _mm256_cvtepi32_ps(steps);
+    return _mm256_castsi256_ps(_mm256_sub_epi32(all, _mm256_slli_epi32(steps, 23)));
 }
 
 static inline real floor_of(real a) {
@@ -167,6 +199,15 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
+// The other way round: floats in a row into the lanes of `to`.
+static inline real expand(real a, unsigned to, const float *from) {
+    float lanes[LANES];
+    unload(a, lanes);
+    for (; to; to &= to - 1)
+        lanes[__builtin_ctz(to)] = *from++;
+    return load(lanes);
+}
+
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     float lanes[3][LANES];
@@ -184,6 +225,19 @@ static inline half half_set(double a) {
 
 static inline half half_mul_add(half a, half b, half c) {
     return _mm256_fmadd_pd(a, b, c);
+}
+
+static inline half half_neg_mul_add(half a, half b, half c) {
+    return _mm256_fnmadd_pd(a, b, c);
+}
+
+// 1/√a to 11 bits.
+static inline half half_rough_inverse_root(half a) {
+    return _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a)));
+}
+
+static inline half half_root(half a) {
+    return _mm256_sqrt_pd(a);
 }
 
 static inline half half_floor(half a) {

@@ -7,6 +7,7 @@
 #include <stddef.h>
 
 #include "phase.h"
+#include "tree.h"
 
 // As an unevaluated sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
@@ -46,10 +47,14 @@ struct placed {
 struct prepared {
     struct model model;    // in a generated kernel without shapes and materials
     struct placed *placed; // one per shape
+    struct eye *eyes;      // one per shape; of the frame being rendered
     bool solids;           // no shape is repeated: convex.c can have it
     int plane;             // the first that there is, −1: none
     int bulbs;             // how many of them are Mandelbulbs
     float lit_slope;       // see lit_slope() in render.c
+    struct tree tree;      // of the solids, if they are a crowd
+    struct leaf *leaves;   // what it is made of
+    int *planes, plane_count;
 };
 
 // The camera as a shape sees it.

@@ -10,12 +10,13 @@
 #include "threads.h"
 #include "variant.h"
 
-enum { MOST_SHAPES = 64 }; // of a generated kernel
+enum {
+    MOST_SHAPES = 64
+}; // of a generated kernel: of scenes with Mandelbulbs, others of that many are crowds
 
 // What the march reads is `prepared`, as in opt4; the team stands behind it.
 struct kept {
     struct prepared prepared;
-    struct eye *eyes; // one per shape; of the frame being rendered
     struct team *team;
     bool sixteen; // lanes, not eight
     struct loaded loaded;
@@ -172,24 +173,62 @@ static float lit_slope(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
+// A scene of this many shapes is a crowd: of two nodes of the tree or more. Not with a Mandelbulb, whose shadow
+// streams ask every shape.
+enum { CROWD = 2 * TREE_WIDTH };
+
+static void plant(struct prepared *prepared) {
+    int count = prepared->model.shape_count, solids = 0;
+    prepared->tree.levels = 0;
+    if (count < CROWD || !prepared->solids || prepared->bulbs)
+        return;
+    for (int i = 0; i < count; i++) {
+        const struct placed *p = &prepared->placed[i];
+        if (p->way == LINEAR)
+            continue;
+        struct leaf *leaf = &prepared->leaves[solids++];
+        *leaf = (struct leaf){.radius = p->bound, .shape = i};
+        for (int k = 0; k < 3; k++)
+            leaf->centre[k] = p->position[k];
+    }
+    tree_build(&prepared->tree, prepared->leaves, solids);
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
     prepared->plane = -1;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = lit_slope(model->shadow_strength);
+    prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
         if (p->way == LINEAR && prepared->plane < 0)
             prepared->plane = i;
+        if (p->way == LINEAR)
+            prepared->planes[prepared->plane_count++] = i;
         if (p->repeated || p->way == POWER ||
             (p->type == SHAPE_MANDELBULB &&
              (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD)))
             prepared->solids = false;
     }
+    plant(prepared);
     return true;
+}
+
+static void release(struct kept *kept) {
+    if (!kept)
+        return;
+    kernel_unload(&kept->loaded);
+    struct prepared *prepared = &kept->prepared;
+    tree_free(&prepared->tree);
+    free(prepared->leaves);
+    free(prepared->planes);
+    free(prepared->placed);
+    free(prepared->eyes);
+    free(kept);
 }
 
 static void make_kernel(struct kept *kept) {
@@ -199,6 +238,9 @@ static void make_kernel(struct kept *kept) {
 #else
     if (!kept->prepared.solids)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
+    else if (kept->prepared.tree.levels)
+        loaded->facts.reason =
+            "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MOST_SHAPES)
         loaded->facts.reason = "more shapes than a generated kernel gains from";
     else
@@ -210,39 +252,40 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
     return &((const struct kept *)prepared)->loaded.facts;
 }
 
+static struct team *start_team(struct kept *kept, const struct model *model, int threads) {
+    phase_update(&kept->prepared, model);
+    make_kernel(kept);
+    size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
+    if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
+        own = kept->loaded.kernel->own_size;
+    return team_start(threads, own);
+}
+
 struct prepared *phase_prepare(const struct model *model, int threads) {
     struct kept *kept = calloc(1, sizeof *kept);
-    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    struct eye *eyes = calloc((size_t)model->shape_count, sizeof *eyes);
-    if (kept && placed && eyes) {
-        kept->prepared.placed = placed;
-        kept->eyes = eyes;
-        phase_update(&kept->prepared, model);
-        kept->sixteen = variant_here().lanes == 16;
-        size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
-        make_kernel(kept);
-        if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
-            own = kept->loaded.kernel->own_size;
-        kept->team = team_start(threads, own);
-    }
-    if (!kept || !placed || !eyes || !kept->team) {
-        if (kept)
-            kernel_unload(&kept->loaded);
-        free(kept);
-        free(placed);
-        free(eyes);
+    size_t count = (size_t)model->shape_count;
+    if (!kept)
+        return NULL;
+    struct prepared *prepared = &kept->prepared;
+    prepared->placed = calloc(count, sizeof *prepared->placed);
+    prepared->eyes = calloc(count, sizeof *prepared->eyes);
+    prepared->planes = calloc(count, sizeof *prepared->planes);
+    prepared->leaves = calloc(count, sizeof *prepared->leaves);
+    kept->sixteen = variant_here().lanes == 16;
+    if (prepared->placed && prepared->eyes && prepared->planes && prepared->leaves &&
+        (count < CROWD || tree_reserve(&prepared->tree, model->shape_count)))
+        kept->team = start_team(kept, model, threads);
+    if (!kept->team) {
+        release(kept);
         return NULL;
     }
-    return &kept->prepared;
+    return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
     team_end(kept->team);
-    kernel_unload(&kept->loaded);
-    free(prepared->placed);
-    free(kept->eyes);
-    free(kept);
+    release(kept);
 }
 
 // Apart from what the caller writes on its stack: all workers read it.
@@ -262,12 +305,12 @@ static double dot(const double a[3], const double b[3]) {
 
 // Whether the frame can be had without marching camera rays: the camera is within the bounds and outside of
 // every shape's bounding sphere and plane.
-static bool set_eyes(const struct prepared *prepared, const struct view *view, struct eye *eyes) {
+static bool set_eyes(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
     bool clear = dot(view->position, view->position) < radius * radius;
     for (int i = 0; i < prepared->model.shape_count; i++) {
         const struct placed *p = &prepared->placed[i];
-        struct eye *eye = &eyes[i];
+        struct eye *eye = &prepared->eyes[i];
         double from[3];
         for (int k = 0; k < 3; k++)
             from[k] = view->position[k] - p->centre[k];
@@ -289,11 +332,18 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view, s
     return clear;
 }
 
+// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+static int tile_height(const struct prepared *prepared, const struct frame *frame) {
+    if (prepared->bulbs)
+        return frame->height > 256 ? 128 : 64;
+    return prepared->tree.levels ? 64 : 8;
+}
+
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, kept->eyes, prepared->bulbs ? 64 : 8,
-                             prepared->solids && set_eyes(prepared, view, kept->eyes)},
+    struct frame_job job = {{prepared, view, frame, prepared->eyes, tile_height(prepared, frame),
+                             prepared->solids && set_eyes(prepared, view)},
                             kept->sixteen ? lanes16_tile : lanes8_tile};
     const struct scene_kernel *kernel = job.job.solids ? kept->loaded.kernel : NULL;
     if (kernel)

@@ -13,7 +13,8 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
 }
 
-// What is between two planes at distance `half` from the origin, of rays that are at c and go d.
+// What is between two planes at distance `half` from the origin, of rays that are at c and go d. Be they so near that
+// rounding makes both the same: in is no more than out.
 INLINE void slab(real c, real d, float half, real *in, real *out) {
     real per = inverse_of(d), middle = c * per, width = set(half) * absolute(per);
     *in = most_of(*in, set(0.0f) - middle - width);
@@ -27,7 +28,7 @@ INLINE mask enter_box(struct vec c, struct vec d, const struct placed *s, real *
     slab(c.x, d.x, s->size[0], t, &out);
     slab(c.y, d.y, s->size[1], t, &out);
     slab(c.z, d.z, s->size[2], t, &out);
-    return less(*t, out);
+    return not_less(out, *t);
 }
 
 INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
@@ -39,7 +40,7 @@ INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s,
     slab(sum - c.z, d_sum - d.z, s->a, t, &out);
     slab(apart + c.z, d_apart + d.z, s->a, t, &out);
     slab(apart - c.z, d_apart - d.z, s->a, t, &out);
-    return less(*t, out);
+    return not_less(out, *t);
 }
 
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
@@ -61,8 +62,9 @@ INLINE mask enter_cone(struct vec c, struct vec d, const struct placed *s, real 
     // At the cap: is it within the rim?
     mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
     *t = choose(cap, in, side);
-    return both(less(in, out), either(cap, both(both(not_less(square, zero), not_less(side, in)),
-                                                less(side, out))));
+    return both(
+        not_less(out, in),
+        either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
 }
 
 // Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
@@ -106,9 +108,10 @@ INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask
 }
 
 // Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
-// how far, and the point there, on the surface to the rounding of its own size. Not for planes.
+// how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
+// convex solid before their origin, which may be inside. Not for planes.
 INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
-                  struct vec *point) {
+                  struct vec *point, mask *behind) {
     ACTIVE(count_of(active));
     COUNT(enter, call);
     real before = set(0.0f) - vec_dot(o, d);
@@ -117,6 +120,7 @@ INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask activ
     mask near = both(active, less(square, set(s->bound_sq)));
     *t = set(INFINITY);
     *point = c;
+    *behind = no_lane();
     if (!any(near))
         return near;
     ACTIVE(count_of(near));
@@ -139,7 +143,9 @@ INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask activ
     }
     *t = before + in;
     *point = vec_along(c, d, in);
-    return both(near, greater(*t, set(0.0f)));
+    mask ahead = greater(*t, set(0.0f));
+    *behind = but_not(ahead, near);
+    return both(near, ahead);
 }
 
 // Outward, of unit length, in the shape's frame, at points on its surface.

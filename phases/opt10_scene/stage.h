@@ -41,13 +41,13 @@ static inline struct vec background(real weight, const struct model *model) {
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
 SHARED void color_all(struct stage *stage, int count, const struct convex *work);
 
-// Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. `o`: the
-// rays' origin in its frame; slot: where the first lane's answer is to be.
-SHARED int gather_bulb(int count, const struct placed *s, struct vec o, const struct ray *ray,
-                       real end, int slot, const struct prepared *scene, struct desk *desk);
+// Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
+// in its frame; slot: where the first lane's answer is to be.
+SHARED int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
+                       const struct ray *ray, real end, int slot, const struct prepared *scene,
+                       struct desk *desk);
 // The answers: what the packet meets there, if before what it has met so far.
-SHARED void take_bulb(struct stage *at, const struct eye *eyes, int slot,
-                      const struct convex *work);
+SHARED void take_bulb(struct stage *at, int slot, const struct desk *desk);
 SHARED void clear_met(struct desk *desk, int slots);
 // All of it for a group of mirror rays.
 SHARED void meet_bulbs(struct stage *stage, int packets, const struct convex *work);

@@ -22,6 +22,8 @@ struct block {
 };
 
 static mask in_picture(struct block block) {
+    COUNT(in_picture, call);
+    COUNT(in_picture, cut);
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     real right = lane_numbers() - below * set(BLOCK_WIDTH);
     return both(less(right, set((float)block.across)), less(below, set((float)block.down)));
@@ -30,6 +32,7 @@ static mask in_picture(struct block block) {
 static struct vec get_direction(struct block block, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
+    COUNT(get_direction, packet);
     COUNT(get_direction, divide);
     double per_height = view->tan_half_fov / frame->height;
     float columns[LANES], rows[LANES];

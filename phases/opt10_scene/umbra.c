@@ -1,7 +1,7 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "cone.h"
+#include "crowd.h"
 
 #include <string.h>
 
@@ -99,8 +99,12 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .divisor = set(1.0f)};
     COUNT(begin, call);
     COUNT(begin, scalar);
-    choose_shapes(r, nears, casters, work);
-    m->end = r->end;
+    if (IS_CROWD(work->scene))
+        crowd_ahead(r, nears, work);
+    else
+        choose_shapes(r, nears, casters, work);
+    m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
+                                       : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first.
@@ -150,8 +154,8 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
 }
 
-INLINE void near_bulbs(int i, const struct march *m, const mask *done, const struct prepared *scene,
-                       real *h) {
+INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
+                       const struct prepared *scene, real *h) {
     const struct placed *s = &scene->placed[i];
     COUNT(nearest_bulbs, shape);
     real own[ABREAST];
@@ -160,7 +164,7 @@ INLINE void near_bulbs(int i, const struct march *m, const mask *done, const str
         struct vec p[ABREAST];
         for (int k = 0; k < ABREAST; k++)
             p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-        bulbs(s, p, done, own);
+        bulbs(s, p, done, leaving, own);
     } else
         for (int k = 0; k < ABREAST; k++)
             own[k] = distance_along(&m[k].nears[i], m[k].t, s);
@@ -169,14 +173,15 @@ INLINE void near_bulbs(int i, const struct march *m, const mask *done, const str
 }
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
-static inline void nearest_bulbs(const struct march *m, const struct prepared *scene, real *h) {
+__attribute__((always_inline)) static inline void
+nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, real *h) {
     COUNT(nearest_bulbs, call);
     mask done[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         h[k] = set(INFINITY);
         done[k] = m[k].done;
     }
-    EACH_SHAPE(scene, near_bulbs, m, done, KNOWN(scene), h);
+    EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
 }
 
 INLINE void put_behind(int i, const struct march *m, real q, const struct prepared *scene,
@@ -230,6 +235,34 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .cosine = set(1.0f)};
 }
 
+static real gathered(const float *field, const unsigned short *order, int count) {
+    float lanes[LANES];
+    for (int i = 0; i < LANES; i++)
+        lanes[i] = field[order[i < count ? i : 0]];
+    return load(lanes);
+}
+
+static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
+                        gathered(field[2], order, count)};
+}
+
+// The same of rays that have been sorted; of a packet that has none, the first ray's.
+static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    COUNT(sorted, call);
+    return (struct rays){.active = first_lanes(count),
+                         .point = gathered_vec(field + S_POINT, order, count),
+                         .local = gathered_vec(field + S_LOCAL, order, count),
+                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
+                         .facing = gathered(field[S_FACING], order, count),
+                         .shape = gathered(field[S_SHAPE], order, count),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
 static void add_lane(int i, float lit, struct desk *desk) {
     COUNT(add_lane, call);
     float (*field)[QUEUE_ROOM] = desk->shadow;
@@ -243,7 +276,7 @@ struct pool {
     struct march march;
     struct near *nears;
     int ray[LANES]; // which of the queue
-    unsigned live;
+    unsigned live, leaving;
 };
 
 static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
@@ -284,60 +317,260 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next,
     return next;
 }
 
-static void retire_shadows(struct pool *from, struct desk *desk) {
-    ACTIVE(count_of(lanes_of(from->live)));
-    COUNT(retire, lit);
+// Most rays that get as dark as that end on a surface, at a 300th of it and less: 0 is written for them, which errs by
+// no more than that. LOOK_EVERY: steps from one look whether a ray is behind all to the next.
+#define DARK 0x1p-10f
+enum { LOOK_EVERY = 4 };
+
+static void answer(const struct pool *from, unsigned which, struct desk *desk) {
+    ACTIVE(__builtin_popcount(which));
+    COUNT(answer, call);
     float lit[LANES];
-    unload(root(from->march.square / from->march.divisor), lit);
-    unsigned ended = from->live & bits(from->march.done);
-    for (unsigned rest = ended; rest; rest &= rest - 1)
+    mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
+    unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
+    for (unsigned rest = which; rest; rest &= rest - 1)
         add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+}
+
+// Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
+struct pools {
+    struct pool *work, *out, *ready;
+    int leaving; // lanes of `out` in use
+};
+
+// From |p| = e² on a Mandelbulb's estimate, |p|·ln|p|/3, grows faster than |p|: h passes 2·previous, where the
+// estimator's circles of radius h and `previous` only touch, and a term may be anything. That is why rays on which
+// no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
+// iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
+INLINE void over_bulb(int i, const struct march *m, const struct prepared *scene, mask *over) {
+    const struct near *near = &m->nears[i];
+    if (scene->placed[i].type != SHAPE_MANDELBULB)
+        return;
+    COUNT(over, bulb);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p);
+    mask beyond = greater(square, set(100.0f));
+    if (scene->plane >= 0) {
+        COUNT(over, plane);
+        const struct near *plane = &m->nears[scene->plane];
+        real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
+        real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
+        mask under = both(less(height, least), less(plane->direction.x, set(0.69f)));
+        beyond = either(beyond, both(under, greater(square, set(9.0f))));
+    }
+    *over = both(*over, beyond);
+}
+
+static inline mask over(const struct march *m, const struct prepared *scene) {
+    COUNT(over, call);
+    mask over = all_lanes();
+    EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
+    return over;
+}
+
+static void see_off(struct pools *pools, const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    struct march m[ABREAST];
+    int ended = 0;
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march.done = lanes_of(~pools->out[k].live);
+        m[k] = pools->out[k].march;
+    }
+    for (int i = 0; i < work->scene->model.march.max_steps && ended < ABREAST * LANES; i++) {
+        real h[ABREAST];
+        nearest_bulbs(m, work->scene, true, h);
+        ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            step(&m[k], h[k], strength, hit, 0.0f);
+            m[k].done = either(m[k].done, over(&m[k], work->scene));
+            ended += count_of(m[k].done);
+        }
+    }
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march = m[k];
+        answer(&pools->out[k], pools->out[k].live, work->desk);
+        pools->out[k].live = 0;
+    }
+    pools->leaving = 0;
+}
+
+static void retire_shadows(struct pool *from, struct pools *pools, const struct convex *work) {
+    unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
+    answer(from, ended & ~leaving, work->desk);
     from->live &= ~ended;
+    from->leaving &= ~ended;
+    for (; leaving; leaving &= leaving - 1) {
+        int to = pools->leaving++;
+        copy_lane(&pools->out[to / LANES], to % LANES, from, __builtin_ctz(leaving),
+                  KNOWN(work->scene)->model.shape_count);
+        if (pools->leaving == ABREAST * LANES)
+            see_off(pools, work);
+    }
+}
+
+// One step of each packet. How many lanes have ended.
+static inline int step_all(struct march *m, struct pool *pool, bool look,
+                           const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    real h[ABREAST];
+    int ended = 0;
+    nearest_bulbs(m, work->scene, false, h);
+    for (int k = 0; k < ABREAST; k++) {
+        mask behind = no_lane();
+        if (look)
+            behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
+        step(&m[k], h[k], strength, hit, DARK * DARK);
+        pool[k].leaving |= bits(but_not(m[k].done, behind));
+        m[k].done = either(m[k].done, behind);
+        ended += count_of(m[k].done);
+    }
+    return ended;
 }
 
 // With a Mandelbulb in the scene, some rays take 1,000 steps: lanes are filled again as in bulb.c.
 static void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct model *model = &KNOWN(work->scene)->model;
-    real strength = set((float)model->shadow_strength),
-         hit = set((float)work->scene->model.march.hit_distance);
-    float per_strength = 1.0f / (float)model->shadow_strength;
-    struct pool pool[ABREAST] = {0}, ready = {.nears = desk->near + ABREAST * model->shape_count};
-    memset(desk->near, 0, (ABREAST + 1) * (size_t)model->shape_count * sizeof(struct near));
-    for (int k = 0; k < ABREAST; k++)
-        pool[k].march.nears = pool[k].nears = desk->near + k * model->shape_count;
+    struct pool all[POOLS] = {0};
+    memset(desk->near, 0, POOLS * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < POOLS; k++)
+        all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
+    struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
     long left = (long)work->scene->model.march.max_steps * (desk->shadows / LANES + ABREAST);
+    unsigned steps = 0;
     for (int next = 0; left > 0;) {
         struct march m[ABREAST];
-        unsigned live = ready.live;
+        unsigned live = pools.ready->live;
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill_shadows(&pool[k], &ready, next, work);
-            live |= pool[k].live;
-            m[k] = pool[k].march;
+            next = refill_shadows(&pools.work[k], pools.ready, next, work);
+            live |= pools.work[k].live;
+            m[k] = pools.work[k].march;
             ended += count_of(m[k].done);
         }
         if (!live)
             break;
-        int enough = next < desk->shadows || ready.live ? ended + LANES / 4 : ABREAST * LANES;
-        while (ended < enough && left-- > 0) {
-            real h[ABREAST];
-            nearest_bulbs(m, work->scene, h);
-            ended = 0;
-            for (int k = 0; k < ABREAST; k++) {
-                mask behind = behind_all(&m[k], per_strength, work->scene);
-                step(&m[k], h[k], strength, hit, 0x1p-28f); // what is darker than 2^-14 is dark
-                m[k].done = either(m[k].done, behind);
-                ended += count_of(m[k].done);
-            }
-        }
+        bool more = next < desk->shadows || pools.ready->live;
+        int enough = more ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough && left-- > 0)
+            ended = step_all(m, pools.work, ++steps % LOOK_EVERY == 0, work);
         for (int k = 0; k < ABREAST; k++) {
-            pool[k].march = m[k];
-            retire_shadows(&pool[k], desk);
+            pools.work[k].march = m[k];
+            retire_shadows(&pools.work[k], &pools, work);
         }
     }
+    if (pools.leaving > 0)
+        see_off(&pools, work);
     desk->shadows = 0;
 }
+
+#ifndef SCENE_KERNEL
+// A packet's march through a crowd. The rays of a packet come apart, so only those near the one that is furthest
+// behind are marched, until all of them have left its vicinity; the others wait.
+struct walk {
+    struct march march;
+    struct rays rays;
+    struct vicinity near;
+    mask waits;
+    real until, asked; // where what is in the way ends, of the cones of slope `asked`
+};
+
+static void look_around(struct walk *w, const struct convex *work) {
+    COUNT(look_around, call);
+    struct march *m = &w->march;
+    real q = root(m->square / m->divisor) *
+             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    // The term of the step that led here is one of those that q bounds only if that step was as long. What was in the
+    // way the last time still is, unless it is behind or q is less.
+    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
+    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
+    if (any(asked)) {
+        real until = set(0.0f);
+        m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
+        w->until = choose(asked, until, w->until);
+        w->asked = choose(asked, q, w->asked);
+    }
+    if (all(m->done))
+        return;
+    real rear = set(least_lane(choose(m->done, set(INFINITY), m->t)));
+    mask last = but_not(m->done, not_less(rear, m->t));
+    // Its own shape is no further than t, and no distance grows faster than a ray goes.
+    real h = least_of(m->t, m->previous + m->previous);
+    crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    w->waits = not_less(distance_between(p, w->near.centre), set(0.5f * w->near.within));
+}
+
+// See nearest(); what is known of the list's shapes is packed.
+static real nearest_about(const struct vicinity *v, const struct near *nears, real t, mask still,
+                          const struct prepared *scene) {
+    ACTIVE(LANES - count_of(still));
+    real least = set(INFINITY);
+    for (int k = 0; k < v->count; k++) {
+        COUNT(nearest_about, shape);
+        if (!any(but_not(still, not_less(least + t, v->wakes[k]))))
+            continue;
+        COUNT(nearest_about, awake);
+        real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
+        v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
+        least = least_of(least, h);
+    }
+    return least;
+}
+
+static void walk_on(struct walk *w, real strength, real hit, const struct convex *work) {
+    struct march *m = &w->march;
+    mask done = m->done;
+    if (all(either(done, w->waits))) {
+        look_around(w, work);
+        done = m->done;
+        if (all(done))
+            return;
+    }
+    ACTIVE(LANES - count_of(either(done, w->waits)));
+    COUNT(walk_on, step);
+    mask still = either(done, w->waits);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    real h = nearest_about(&w->near, m->nears, m->t, still, work->scene);
+    // What is not in the vicinity could be nearer.
+    mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
+    w->waits = either(w->waits, not_in(sure));
+    still = either(done, w->waits);
+    real previous = m->previous, from = m->from;
+    m->done = still;
+    step(m, h, strength, hit, 0.0f);
+    m->previous = choose(still, previous, m->previous);
+    m->from = choose(still, from, m->from);
+    m->done = either(done, but_not(still, m->done));
+}
+
+static void cast_crowd(int first, const struct convex *work) {
+    COUNT(cast_crowd, call);
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    int count = desk->shadows - first < LANES ? desk->shadows - first : LANES;
+    const unsigned short *order = desk->order[0] + first;
+    struct walk w = {
+        .rays = sorted(field, order, count),
+        .near = {.list = desk->vicinity, .wakes = (real *)(desk->near + model->shape_count)},
+        .waits = all_lanes(),
+        .until = set(0.0f),
+        .asked = set(INFINITY)};
+    begin(&w.rays, desk->near, &desk->casters[0], work, &w.march);
+    for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
+        walk_on(&w, strength, hit, work);
+    add_light(w.rays.active,
+              vec_scale(gathered_vec(field + S_LIGHT, order, count),
+                        root(w.march.square / w.march.divisor)),
+              gathered(field[S_PIXEL], order, count), desk);
+}
+#endif
 
 // A packet that is marched, and how far it is.
 struct cast {
@@ -402,6 +635,15 @@ void cast_shadows(const struct convex *work) {
         cast_streams(work);
         return;
     }
+#ifndef SCENE_KERNEL
+    if (IS_CROWD(work->scene)) {
+        crowd_sort(work->desk);
+        for (int first = 0; first < work->desk->shadows; first += LANES)
+            cast_crowd(first, work);
+        work->desk->shadows = 0;
+        return;
+    }
+#endif
     cast_packets(work);
     work->desk->shadows = 0;
 }
