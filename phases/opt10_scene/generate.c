@@ -23,6 +23,14 @@ static void floats(FILE *to, const char *name, const float *values, int count) {
     fputs("}, ", to);
 }
 
+// What is asked in double: where a Mandelbulb's rays and hits near the bounds are told exactly.
+static void write_exact(FILE *to, const struct placed *p) {
+    fprintf(to, ".centre = {%a, %a, %a}, .row = {", p->centre[0], p->centre[1], p->centre[2]);
+    for (int i = 0; i < 3; i++)
+        fprintf(to, "{%a, %a, %a}, ", p->row[i][0], p->row[i][1], p->row[i][2]);
+    fprintf(to, "}, .offset = %a, ", p->offset);
+}
+
 static void write_shape(FILE *to, const struct placed *p) {
     fprintf(to, "    {.way = %d, .type = %d, .turned = %d, .repeated = %d, .convex = %d, ", p->way,
             p->type, p->turned, p->repeated, p->convex);
@@ -48,6 +56,7 @@ static void write_shape(FILE *to, const struct placed *p) {
     number(to, "share", (double)p->share);
     number(to, "shininess", (double)p->shininess);
     number(to, "shine_from", (double)p->shine_from);
+    write_exact(to, p);
     fputs("},\n", to);
 }
 
