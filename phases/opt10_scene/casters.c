@@ -84,13 +84,14 @@ CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
     near->wakes = set(-INFINITY);
     if (s->way == LINEAR)
         return;
-    COUNT(see_along, solid);
     if (r->floor) {
+        COUNT(see_along, floor);
         near->origin = in_frame(s, r->point);
         near->direction = turned(s, r->to_light);
         near->power = false;
         return;
     }
+    COUNT(see_along, solid);
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
