@@ -10,9 +10,8 @@
 #include "threads.h"
 #include "variant.h"
 
-enum {
-    MOST_SHAPES = 64
-}; // of a generated kernel: of scenes with Mandelbulbs, others of that many are crowds
+// Of a generated kernel; without a Mandelbulb half as many are a crowd.
+enum { MOST_SHAPES = 64 };
 
 // What the march reads is `prepared`, as in opt4; the team stands behind it.
 struct kept {
