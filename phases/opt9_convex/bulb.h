@@ -36,7 +36,6 @@ struct half_vec {
 // The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
 // float ends: later iterations' errors count an eighth and less of the one before.
 static inline struct half_vec bulb_first(half x, half y, half z) {
-    COUNT(bulb_first, call);
     half one = half_set(1.0), two = half_set(2.0);
     half k3 = half_mul_add(x, x, half_mul_add(z, z, half_set(1e-30)));
     half k4 = half_neg_mul_add(y, y, k3);
@@ -145,6 +144,7 @@ __attribute__((always_inline)) static inline void exact_bulbs(const struct place
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         b[k] = bulb_begin(p[k], done[k]);
+        COUNT(bulb_first, pair);
         struct half_vec low = bulb_first(exact[k].x.low, exact[k].y.low, exact[k].z.low);
         struct half_vec high = bulb_first(exact[k].x.high, exact[k].y.high, exact[k].z.high);
         b[k].x = narrowed(low.x, high.x);
