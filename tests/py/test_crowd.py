@@ -1,4 +1,4 @@
-"""opt9_convex's crowds: scenes of more shapes than can be asked one by one, against a march of all of them."""
+"""opt9_convex's crowds: scenes of more shapes than can be asked one by one, against a march of all."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def psnr(a: images.Picture, b: images.Picture) -> float:
 def test_as_the_march_of_all_shapes(
     count: int, shadows: str, floor: bool, mirrors: float, tmp_path: Path
 ) -> None:
-    """The same shapes in the same light, but for single pixels at rims, and at edges, where the march's normal
-    is a difference over two faces."""
+    """The same shapes in the same light, but for pixels at rims, and at edges, where the march's normal is a
+    difference over two faces."""
     data = crowd(count, shadows, floor, mirrors)
     mine, all_asked = (picture(phase, data, tmp_path) for phase in (PHASE, MARCHED))
     off = np.abs(images.rgb(mine) - images.rgb(all_asked)).max(axis=-1)

@@ -1,5 +1,6 @@
 """Files of a run: whole or not at all, also after a kill and on a full disk."""
 
+import gzip
 import json
 import os
 import subprocess
@@ -148,6 +149,20 @@ def test_any_other_broken_line_is_named(run, line):
     whole = run.frames_path.read_bytes()
     run.frames_path.write_bytes(whole + line + b"\n" + whole)
     with pytest.raises(StudyError, match=r"frames\.jsonl:2: "):
+        run.frames()
+
+
+def test_published_frames_are_packed(run):
+    run.append_frame(FRAME)
+    run.append_frame(FRAME | {"frame": 2})
+    expected = run.frames()
+    packed = run.path / "frames.jsonl.gz"
+    packed.write_bytes(gzip.compress(run.frames_path.read_bytes()))
+    run.close()
+    run.frames_path.unlink()
+    assert run.frames().equals(expected)
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(StudyError, match=r"frames\.jsonl\.gz: not a whole gzip file"):
         run.frames()
 
 
