@@ -25,11 +25,7 @@ demo: setup ## one picture by baseline and by opt4, the time and the error betwe
 test: setup-test ## install what is needed and run every test
 	@$(MAKE) --no-print-directory check
 
-<<<<<<< HEAD
 phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
-=======
-phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
->>>>>>> 7d7a4392a4458b19f601d4d661ace6961e2cb093
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
