@@ -169,6 +169,7 @@ INLINE void choose_shape(int i, struct rays *r, const struct convex *work, struc
 void choose_shapes(struct rays *rays, struct near *nears, struct shapes *casters,
                    const struct convex *work) {
     const struct prepared *scene = KNOWN(work->scene);
+    COUNT(choose_shapes, call);
     struct rays r = *rays;
     EACH_SHAPE(work->scene, look_from, &r, scene);
     r.floor = !any(but_not(r.on_plane, r.active));

@@ -31,13 +31,13 @@ INLINE void meet(int i, struct vec direction, mask active, const struct eye *eye
         return;
     ACTIVE(count_of(active));
     if (s->way == LINEAR) {
-        COUNT(first_hit, plane);
+        COUNT(look, plane);
         real slope = dot_with(s->normal, direction);
         t = set(eyes[i].height) / (set(0.0f) - slope);
         met = both(active, less(slope, set(0.0f))); // the camera is above it
         local = hit->local;
     } else {
-        COUNT(first_hit, solid);
+        COUNT(look, solid);
         mask behind;
         met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
     }
@@ -213,7 +213,6 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     at->ray =
         (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
                      set(0.0f), set(-1.0f), in_picture(block)};
-    COUNT(first_hit, call);
     struct found hit = nothing_met();
     EACH_IN(desk->listed, meet, d, at->ray.active, job->eyes, job->prepared, &hit);
     at->hit = hit;
