@@ -9,7 +9,7 @@ N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
-LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex
+LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene
 
 .PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 truth enclosures stability pareto functions scaling views frames drjit toolchains
 
@@ -25,7 +25,7 @@ demo: setup ## one picture by baseline and by opt4, the time and the error betwe
 test: setup-test ## install what is needed and run every test
 	@$(MAKE) --no-print-directory check
 
-phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
+phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3

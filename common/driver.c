@@ -277,14 +277,31 @@ static const char *in_ascii(const char *text, char ascii[4096]) {
     return text ? ascii : NULL;
 }
 
+// What kernel a phase that generates them runs: all null of one that does not.
+static bool add_kernel(json_t *header, const struct session *s) {
+    const struct kernel_facts *facts = phase_kernel ? phase_kernel(s->prepared) : NULL;
+    char said[320] = "generated";
+    if (facts && !facts->generated)
+        snprintf(said, sizeof said, "general: %s", facts->reason);
+    json_t *kernel = json_pack(
+        "{s:s?, s:s?, s:s?, s:o?, s:o?, s:o?}", "kernel", facts ? said : NULL, "kernel_hash",
+        facts ? facts->hash : NULL, "kernel_compiler", facts ? facts->compiler : NULL,
+        "kernel_generate_ns", facts ? json_integer((json_int_t)facts->generate_ns) : NULL,
+        "kernel_compile_ns", facts ? json_integer((json_int_t)facts->compile_ns) : NULL,
+        "kernel_load_ns", facts ? json_integer((json_int_t)facts->load_ns) : NULL);
+    bool added = header && kernel && json_object_update(header, kernel) == 0;
+    json_decref(kernel);
+    return added;
+}
+
 static json_t *header(const struct session *s) {
     char image[4096];
     const struct limits *march = &s->scene.model.march;
     const struct variant variant = variant_here();
     const struct scene_overrides *over = &s->options.overrides;
-    return json_pack(
+    json_t *about = json_pack(
         "{s:i, s:s, s:s, s:s, s:s, s:i, s:i, s:i, s:s, s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:b, "
-        "s:I, s:I, s:f, s:f, s:i, s:s?}",
+        "s:I, s:I, s:f, s:f, s:i, s:s?, }",
         "schema", SCHEMA, "phase", PHASE_NAME, "flags_from", PHASE_FLAGS_FROM, "scene",
         s->scene.name, "scene_hash", s->scene.hash, "width", s->options.width, "height",
         s->options.height, "threads", s->options.threads, "isa", variant.isa, "precision",
@@ -294,6 +311,10 @@ static json_t *header(const struct session *s) {
         (json_int_t)s->prepare_ns, "timer_overhead_cycles", (json_int_t)s->overhead, "tsc_hz",
         s->tsc_hz, "core_hz_load", s->core_hz_load, "cpu", pinned_cpu(), "image",
         in_ascii(s->options.out, image));
+    if (add_kernel(about, s))
+        return about;
+    json_decref(about);
+    return NULL;
 }
 
 static bool print_json(json_t *object) {

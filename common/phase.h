@@ -37,6 +37,16 @@ void phase_release(struct prepared *prepared);
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest);
 
+// Only of phases that generate code for a scene: what prepare came to. The record says it with every frame, so that
+// general code cannot pass for generated.
+struct kernel_facts {
+    bool generated;              // else general code runs
+    const char *reason;          // why it was not generated
+    const char *hash, *compiler; // of a generated kernel
+    uint64_t generate_ns, compile_ns, load_ns;
+};
+const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attribute__((weak));
+
 // Only of the phases of family "truth", for tests (rays.c): the first hit of each ray, origin xyz and
 // direction xyz, as status (2 proved, 1 converged only, 0 undecided), index of the shape (−1: none), and the
 // enclosure of s in p = origin + s·direction, s ≥ 0 (+inf on a proved miss), and what it cost in evaluations.

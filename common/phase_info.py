@@ -10,6 +10,7 @@ is what runs (variant.h).
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -76,6 +77,35 @@ def described(one: dict, isa: list, flags: str) -> str:
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 
+def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
+    """Lines of a source with what it includes of the phase's and of common/ in its place, each file once."""
+    path = next((folder / name for folder in folders if (folder / name).is_file()), None)
+    if path is None or path in seen:
+        return [] if path else [f'#include "{name}"']
+    seen.add(path)
+    lines = []
+    for line in path.read_text().splitlines():
+        include = re.match(r'#include "(.*\.[ch])"', line)
+        if include:
+            lines += flattened(include[1], folders, seen)
+        elif line and not line.lstrip().startswith("//"):
+            lines.append(line)
+    return lines
+
+
+def embed(root: str | None, folder: Path, output: Path) -> None:
+    """embedded.h: $.embedded, the root of a source that the program compiles where it runs, as strings."""
+    if root is None:
+        return
+    if not (folder / root).is_file():
+        sys.exit(f"phase_info: $.embedded: there is no {root!r} in the phase's folder")
+    lines = flattened(root, [folder, PHASES.parent / "common"], set())
+    text = [f'    {json.dumps(line, ensure_ascii=False)[:-1]}\\n",' for line in lines]
+    replace(
+        output / "embedded.h", "\n".join(["static const char *const embedded_lines[] = {", *text, "};", ""])
+    )
+
+
 def replace(path: Path, text: str) -> None:
     """Write only what changed, so that make rebuilds only what must be."""
     if not path.is_file() or path.read_text() != text:
@@ -116,6 +146,7 @@ def main() -> None:
         f"#define PHASE_PLANES {' '.join(json.dumps(i) + ',' for i in phase.get('planes', []))}",
     ]
     replace(folder / "phase_info.h", "\n".join(lines) + "\n")
+    embed(phase.get("embedded"), folder / "source" if "+" in name else PHASES / name, folder)
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ for source in $(filter %.c,$^); do \
     for version in $$versions; do \
         made=$$(basename $$source .c); own=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) -Icommon $(1) $$source \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) -Icommon -iquote $(BUILD)/$* $(1) $$source \
             -o $(2)$$made.$(3); \
         echo "$$@"; "$$@" || exit 1; \
     done; \

@@ -17,7 +17,13 @@ from study import patches
 from study.cli import StudyError
 
 ROOT = Path(__file__).resolve().parents[2]
-OPTIONAL = {"planes", "variants", "each_variant", "exact_hits"}  # keys of phase.json that may be left out
+OPTIONAL = {
+    "planes",
+    "variants",
+    "each_variant",
+    "exact_hits",
+    "embedded",
+}  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
@@ -50,6 +56,8 @@ class Phase:
     # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
     # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
     exact_hits: bool = False
+    # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
+    embedded: str | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,278 @@
+// Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
+// it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
+// estimate and the distance to the scene's plane, as in every phase; rays that miss the bounding sphere take none.
+// Where a march ends hangs on the last digits of its steps: places and the first iteration are doubles (bulb.h).
+// Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+#include "bulb.h"
+#include "stage.h"
+
+enum { REFILL = LANES / 4 }; // ended lanes
+
+struct lanes {
+    real field[B_FIELDS];
+    unsigned live; // a bit for each lane
+};
+
+static int refill_bulb(struct lanes *to, int next, int count, float steps,
+                       const struct desk *desk) {
+    unsigned ended = ~to->live & ((1u << LANES) - 1);
+    int more = __builtin_popcount(ended) - (count - next);
+    for (; more > 0; more--)
+        ended &= ended - 1;
+    if (!ended)
+        return next;
+    for (int i = 0; i < B_BORN; i++)
+        to->field[i] = expand(to->field[i], ended, &desk->bulb[i][next]);
+    to->field[B_BORN] = choose(lanes_of(ended), set(steps), to->field[B_BORN]);
+    to->live |= ended;
+    return next + __builtin_popcount(ended);
+}
+
+struct packet {
+    struct wide_vec origin, direction;
+    struct vec near_origin, near_direction;
+    wide t;
+    real to, born;
+    real height, slope; // of the plane
+    mask done, met;
+};
+
+static inline wide wide_field(const struct lanes *from, int field) {
+    return wide_sum(from->field[field], from->field[field + B_REST]);
+}
+
+static inline struct wide_vec wide_fields(const struct lanes *from, int first) {
+    return (struct wide_vec){wide_field(from, first), wide_field(from, first + 1),
+                             wide_field(from, first + 2)};
+}
+
+static inline struct vec fields(const struct lanes *from, int first) {
+    return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
+}
+
+static inline struct packet packet_of(const struct lanes *from) {
+    return (struct packet){wide_fields(from, B_ORIGIN),
+                           wide_fields(from, B_DIRECTION),
+                           fields(from, B_ORIGIN),
+                           fields(from, B_DIRECTION),
+                           wide_field(from, B_T),
+                           from->field[B_TO],
+                           from->field[B_BORN],
+                           from->field[B_HEIGHT],
+                           from->field[B_SLOPE],
+                           lanes_of(~from->live),
+                           no_lane()};
+}
+
+static inline wide wide_along(wide origin, wide direction, wide t) {
+    return (wide){half_mul_add(direction.low, t.low, origin.low),
+                  half_mul_add(direction.high, t.high, origin.high)};
+}
+
+static inline struct wide_vec place_of(const struct packet *p) {
+    COUNT(place_of, call);
+    return (struct wide_vec){wide_along(p->origin.x, p->direction.x, p->t),
+                             wide_along(p->origin.y, p->direction.y, p->t),
+                             wide_along(p->origin.z, p->direction.z, p->t)};
+}
+
+// t: before the step, as a float. `oldest`: rays that old have had their steps.
+static inline void advance(struct packet *p, real t, real h, real hit_distance, real oldest) {
+    ACTIVE(LANES - count_of(p->done));
+    COUNT(advance, call);
+    real height = mul_add(t, p->slope, p->height), least = least_of(h, height);
+    mask reached = but_not(p->done, less(least, hit_distance));
+    real step = drop(p->done, least);
+    p->t.low += half_low(step);
+    p->t.high += half_high(step);
+    p->met = either(p->met, both(reached, not_less(height, h)));
+    mask over = either(greater(t + step, p->to), not_less(oldest, p->born));
+    p->done = either(p->done, either(reached, over));
+}
+
+// What has ended gives its answer and is no longer live.
+static void retire_bulb(const struct packet *p, struct lanes *from, struct desk *desk) {
+    ACTIVE(count_of(lanes_of(from->live)));
+    COUNT(retire_bulb, call);
+    real t = narrow(p->t);
+    struct wide_vec at = place_of(p);
+    float place[3][LANES], way[LANES], slots[LANES];
+    unload(narrow(at.x), place[0]);
+    unload(narrow(at.y), place[1]);
+    unload(narrow(at.z), place[2]);
+    unload(from->field[B_BEFORE] + t, way);
+    unload(from->field[B_SLOT], slots);
+    from->field[B_T] = t;
+    from->field[B_T + B_REST] = narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
+    unsigned ended = bits(p->done) & from->live;
+    for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), slot = (int)slots[lane];
+        if (way[lane] < desk->met[slot]) {
+            desk->met[slot] = way[lane];
+            desk->met_shape[slot] = desk->shape;
+            for (int i = 0; i < 3; i++)
+                desk->met_at[i][slot] = place[i][lane];
+        }
+    }
+    from->live &= ~ended;
+}
+
+// A step of all packets. How many lanes have ended.
+static inline int step_bulbs(const struct placed *s, struct packet *p, real hit_distance,
+                             real oldest) {
+    struct wide_vec exact[ABREAST];
+    struct vec at[ABREAST];
+    mask done[ABREAST];
+    real t[ABREAST], h[ABREAST];
+    COUNT(step_bulbs, call);
+    for (int k = 0; k < ABREAST; k++) {
+        ACTIVE(LANES - count_of(p[k].done));
+        COUNT(step_bulbs, packet);
+        t[k] = narrow(p[k].t);
+        exact[k] = place_of(&p[k]);
+        at[k] = vec_along(p[k].near_origin, p[k].near_direction, t[k]);
+        done[k] = p[k].done;
+    }
+    exact_bulbs(s, exact, at, done, h);
+    int ended = 0;
+    for (int k = 0; k < ABREAST; k++) {
+        advance(&p[k], t[k], h[k], hit_distance, oldest);
+        ended += count_of(p[k].done);
+    }
+    return ended;
+}
+
+void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    COUNT(march_bulb, call);
+    desk->shape = s->index;
+    struct lanes lanes[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        lanes[k].live = 0;
+        for (int i = 0; i < B_FIELDS; i++) // a point to work on, and nothing comes of it
+            lanes[k].field[i] = set(2.0f);
+    }
+    float hit = (float)limits->hit_distance;
+    real hit_distance = set(hit > 0x1p-24f ? hit : 0x1p-24f);
+    float most = (float)limits->max_steps, steps = 0.0f;
+    int next = 0;
+    unsigned live;
+    do {
+        struct packet p[ABREAST];
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill_bulb(&lanes[k], next, count, steps, desk);
+            ACTIVE(count_of(lanes_of(lanes[k].live)));
+            COUNT(march_bulb, packet);
+            p[k] = packet_of(&lanes[k]);
+            ended += count_of(p[k].done);
+        }
+        int enough = next < count ? ended + REFILL : ABREAST * LANES;
+        while (ended < enough) {
+            COUNT(march_bulb, step);
+            steps += 1.0f;
+            ended = step_bulbs(s, p, hit_distance, set(steps - most));
+        }
+        live = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            retire_bulb(&p[k], &lanes[k], desk);
+            live |= lanes[k].live;
+        }
+    } while (next < count || live);
+}
+
+static inline wide wide_times(wide a, wide b) {
+    return (wide){a.low * b.low, a.high * b.high};
+}
+
+static inline wide wide_product(struct wide_vec a, struct wide_vec b) {
+    return wide_along(wide_along(wide_times(a.x, b.x), a.y, b.y), a.z, b.z);
+}
+
+static void pack_wide(mask m, wide a, float (*field)[BULB_ROOM], int at) {
+    real near = narrow(a);
+    pack(m, near, field[0] + at);
+    pack(m, narrow((wide){a.low - half_low(near), a.high - half_high(near)}), field[B_REST] + at);
+}
+
+int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
+                const struct ray *ray, real end, int slot, const struct prepared *scene,
+                struct desk *desk) {
+    ACTIVE(count_of(ray->active));
+    COUNT(gather_bulb, call);
+    real height = set(INFINITY), slope = set(0.0f);
+    if (KNOWN(scene)->plane >= 0) {
+        COUNT(gather_bulb, plane);
+        const struct placed *plane = &KNOWN(scene)->placed[KNOWN(scene)->plane];
+        height = height_over(plane, ray->origin);
+        slope = dot_with(plane->normal, ray->direction);
+    }
+    // `before`, the way to where the ray is nearest to the centre, is taken off: the rest is of the shape's size.
+    wide way = wide_product(o, d), back = {half_set(0.0) - way.low, half_set(0.0) - way.high};
+    struct wide_vec c = {wide_along(o.x, d.x, back), wide_along(o.y, d.y, back),
+                         wide_along(o.z, d.z, back)};
+    real zero = set(0.0f), before = narrow(back);
+    real half = root(most_of(set(s->bound_sq) - narrow(wide_product(c, c)), zero));
+    real to = least_of(before + half, end);
+    mask near = both(both(ray->active, greater(half, zero)),
+                     both(less(before - half, to), greater(to, zero)));
+    if (!any(near))
+        return count;
+    ACTIVE(count_of(near));
+    COUNT(gather_bulb, near);
+    float (*field)[BULB_ROOM] = desk->bulb;
+    const wide values[] = {c.x, c.y, c.z, d.x, d.y, d.z, way};
+    for (int i = 0; i < B_REST; i++)
+        pack_wide(near, values[i], field + i, count);
+    pack(near, to - before, field[B_TO] + count);
+    pack(near, lane_numbers() + set((float)slot), field[B_SLOT] + count);
+    pack(near, before, field[B_BEFORE] + count);
+    pack(near, mul_add(before, slope, height), field[B_HEIGHT] + count);
+    pack(near, slope, field[B_SLOPE] + count);
+    return count + count_of(near);
+}
+
+void take_bulb(struct stage *at, int slot, const struct desk *desk) {
+    ACTIVE(count_of(at->ray.active));
+    COUNT(take_bulb, call);
+    real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
+    mask met = both(at->ray.active, less(t, at->hit.t));
+    if (!any(met))
+        return;
+    struct vec local = {load(desk->met_at[0] + slot), load(desk->met_at[1] + slot),
+                        load(desk->met_at[2] + slot)};
+    at->hit.found = either(at->hit.found, met);
+    at->hit.t = choose(met, t, at->hit.t);
+    at->hit.shape = choose(met, shape, at->hit.shape);
+    at->hit.local = vec_choose(met, local, at->hit.local);
+}
+
+void clear_met(struct desk *desk, int slots) {
+    for (int i = 0; i < slots; i += LANES) {
+        unload(set(INFINITY), desk->met + i);
+        unload(set(-1.0f), desk->met_shape + i);
+    }
+}
+
+static struct wide_vec widened(struct vec v) {
+    real zero = set(0.0f);
+    return (struct wide_vec){wide_sum(v.x, zero), wide_sum(v.y, zero), wide_sum(v.z, zero)};
+}
+
+INLINE void meet_bulb(int i, const struct stage *stage, int packets, const struct convex *work) {
+    const struct placed *s = &KNOWN(work->scene)->placed[i];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    int count = 0;
+    for (int k = 0; k < packets; k++)
+        count = gather_bulb(count, s, widened(in_frame(s, stage[k].ray.origin)),
+                            widened(turned(s, stage[k].ray.direction)), &stage[k].ray,
+                            stage[k].hit.t, k * LANES, work->scene, work->desk);
+    march_bulb(s, count, &work->scene->model.march, work->desk);
+}
+
+void meet_bulbs(struct stage *stage, int packets, const struct convex *work) {
+    clear_met(work->desk, packets * LANES);
+    EACH_SHAPE(work->scene, meet_bulb, stage, packets, work);
+    for (int k = 0; k < packets; k++)
+        take_bulb(&stage[k], k * LANES, work->desk);
+}

@@ -1,0 +1,110 @@
+// Where kernels are kept, and whether what lies there is what was put there.
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "kernel.h"
+
+// 64-bit FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo): tells files apart and sees damage; it is no protection from
+// someone who may write to the folder, so the folder must be ours alone.
+unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count) {
+    const unsigned char *b = bytes;
+    for (size_t i = 0; i < count; i++)
+        hash = (hash ^ b[i]) * 0x100000001b3ull;
+    return hash;
+}
+
+static bool make_folders(char *path) {
+    size_t length = strlen(path);
+    for (size_t i = 1; i < length; i++) {
+        if (path[i] != '/')
+            continue;
+        path[i] = '\0';
+        bool made = mkdir(path, 0700) == 0 || errno == EEXIST;
+        path[i] = '/';
+        if (!made)
+            return false;
+    }
+    return mkdir(path, 0700) == 0 || errno == EEXIST;
+}
+
+bool cache_folder(char path[4096], char reason[256]) {
+    const char *own = getenv("STEPWISE_CACHE"), *xdg = getenv("XDG_CACHE_HOME"),
+               *home = getenv("HOME");
+    int length = own && *own     ? snprintf(path, 4000, "%s", own)
+                 : xdg && *xdg   ? snprintf(path, 4000, "%s/stepwise", xdg)
+                 : home && *home ? snprintf(path, 4000, "%s/.cache/stepwise", home)
+                                 : 0;
+    struct stat found;
+    if (length <= 0 || length >= 4000)
+        snprintf(reason, 256, "no folder to keep kernels in: set STEPWISE_CACHE");
+    else if (!make_folders(path) || stat(path, &found) != 0)
+        snprintf(reason, 256, "%.120s cannot be made: %s", path, strerror(errno));
+    else if (!S_ISDIR(found.st_mode))
+        snprintf(reason, 256, "%.120s is no folder", path);
+    else if (found.st_uid != geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)))
+        snprintf(reason, 256, "%.120s is open to others: a folder of one's own is required", path);
+    else if (access(path, W_OK | X_OK) != 0)
+        snprintf(reason, 256, "%.120s cannot be written", path);
+    else
+        return true;
+    return false;
+}
+
+struct seal {
+    char mark[8], tag[16];
+    unsigned long long sum;
+};
+
+// The checksum of a file's first `count` bytes (all: SIZE_MAX), how many they were.
+static unsigned long long sum_of(FILE *file, size_t count, size_t *read) {
+    unsigned long long hash = FNV_BEGIN;
+    char part[16384];
+    *read = 0;
+    for (size_t got; *read < count; *read += got) {
+        size_t most = count - *read < sizeof part ? count - *read : sizeof part;
+        if ((got = fread(part, 1, most, file)) == 0)
+            break;
+        hash = fnv(hash, part, got);
+    }
+    return hash;
+}
+
+static struct seal seal_of(const char *tag, unsigned long long sum) {
+    struct seal seal = {.sum = sum};
+    memcpy(seal.mark, "stepwise", 8);
+    memcpy(seal.tag, tag, 16);
+    return seal;
+}
+
+bool cache_seal(const char *path, const char *tag) {
+    FILE *file = fopen(path, "r+b");
+    if (!file)
+        return false;
+    size_t size;
+    struct seal seal = seal_of(tag, sum_of(file, SIZE_MAX, &size));
+    bool done =
+        !ferror(file) && fseek(file, 0, SEEK_END) == 0 && fwrite(&seal, sizeof seal, 1, file) == 1;
+    return fclose(file) == 0 && done;
+}
+
+bool cache_sealed(const char *path, const char *tag) {
+    FILE *file = fopen(path, "rb");
+    struct stat found;
+    if (!file)
+        return false;
+    bool good = false;
+    if (fstat(fileno(file), &found) == 0 && found.st_uid == geteuid() &&
+        found.st_size > (off_t)sizeof(struct seal)) {
+        size_t count = (size_t)found.st_size - sizeof(struct seal), read;
+        struct seal expected = seal_of(tag, sum_of(file, count, &read)), seal;
+        good = read == count && fread(&seal, sizeof seal, 1, file) == 1 &&
+               memcmp(&seal, &expected, sizeof seal) == 0;
+    }
+    fclose(file);
+    return good;
+}

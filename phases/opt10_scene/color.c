@@ -1,0 +1,369 @@
+// What a hit looks like: normals in closed form, light (Phong, as in shade.c), and what has to wait for a shadow or
+// a mirror ray.
+#include "bulb.h"
+#include "crowd.h"
+#include "stage.h"
+
+// Forward differences of the estimate, the only normal it has.
+static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, float step) {
+    ACTIVE(count_of(found));
+    COUNT(bulb_normal, call);
+    COUNT(bulb_normal, scalar);
+    mask done = not_in(found);
+    // Along the world's axes, as in every phase: columns of the shape's matrix.
+    struct vec to[3];
+    for (int k = 0; k < 3; k++)
+        to[k] = (struct vec){p.x + set(step * s->turn[0][k]), p.y + set(step * s->turn[1][k]),
+                             p.z + set(step * s->turn[2][k])};
+    real f = sdf_mandelbulb(p, s, done), fx = sdf_mandelbulb(to[0], s, done);
+    real fy = sdf_mandelbulb(to[1], s, done), fz = sdf_mandelbulb(to[2], s, done);
+    struct vec n = {fx - f, fy - f, fz - f};
+    return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
+}
+
+INLINE void surface_of(int i, const struct found *hit, const struct prepared *scene,
+                       struct surface *all) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    mask same = both(hit->found, same_shape(hit->shape, i));
+    if (!any(same))
+        return;
+    ACTIVE(count_of(hit->found));
+    COUNT(surface_at, shape);
+    struct vec normal = vec_set(s->normal);
+    if (s->type == SHAPE_MANDELBULB)
+        normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
+    else if (s->way != LINEAR)
+        normal = turned_back(s, normal_on(hit->local, s));
+    all->normal = vec_choose(same, normal, all->normal);
+    all->color = vec_choose(same, vec_set(s->color), all->color);
+    all->share = choose(same, set(s->share), all->share);
+    all->shininess = choose(same, set(s->shininess), all->shininess);
+    all->shine_from = choose(same, set(s->shine_from), all->shine_from);
+}
+
+// Once for each shape that the packet hit.
+static struct surface surface_at(const struct found *hit, struct vec direction,
+                                 const struct prepared *scene) {
+    COUNT(surface_at, call);
+    struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
+    struct surface all = {none, none, set(0.0f), set(0.0f), set(0.0f)};
+    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, &all);
+    mask away = greater(vec_dot(all.normal, direction), set(0.0f));
+    all.normal = (struct vec){negate_where(away, all.normal.x), negate_where(away, all.normal.y),
+                              negate_where(away, all.normal.z)};
+    return all;
+}
+
+static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light,
+                         real facing, struct vec light, real pixel, const struct convex *work) {
+    struct desk *desk = work->desk;
+    if (desk->shadows > QUEUE - LANES)
+        cast_shadows(work);
+    int at = desk->shadows;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    pack_vec(m, p, field + S_POINT, at);
+    pack_vec(m, hit->local, field + S_LOCAL, at);
+    pack_vec(m, to_light, field + S_TO_LIGHT, at);
+    pack_vec(m, light, field + S_LIGHT, at);
+    pack(m, facing, &field[S_FACING][at]);
+    pack(m, hit->shape, &field[S_SHAPE][at]);
+    pack(m, pixel, &field[S_PIXEL][at]);
+    desk->shadows += count_of(m);
+}
+
+static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight,
+                         real shape, const struct convex *work) {
+    ACTIVE(count_of(m));
+    COUNT(queue_mirror, call);
+    struct desk *desk = work->desk;
+    int at = desk->mirrors;
+    float (*field)[QUEUE_ROOM] = desk->mirror;
+    float offset = (float)work->scene->model.march.surface_offset;
+    pack_vec(m, vec_along(p, n, set(offset)), field + M_ORIGIN, at);
+    pack_vec(m, vec_reflect(ray->direction, n), field + M_DIRECTION, at);
+    pack(m, weight, &field[M_WEIGHT][at]);
+    pack(m, ray->pixel, &field[M_PIXEL][at]);
+    pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
+    pack(m, shape, &field[M_LEAVES][at]);
+    desk->mirrors += count_of(m);
+}
+
+INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_light, real facing,
+                  const struct prepared *scene, struct vec *light) {
+    mask same = both(grazes, same_shape(hit->shape, i));
+    if (!any(same))
+        return;
+    ACTIVE(count_of(grazes));
+    COUNT(grazed, shape);
+    real lit = own_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
+    *light = vec_choose(same, vec_scale(*light, lit), *light);
+}
+
+static double dot3(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
+// plane's t, which is one of them.
+static mask in_bounds_nearly(const struct stage *at, mask asked, const struct prepared *scene) {
+    const struct ray *ray = &at->ray;
+    double radius = scene->model.march.bounds_radius;
+    float lanes[8][LANES];
+    const real parts[8] = {ray->origin.x,    ray->origin.y,    ray->origin.z, ray->direction.x,
+                           ray->direction.y, ray->direction.z, at->hit.t,     at->hit.shape};
+    for (int i = 0; i < 8; i++)
+        unload(parts[i], lanes[i]);
+    unsigned in = 0;
+    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        const struct placed *s = &scene->placed[(int)lanes[7][lane]];
+        double o[3], d[3], p[3], t = lanes[6][lane];
+        for (int k = 0; k < 3; k++) {
+            o[k] = lanes[k][lane];
+            d[k] = lanes[3 + k][lane];
+            p[k] = o[k] - s->centre[k];
+        }
+        if (s->way == LINEAR)
+            t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
+        for (int k = 0; k < 3; k++)
+            p[k] = o[k] + t * d[k];
+        in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
+    }
+    return lanes_of(in);
+}
+
+static inline mask in_bounds(const struct stage *at, const struct prepared *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float bound = (float)(radius * radius);
+    real square = vec_dot(at->point, at->point);
+    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
+    if (!any(asked))
+        return all_lanes();
+    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
+    return either(in_bounds_nearly(at, asked, scene), but_not(asked, not_less(set(bound), square)));
+}
+
+static inline void stage_surface(struct stage *at, const struct prepared *scene) {
+    struct ray *ray = &at->ray;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_surface, call);
+    COUNT(stage_surface, scalar);
+    at->point = vec_along(ray->origin, ray->direction, at->hit.t);
+    at->hit.found = both(at->hit.found, in_bounds(at, KNOWN(scene)));
+    at->lit = no_lane();
+    if (any(at->hit.found))
+        at->surface = surface_at(&at->hit, ray->direction, scene);
+}
+
+#if WHOLE_SHININESS
+// All materials have the same, a whole number: products in place of a logarithm and an exponential.
+static inline real shine_of(real a, real shininess) {
+    (void)shininess;
+    real power = set(1.0f);
+    for (int rest = WHOLE_SHININESS; rest; rest >>= 1, a = a * a)
+        if (rest & 1)
+            power = power * a;
+    return power;
+}
+#else
+static inline real shine_of(real a, real shininess) {
+    return power_of(a, shininess);
+}
+#endif
+
+static inline void stage_light(struct stage *at, const struct view *view,
+                               const struct model *model) {
+    const struct ray *ray = &at->ray;
+    const struct surface *surface = &at->surface;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_light, call);
+    struct vec p = at->point, n = surface->normal, base = surface->color;
+    real weight = ray->weight, zero = set(0.0f);
+    if (model->features.fog) {
+        COUNT(stage_light, fog);
+        real far_sq = vec_dot(p, p);
+        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
+    }
+    at->weight = weight;
+    at->color = vec_choose(at->hit.found, vec_scale(base, weight * set(0.01f)),
+                           background(ray->weight, model)); // ambient
+    const double *light = view->light_position, *e = view->light_emission;
+    struct vec l = {set((float)light[0]) - p.x, set((float)light[1]) - p.y,
+                    set((float)light[2]) - p.z};
+    real square = vec_dot(l, l), per = set(1.0f) / root(square);
+    l = vec_scale(l, per);
+    real facing = vec_dot(n, l);
+    at->lit = both(at->hit.found, both(greater(facing, zero), greater(square, zero)));
+    at->facing = facing;
+    at->to_light = l;
+    real shine = vec_dot(vec_reflect(l, n), ray->direction), specular = zero;
+    mask shines = both(at->lit, greater(shine, surface->shine_from));
+    if (any(shines)) {
+        ACTIVE(count_of(shines));
+        COUNT(stage_light, shines);
+        specular =
+            keep(shines, set(0.2f) * shine_of(most_of(shine, set(1e-30f)), surface->shininess));
+    }
+    real reach = weight * per;
+    at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
+                             set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
+                             set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+}
+
+static inline void stage_shadow(struct stage *at, const struct convex *work) {
+    COUNT(stage_shadow, call);
+    const struct model *model = &KNOWN(work->scene)->model;
+    at->open = at->lit;
+    if (!any(at->lit))
+        return;
+    if (model->shadows == SHADOWS_SOFT)
+        at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                           at->lit, work);
+    else if (model->shadows == SHADOWS_HARD) {
+        ACTIVE(count_of(at->lit));
+        COUNT(stage_shadow, hard);
+        struct vec to = {set((float)work->view->light_position[0]) - at->point.x,
+                         set((float)work->view->light_position[1]) - at->point.y,
+                         set((float)work->view->light_position[2]) - at->point.z};
+        at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
+                                 vec_norm(to), at->lit, work);
+    }
+}
+
+// What reaches the pixels at once; what a shadow or a mirror ray will bring waits.
+static inline void stage_end(struct stage *at, const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real zero = set(0.0f);
+    mask open = at->open;
+    ACTIVE(count_of(at->hit.found));
+    COUNT(stage_end, call);
+    if (model->shadows == SHADOWS_SOFT) {
+        COUNT(stage_end, soft);
+        mask asked = but_not(open, at->lit);
+        mask grazes = both(open, less(at->facing, set(KNOWN(work->scene)->lit_slope)));
+        if (any(asked))
+            queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
+                         at->ray.pixel, work);
+        if (any(grazes)) {
+            COUNT(grazed, call);
+            EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
+                     at->facing, work->scene, &at->light);
+        }
+    }
+    at->color.x = at->color.x + keep(open, at->light.x);
+    at->color.y = at->color.y + keep(open, at->light.y);
+    at->color.z = at->color.z + keep(open, at->light.z);
+    if (model->features.mirrors && model->march.max_bounces > 0) {
+        COUNT(stage_end, mirrors);
+        mask mirror = both(both(at->hit.found, greater(at->surface.share, zero)),
+                           less(at->ray.bounce, set((float)model->march.max_bounces)));
+        if (any(mirror)) {
+            COUNT(stage_end, mirror);
+            queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
+                         at->weight * at->surface.share, at->hit.shape, work);
+        }
+    }
+}
+
+// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+struct ball {
+    float centre[3], radius, to_light[3], spread;
+};
+
+static bool ball_of(const struct stage *stage, int count, const struct view *view,
+                    struct ball *ball) {
+    COUNT(ball_of, call);
+    COUNT(ball_of, scalar);
+    struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
+    struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
+    for (int i = 0; i < count; i++) {
+        COUNT(ball_of, packet);
+        mask lit = stage[i].lit;
+        struct vec p = stage[i].point;
+        least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
+                             choose(lit, least_of(p.y, least.y), least.y),
+                             choose(lit, least_of(p.z, least.z), least.z)};
+        most = (struct vec){choose(lit, most_of(p.x, most.x), most.x),
+                            choose(lit, most_of(p.y, most.y), most.y),
+                            choose(lit, most_of(p.z, most.z), most.z)};
+    }
+    const real low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
+    float square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        float a = least_lane(low[k]), b = -least_lane(set(0.0f) - high[k]);
+        ball->centre[k] = 0.5f * (a + b);
+        square += 0.25f * (b - a) * (b - a);
+        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
+        distance += ball->to_light[k] * ball->to_light[k];
+    }
+    distance = sqrtf(distance);
+    ball->radius = sqrtf(square) * (1 + 1e-4f);
+    ball->spread = ball->radius / (distance - ball->radius);
+    for (int k = 0; k < 3; k++)
+        ball->to_light[k] /= distance;
+    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+}
+
+// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+static bool ball_clears(const struct ball *ball, const struct placed *s, float q) {
+    COUNT(ball_clears, call);
+    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
+    q += ball->spread;
+    for (int k = 0; k < 3; k++) {
+        float v = s->position[k] - ball->centre[k];
+        along += v * ball->to_light[k];
+        need += v * v;
+    }
+    float lean = along + q * radius;
+    if (!(need > 0 && q < 1) || lean <= 0)
+        return need > 0 && q < 1;
+    COUNT(ball_clears, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
+}
+
+INLINE void shade_from(int i, const struct ball *ball, const struct convex *work) {
+    const struct prepared *scene = KNOWN(work->scene);
+    const struct placed *s = &scene->placed[i];
+    float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+    if (s->type == SHAPE_MANDELBULB)
+        q /= BULB_SHARE;
+    if (!ball || s->way == LINEAR || !ball_clears(ball, s, q))
+        put_in(&work->desk->shading, i);
+}
+
+// Which shapes can come between the group and the light.
+static void choose_shading(const struct stage *stage, int count, const struct convex *work) {
+    struct ball ball;
+    bool known = ball_of(stage, count, work->view, &ball);
+    if (known && IS_CROWD(work->scene)) {
+        const struct prepared *scene = work->scene;
+        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        fill_list(&work->desk->shading, crowd_towards_light, ball.centre, ball.radius,
+                  ball.to_light, q + ball.spread, work);
+        return;
+    }
+    none_of(&work->desk->shading);
+    EACH_SHAPE(work->scene, shade_from, known ? &ball : NULL, work);
+}
+
+void color_all(struct stage *stage, int count, const struct convex *work) {
+    COUNT(color_all, call);
+    const struct model *model = &KNOWN(work->scene)->model;
+    for (int i = 0; i < count; i++)
+        stage_surface(&stage[i], work->scene);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found))
+            stage_light(&stage[i], work->view, model);
+    if (model->shadows != SHADOWS_NONE)
+        choose_shading(stage, count, work);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found))
+            stage_shadow(&stage[i], work);
+    for (int i = 0; i < count; i++)
+        if (any(stage[i].hit.found)) {
+            stage_end(&stage[i], work);
+        } else {
+            COUNT(color_all, sky);
+            stage[i].color = background(stage[i].ray.weight, model);
+        }
+}

@@ -1,0 +1,160 @@
+// The system's compiler: found on PATH, run without a shell and not for ever.
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "kernel.h"
+
+extern char **environ;
+
+enum { MOST_ARGUMENTS = 64, SECONDS = 60 };
+
+static bool on_path(const char *name, char path[4096]) {
+    size_t name_length = strlen(name);
+    if (strchr(name, '/')) {
+        if (name_length < 4096)
+            memcpy(path, name, name_length + 1);
+        return name_length < 4096 && access(path, X_OK) == 0;
+    }
+    const char *at = getenv("PATH");
+    while (at && *at) {
+        size_t length = strcspn(at, ":");
+        if (length > 0 && length + name_length + 2 <= 4096) {
+            memcpy(path, at, length);
+            path[length] = '/';
+            memcpy(path + length + 1, name, name_length + 1);
+            if (access(path, X_OK) == 0)
+                return true;
+        }
+        at += length + (at[length] == ':');
+    }
+    return false;
+}
+
+void find_compiler(char path[4096], char reason[256]) {
+    const char *own = getenv("STEPWISE_CC"), *cc = getenv("CC");
+    *reason = '\0';
+    if (own && *own) {
+        if (strcmp(own, "none") == 0)
+            snprintf(reason, 256, "STEPWISE_CC is none");
+        else if (!on_path(own, path))
+            snprintf(reason, 256, "there is no compiler %.120s (STEPWISE_CC)", own);
+#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
+    } else {
+        snprintf(reason, 256, "a sanitizer is in use, and STEPWISE_CC does not name its compiler");
+    }
+    (void)cc;
+#else
+    } else if (!(cc && *cc && on_path(cc, path)) && !on_path("cc", path) && !on_path("gcc", path) &&
+               !on_path("clang", path))
+        snprintf(reason, 256, "there is no compiler cc, gcc or clang on PATH");
+#endif
+    if (*reason)
+        *path = '\0';
+}
+
+// Waits for the process, but not longer than the time limit: false then.
+static bool wait_for(pid_t pid, int *status) {
+    const char *limit = getenv("STEPWISE_CC_SECONDS");
+    double seconds = limit ? strtod(limit, NULL) : SECONDS;
+    struct timespec pause = {0, 2000000}, begin, now;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    for (;;) {
+        pid_t ended = waitpid(pid, status, WNOHANG);
+        if (ended == pid || (ended < 0 && errno != EINTR))
+            return ended == pid;
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        if (!((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
+              seconds)) {
+            kill(-pid, SIGKILL); // its own group: the driver's children too
+            waitpid(pid, status, 0);
+            return false;
+        }
+        nanosleep(&pause, NULL);
+    }
+}
+
+// The first line of what the compiler said that names an error, or its first line.
+static void first_error(const char *log, char text[128]) {
+    FILE *file = fopen(log, "r");
+    char line[512];
+    *text = '\0';
+    while (file && fgets(line, sizeof line, file)) {
+        line[strcspn(line, "\n")] = '\0';
+        const char *error = strstr(line, "error");
+        if (error || !*text)
+            snprintf(text, 128, ": %.120s", error ? error : line);
+        if (error)
+            break;
+    }
+    char *to = text; // a quotation mark for what is not ASCII, as a rule one
+    for (const char *c = text; *c; c++)
+        if ((*c & 0xc0) != 0x80)
+            *to++ = (char)(*c < 0 ? '\'' : *c < ' ' ? ' ' : *c);
+    *to = '\0';
+    if (file)
+        fclose(file);
+}
+
+static int spawn(char **arguments, const char *log, pid_t *pid) {
+    posix_spawn_file_actions_t files;
+    posix_spawnattr_t attributes;
+    int error = posix_spawn_file_actions_init(&files);
+    if (error)
+        return error;
+    error = posix_spawnattr_init(&attributes);
+    if (!error) {
+        posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+        posix_spawn_file_actions_addopen(&files, 1, log, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        posix_spawn_file_actions_adddup2(&files, 1, 2);
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+        posix_spawnattr_setpgroup(&attributes, 0);
+        error = posix_spawn(pid, arguments[0], &files, &attributes, arguments, environ);
+        posix_spawnattr_destroy(&attributes);
+    }
+    posix_spawn_file_actions_destroy(&files);
+    return error;
+}
+
+bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
+                    const char *source_path, const char *object_path, char reason[256]) {
+    char lanes_is[32], tag_is[64], words[2048], log[4096];
+    char *arguments[MOST_ARGUMENTS] = {(char *)compiler};
+    int count = 1;
+    snprintf(lanes_is, sizeof lanes_is, "-DLANES=%d", lanes);
+    snprintf(tag_is, sizeof tag_is, "-DKERNEL_TAG=\"%s\"", tag);
+    snprintf(log, sizeof log, "%s.log", source_path);
+    if (snprintf(words, sizeof words,
+                 "-std=c11 -D_GNU_SOURCE -w -fPIC -shared -fvisibility=default %s",
+                 flags) >= (int)sizeof words) {
+        snprintf(reason, 256, "the flags are too long");
+        return false;
+    }
+    for (char *word = strtok(words, " "); word && count < MOST_ARGUMENTS - 8;
+         word = strtok(NULL, " "))
+        arguments[count++] = word;
+    char *rest[] = {lanes_is, tag_is, (char *)source_path, "-o", (char *)object_path, "-lm"};
+    for (size_t i = 0; i < sizeof rest / sizeof *rest; i++)
+        arguments[count++] = rest[i];
+    pid_t pid;
+    int status = 0, error = spawn(arguments, log, &pid);
+    char said[128] = "";
+    if (error)
+        snprintf(reason, 256, "%.80s cannot be run: %s", compiler, strerror(error));
+    else if (!wait_for(pid, &status))
+        snprintf(reason, 256, "%.80s took longer than its time limit", compiler);
+    else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+        first_error(log, said);
+        snprintf(reason, 256, "%.80s failed%s", compiler, said);
+    } else
+        *reason = '\0';
+    unlink(log);
+    return *reason == '\0';
+}

@@ -1,0 +1,124 @@
+// Cones about shadow rays, and what they say of a shape's distance along the ray.
+#ifndef OPT10_CONE_H
+#define OPT10_CONE_H
+
+#include "bulb.h"
+#include "convex.h"
+
+// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
+struct cone {
+    real along, need, lean; // v·l, |v|² − R², v·l + q·R
+};
+
+INLINE struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
+    real along = vec_dot(v, l);
+    return (struct cone){along, vec_dot(v, v) - set(s->bound_sq), along + set(q * s->bound)};
+}
+
+INLINE mask cone_misses(struct cone c, float q) {
+    real lean = most_of(c.lean, set(0.0f));
+    return less(lean * lean, set(1.0f - q * q) * c.need);
+}
+
+INLINE struct vec to_centre(const struct placed *s, struct vec p) {
+    return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y,
+                        set(s->position[2]) - p.z};
+}
+
+// The slope that the cone to a shape needs.
+INLINE float slope_to(const struct placed *s, float q) {
+    if (s->type != SHAPE_MANDELBULB)
+        return q;
+    return q < BULB_SHARE ? q / BULB_SHARE : 1.0f;
+}
+
+// Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
+// its radius of curvature, by 32²/2 to 0.05 %; the nearest edge by SHARP less of them, for those steps are no longer
+// than 1.4.
+#define FLAT 32.0f
+#define SHARP 16.0f
+
+// The least of both, an edge's distance times SHARP, of a point on the surface.
+INLINE real flat_within(struct vec p, const struct placed *s) {
+    COUNT(flat_within, call);
+    switch (s->type) {
+    case SHAPE_SPHERE: return set(s->a);
+    case SHAPE_BOX: { // the least of three is 0 here, the second is how far the next face is
+        COUNT(flat_within, box);
+        real x = absolute(absolute(p.x) - set(s->size[0]));
+        real y = absolute(absolute(p.y) - set(s->size[1]));
+        real z = absolute(absolute(p.z) - set(s->size[2]));
+        return set(SHARP) * most_of(least_of(x, y), least_of(most_of(x, y), z));
+    }
+    case SHAPE_OCTAHEDRON: // an edge is where a coordinate is 0
+        COUNT(flat_within, octahedron);
+        return set(SHARP) * least_of(absolute(p.x), least_of(absolute(p.y), absolute(p.z)));
+    case SHAPE_CONE: {
+        COUNT(flat_within, cone);
+        COUNT(flat_within, cone_scalar);
+        real radius = root(mul_add(p.x, p.x, p.z * p.z));
+        real below = most_of(absolute(radius - set(s->a)), absolute(p.y + set(s->c)));
+        real above = most_of(absolute(radius - set(s->b)), absolute(p.y - set(s->c)));
+        mask cap = less(absolute(absolute(p.y) - set(s->c)), set(1e-5f * s->c));
+        return least_of(set(SHARP) * least_of(below, above), choose(cap, set(INFINITY), radius));
+    }
+    default: return set(s->b);
+    }
+}
+
+// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
+// and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
+// first two steps of a march tell the shadow (clear.c), if they are short beside what the shape curves by.
+INLINE mask bulges(const struct placed *s, struct vec local, real facing,
+                   const struct prepared *scene) {
+    COUNT(bulges, call);
+    if (s->type == SHAPE_MANDELBULB)
+        return no_lane();
+    COUNT(bulges, solid);
+    mask may = all_lanes();
+    if (!s->convex) {
+        COUNT(bulges, torus);
+        COUNT(bulges, torus_scalar);
+        real square = mul_add(local.x, local.x, local.z * local.z);
+        may = not_less(square, set(s->a * s->a));
+    }
+    mask grazes = less(facing, set(scene->lit_slope));
+    if (!any(grazes))
+        return may;
+    COUNT(bulges, grazes);
+    COUNT(bulges, grazes_scalar);
+    float short_of = FLAT * (float)scene->model.march.surface_offset;
+    return both(may, either(not_in(grazes), not_less(flat_within(local, s), set(short_of))));
+}
+
+INLINE mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
+    real furthest = set(2.0f * (float)scene->model.march.bounds_radius);
+    return either(not_less(slope, set(q)),
+                  both(greater(height, set(0.0f)),
+                       greater(mul_add(furthest, slope - set(q), height), set(0.0f))));
+}
+
+// A packet of shadow rays in work.
+struct rays {
+    mask active;
+    struct vec point, local, to_light;
+    real facing, shape;
+    real end;   // behind it no term comes below 1
+    real alone; // before it nothing is nearer than the plane that the ray is from
+    mask on_plane;
+    bool floor;         // all are from one
+    real first, cosine; // the first entry into a solid, of those that can be met
+};
+
+CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+                                const struct convex *work, struct near *near);
+// Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
+CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
+// A shape's own view of the rays.
+CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
+                            const struct convex *work);
+// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
+SHARED void choose_shapes(struct rays *r, struct near *nears, struct shapes *casters,
+                          const struct convex *work);
+
+#endif

@@ -1,0 +1,182 @@
+// What tile.c, convex.c and umbra.c share: scenes of solids and planes, without a marched camera or mirror ray.
+#ifndef OPT10_CONVEX_H
+#define OPT10_CONVEX_H
+
+#include "solids.h"
+
+enum {
+    TILE_WIDTH = 32,
+    TILE_HEIGHT = 8,
+    BULB_TILE_HEIGHT =
+        128, // some rays to a Mandelbulb take 1,000 steps: many others must share the wait
+    BLOCK_WIDTH = 4,
+    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
+    TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
+    GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
+    QUEUE = 5120,                                // rays; a full one is worked off
+    QUEUE_ROOM = QUEUE + 2 * LANES,
+    CASTS = 4 // packets of shadow rays in work
+};
+
+// Mirror rays that wait: what they add to their pixel is `weight` times what they see.
+enum mirror_field {
+    M_ORIGIN,
+    M_DIRECTION = 3,
+    M_WEIGHT = 6,
+    M_PIXEL,
+    M_BOUNCE,
+    M_LEAVES, // the shape it is from
+    M_FIELDS
+};
+// Shadow rays that wait: `light` is what they add to their pixel where nothing is in the way.
+enum shadow_field {
+    S_POINT,
+    S_LOCAL = 3, // the point in the frame of the shape it is on
+    S_TO_LIGHT = 6,
+    S_LIGHT = 9,
+    S_FACING = 12,
+    S_SHAPE,
+    S_PIXEL,
+    S_FIELDS
+};
+// Rays through a Mandelbulb's bounding sphere, in its frame, from where they are nearest to its centre: `before`
+// from their origin. What is a double is two floats, the second B_REST behind the first.
+enum bulb_field {
+    B_ORIGIN,
+    B_DIRECTION = 3,
+    B_T = 6, // from there; until `to`
+    B_REST,
+    B_TO = 2 * B_REST,
+    B_SLOT,
+    B_BEFORE,
+    B_HEIGHT,
+    B_SLOPE,
+    B_BORN, // in steps of all; not on the desk
+    B_FIELDS
+};
+enum { BULB_ROOM = TILE_PIXELS + LANES };
+
+// A worker's own.
+struct desk {
+    float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
+    float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
+    float bulb[B_BORN][BULB_ROOM];
+    float met[TILE_PIXELS],
+        met_shape[TILE_PIXELS], // where rays meet a Mandelbulb, ∞: nowhere, and which
+        met_at[3][TILE_PIXELS]; // in its frame
+    float shape;                // the Mandelbulb in work
+    int mirrors, shadows;
+    struct near *near;            // of the packets of shadow rays in work, one per shape and packet
+    struct shapes listed;         // those that the tile's camera rays may meet
+    struct shapes shading;        // those that can matter to the light on the group in work
+    struct shapes casters[CASTS]; // those that a packet may meet
+    // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
+    int *mirrored, *vicinity;
+    unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
+    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
+};
+
+// What a shape is to a packet of shadow rays.
+struct near {
+    struct vec origin, direction; // in its frame; LINEAR: x is height and slope
+    real constant, slope;         // of a sphere that some of the rays are from (power):
+    bool power;                   // |p|² − radius² = constant + t·(t + slope)
+    real from;                    // before that it is further than any other
+    real wakes;                   // where t + the nearest distance is less, so is that one
+};
+
+struct convex {
+    const struct prepared *scene;
+    const struct view *view;
+    struct desk *desk;
+};
+
+// What one of these files calls of another: a kernel is one file.
+// Crowds (crowd.c) have none: IS_CROWD is false there, and what crowd.c calls too is inlined.
+#ifdef SCENE_KERNEL
+#define SHARED static
+#define CROWD_SHARED INLINE
+#define IS_CROWD(scene) false
+#else
+#define SHARED
+#define CROWD_SHARED
+#define IS_CROWD(scene) ((scene)->tree.levels > 0)
+#endif
+
+// Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
+// neither, but for the first two, since it bulges.
+SHARED mask cleared(struct vec point, struct vec local, struct vec to_light, real facing,
+                    real shape, mask active, const struct convex *work);
+// The shadow on these: the least of those two terms.
+SHARED real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
+                       const struct prepared *scene);
+// Hard shadows: which rays reach the light.
+SHARED mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                          real distance, mask active, const struct convex *work);
+// Mandelbulb: where the group's rays that wait on the desk meet it.
+SHARED void march_bulb(const struct placed *s, int count, const struct limits *limits,
+                       struct desk *desk);
+// Marches all shadow rays that wait, and adds their light.
+SHARED void cast_shadows(const struct convex *work);
+SHARED int convex_tiles(const struct job *job);
+SHARED void convex_tile(const struct job *job, int tile, struct desk *desk);
+
+INLINE struct vec in_frame(const struct placed *s, struct vec p) {
+    return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
+                                  p.z - set(s->position[2])});
+}
+
+INLINE real height_over(const struct placed *s, struct vec p) {
+    return dot_with(s->normal, p) - set(s->c);
+}
+
+static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
+    return (struct vec){load(&field[0][first]), load(&field[1][first]), load(&field[2][first])};
+}
+
+static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int first) {
+    pack(m, v.x, &field[0][first]);
+    pack(m, v.y, &field[1][first]);
+    pack(m, v.z, &field[2][first]);
+}
+
+// Adds to the pixels of the lanes in m, one after the other: two may be the same.
+static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+    COUNT(add_light, call);
+    float red[LANES], green[LANES], blue[LANES], at[LANES];
+    unload(light.x, red);
+    unload(light.y, green);
+    unload(light.z, blue);
+    unload(pixel, at);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        COUNT(add_light, lane);
+        int lane = __builtin_ctz(rest), i = (int)at[lane];
+        desk->color[i] += red[lane];
+        desk->color[TILE_PIXELS + i] += green[lane];
+        desk->color[2 * TILE_PIXELS + i] += blue[lane];
+    }
+}
+
+INLINE mask same_shape(real shape, int i) {
+    return less(absolute(shape - set((float)i)), set(0.5f));
+}
+
+// visit(i, …) for each shape that a lane of m is on.
+#if UNROLLED
+#define EACH_HIT(m, shape, scene, visit, ...) EACH_SHAPE(scene, visit, __VA_ARGS__)
+#else
+#define EACH_HIT(m, shape, scene, visit, ...)                                                      \
+    for (unsigned rest_ = bits(m); rest_;) {                                                       \
+        int shape_ = (int)lane_of(shape, __builtin_ctz(rest_));                                    \
+        rest_ &= ~bits(same_shape(shape, shape_));                                                 \
+        visit(shape_, __VA_ARGS__);                                                                \
+    }
+#endif
+
+static inline float lane_of(real a, int lane) {
+    float lanes[LANES];
+    unload(a, lanes);
+    return lanes[lane];
+}
+
+#endif

@@ -1,0 +1,55 @@
+// Scenes of more shapes than can be asked one by one: which of them matter, from the tree of their bounding spheres.
+// Every answer is a list by ascending number, so that of equals the first wins, as in a small scene.
+#ifndef OPT10_CROWD_H
+#define OPT10_CROWD_H
+
+#include "cone.h"
+
+// What one of these finds, as a list; kernels have no lists to fill.
+#if UNROLLED
+#define fill_list(to, find, ...) (void)(to)
+#else
+#define fill_list(to, find, ...) ((to)->count = find(__VA_ARGS__, (to)->index))
+#endif
+
+struct window;
+struct job;
+
+// Those that lie across the window, and planes seen through it.
+int crowd_in_window(const struct window *window, const struct job *job, struct desk *desk,
+                    int *list);
+// Those that a cone of slope q about a ray can meet, which starts in the ball and goes to_light but for `spread`.
+int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+                        const struct convex *work, int *list);
+// Those whose bounding spheres any of the rays starts in or meets.
+int crowd_along(struct vec origin, struct vec direction, mask active, const struct convex *work,
+                int *list);
+
+// What a packet of shadow rays knows of the shapes near it: all that are within `within` of the centre.
+static inline real distance_between(struct vec a, struct vec b) {
+    COUNT(distance_between, call);
+    struct vec v = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return vec_norm(v);
+}
+
+struct vicinity {
+    struct vec centre;
+    float within;
+    int count;
+    int *list;
+    real *wakes; // of the list: where t + the nearest distance is less, so is that one
+};
+
+// Sorts the shadow rays that wait, so that those of a packet are near each other: desk->order[0].
+void crowd_sort(struct desk *desk);
+// Sets the rays' end, their first entry into a solid and how far planes' rays can leap.
+void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
+// Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the
+// way ends.
+mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
+                  const struct convex *work);
+// Of one of the lanes in `last`, at t, where the nearest shape is no further than h.
+void crowd_about(const struct rays *r, real t, real h, mask last, struct near *nears,
+                 struct vicinity *v, const struct convex *work);
+
+#endif

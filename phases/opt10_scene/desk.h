@@ -1,0 +1,36 @@
+// A worker's own memory, laid out: its desk, and what that points to.
+#ifndef OPT10_DESK_H
+#define OPT10_DESK_H
+
+#include "bulb.h"
+#include "convex.h"
+
+enum { LISTS = 4 + CASTS, NEARS = POOLS };
+_Static_assert((int)NEARS >= (int)CASTS, "one for each packet in work, too");
+#define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
+#define DESK_SIZE(shapes)                                                                          \
+    (WHOLE_LINES(sizeof(struct desk)) + NEARS * (size_t)(shapes) * sizeof(struct near) +           \
+     LISTS * WHOLE_LINES((size_t)(shapes) * sizeof(int)))
+
+static inline struct desk *desk_at(void *own, int shape_count) {
+    size_t shapes = (size_t)shape_count;
+    struct desk *desk = own;
+    char *behind = (char *)own + WHOLE_LINES(sizeof *desk);
+    desk->near = (struct near *)behind;
+#if !UNROLLED
+    behind += NEARS * shapes * sizeof(struct near);
+    desk->mirrored = (int *)behind;
+    behind += WHOLE_LINES(shapes * sizeof(int));
+    desk->vicinity = (int *)behind;
+    behind += WHOLE_LINES(shapes * sizeof(int));
+    for (size_t i = 0; i + 2 < LISTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
+        struct shapes *list = i == 0   ? &desk->listed
+                              : i == 1 ? &desk->shading
+                                       : &desk->casters[i - 2];
+        list->index = (int *)behind;
+    }
+#endif
+    return desk;
+}
+
+#endif

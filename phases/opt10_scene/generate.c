@@ -1,0 +1,127 @@
+// What a generated kernel knows of its scene, as C: floats are written in hexadecimal, so that not a bit differs.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "kernel.h"
+
+// More shapes than these get loops over their constants: unrolled they would not fit the instruction cache, and
+// compile for longer than they save.
+enum { MOST_UNROLLED = 12 };
+
+static void number(FILE *to, const char *name, double value) {
+    if (isinf(value))
+        fprintf(to, ".%s = %sINFINITY, ", name, value < 0 ? "-" : "");
+    else
+        fprintf(to, ".%s = %a, ", name, value);
+}
+
+static void floats(FILE *to, const char *name, const float *values, int count) {
+    fprintf(to, ".%s = {", name);
+    for (int i = 0; i < count; i++)
+        fprintf(to, "%af, ", (double)values[i]);
+    fputs("}, ", to);
+}
+
+// What is asked in double: where a Mandelbulb's rays and hits near the bounds are told exactly.
+static void write_exact(FILE *to, const struct placed *p) {
+    fprintf(to, ".centre = {%a, %a, %a}, .row = {", p->centre[0], p->centre[1], p->centre[2]);
+    for (int i = 0; i < 3; i++)
+        fprintf(to, "{%a, %a, %a}, ", p->row[i][0], p->row[i][1], p->row[i][2]);
+    fprintf(to, "}, .offset = %a, ", p->offset);
+}
+
+static void write_shape(FILE *to, const struct placed *p) {
+    fprintf(to, "    {.way = %d, .type = %d, .turned = %d, .repeated = %d, .convex = %d, ", p->way,
+            p->type, p->turned, p->repeated, p->convex);
+    number(to, "index", (double)p->index);
+    floats(to, "position", p->position, 3);
+    fputs(".turn = {", to);
+    for (int i = 0; i < 3; i++)
+        fprintf(to, "{%af, %af, %af}, ", (double)p->turn[i][0], (double)p->turn[i][1],
+                (double)p->turn[i][2]);
+    fputs("}, ", to);
+    floats(to, "normal", p->normal, 3);
+    number(to, "a", (double)p->a);
+    number(to, "b", (double)p->b);
+    number(to, "c", (double)p->c);
+    floats(to, "slope", p->slope, 2);
+    number(to, "per_slope_sq", (double)p->per_slope_sq);
+    floats(to, "size", p->size, 3);
+    number(to, "bailout", (double)p->bailout);
+    fprintf(to, ".iterations = %d, ", p->iterations);
+    number(to, "bound", (double)p->bound);
+    number(to, "bound_sq", (double)p->bound_sq);
+    floats(to, "color", p->color, 3);
+    number(to, "share", (double)p->share);
+    number(to, "shininess", (double)p->shininess);
+    number(to, "shine_from", (double)p->shine_from);
+    write_exact(to, p);
+    fputs("},\n", to);
+}
+
+static void write_model(FILE *to, const struct model *m) {
+    fprintf(
+        to,
+        "    .model = {.shape_count = %d, .shadows = %d, .shadow_strength = %a, .fog = %a,\n"
+        "              .background = {%a, %a, %a},\n"
+        "              .features = {.rotation = %d, .repetition = %d, .mirrors = %d, .fog = %d},\n"
+        "              .march = {.bounds_radius = %a, .max_bounces = %d, .normal_step = %a,\n"
+        "                        .surface_offset = %a}},\n",
+        m->shape_count, m->shadows, m->shadow_strength, m->fog, m->background[0], m->background[1],
+        m->background[2], m->features.rotation, m->features.repetition, m->features.mirrors,
+        m->features.fog, m->march.bounds_radius, m->march.max_bounces, m->march.normal_step,
+        m->march.surface_offset);
+}
+
+static void write_each(FILE *to, int count) {
+    fputs("#define UNROLLED 1\n#define EACH_SHAPE(scene, visit, ...) do {", to);
+    for (int i = 0; i < count; i++)
+        fprintf(to, " visit(%d, __VA_ARGS__);", i);
+    fputs(" } while (0)\n#define EACH_IN(set, visit, ...) do {", to);
+    for (int i = 0; i < count; i++)
+        fprintf(to, " if ((set).in >> %d & 1) visit(%d, __VA_ARGS__);", i, i);
+    fputs(" } while (0)\n", to);
+}
+
+// The shininess of all shapes, if it is the same small whole number, else 0.
+static int whole_shininess(const struct prepared *p) {
+    float first = p->placed[0].shininess;
+    for (int i = 1; i < p->model.shape_count; i++)
+        if (p->placed[i].shininess != first)
+            return 0;
+    return first >= 1 && first <= 128 && first == floorf(first) ? (int)first : 0;
+}
+
+char *generate_scene(const struct prepared *p) {
+    char *text = NULL;
+    size_t size = 0;
+    FILE *to = open_memstream(&text, &size);
+    if (!to)
+        return NULL;
+    fprintf(
+        to,
+        "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
+        p->model.shape_count, p->model.shape_count);
+    fprintf(to, "#define WHOLE_SHININESS %d\n", whole_shininess(p));
+    if (p->model.shape_count <= MOST_UNROLLED)
+        write_each(to, p->model.shape_count);
+    else
+        fputs("#define UNROLLED 0\n", to);
+    fputs("static const struct placed scene_shapes[] = {\n", to);
+    for (int i = 0; i < p->model.shape_count; i++)
+        write_shape(to, &p->placed[i]);
+    fputs("};\nstatic const struct prepared scene_known = {\n", to);
+    write_model(to, &p->model);
+    fprintf(
+        to,
+        "    .placed = (struct placed *)scene_shapes, .solids = true, .plane = %d, .bulbs = %d, "
+        ".lit_slope = %af};\n#define KNOWN(scene) (&scene_known)\n",
+        p->plane, p->bulbs, (double)p->lit_slope);
+    bool sound = !ferror(to);
+    if (fclose(to) != 0 || !sound) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}

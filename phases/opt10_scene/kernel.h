@@ -1,0 +1,51 @@
+// A kernel made for one scene: convex.c and what it calls, compiled anew with the scene's shapes, counts,
+// features and constants known (scene_kernel.h, which generate.c writes), kept in a cache by its hash.
+// What is not in it: the limits of the march that a sweep varies (max_steps, hit_distance), camera and light.
+#ifndef OPT10_KERNEL_H
+#define OPT10_KERNEL_H
+
+#include "placed.h"
+
+// What a compiled kernel shows, as `stepwise_kernel`.
+struct scene_kernel {
+    const char *tag; // its own hash: no other kernel passes for it
+    const char *compiler;
+    size_t own_size;
+    int (*tiles)(const struct job *job);
+    void (*tile)(const struct job *job, int tile, void *own);
+};
+
+#ifndef SCENE_KERNEL
+struct loaded {
+    const struct scene_kernel *kernel; // NULL: none, and facts.reason says why
+    void *library;
+    struct kernel_facts facts;
+    char reason[256], hash[17];
+};
+
+// Makes or finds the kernel for a scene that convex.c can have. Never fails: without one, the general kernels run.
+void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
+                 struct loaded *loaded);
+void kernel_unload(struct loaded *loaded);
+
+// generate.c: the text of scene_kernel.h, to be freed; NULL: memory is short.
+char *generate_scene(const struct prepared *prepared);
+// sources.c: the kernel's whole source with that in it, to be freed; NULL: memory is short.
+char *kernel_source(const char *scene_text);
+
+// compile.c. The compiler's path, or an empty string and why there is none.
+void find_compiler(char path[4096], char reason[256]);
+// Runs it without a shell; false and why not.
+bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
+                    const char *source_path, const char *object_path, char reason[256]);
+
+// cache.c. The folder, made if it is not there; false and why not.
+bool cache_folder(char path[4096], char reason[256]);
+// Behind what was compiled: a checksum, so that a file cut short or written over is not loaded.
+bool cache_seal(const char *path, const char *tag);
+bool cache_sealed(const char *path, const char *tag);
+unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count);
+#define FNV_BEGIN 0xcbf29ce484222325ull
+#endif
+
+#endif

@@ -1,0 +1,252 @@
+// Sixteen lanes: AVX-512 F and DQ. See lanes.h.
+#ifndef OPT10_LANES16_H
+#define OPT10_LANES16_H
+
+typedef __m512 real;
+typedef __m512d half; // doubles of half of the lanes
+typedef struct {
+    __mmask16 all; // a bit for each lane
+} mask;
+
+static inline real set(float a) {
+    return _mm512_set1_ps(a);
+}
+
+static inline real load(const float from[LANES]) {
+    return _mm512_loadu_ps(from);
+}
+
+static inline void unload(real a, float to[LANES]) {
+    _mm512_storeu_ps(to, a);
+}
+
+static inline float first_of(real a) {
+    return _mm512_cvtss_f32(a);
+}
+
+static inline mask less(real a, real b) {
+    return (mask){_mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)};
+}
+
+static inline mask greater(real a, real b) {
+    return (mask){_mm512_cmp_ps_mask(a, b, _CMP_GT_OQ)};
+}
+
+static inline mask not_less(real a, real b) {
+    return (mask){_mm512_cmp_ps_mask(a, b, _CMP_GE_OQ)};
+}
+
+static inline mask negative(real a) {
+    return (mask){_mm512_movepi32_mask(_mm512_castps_si512(a))};
+}
+
+static inline mask no_lane(void) {
+    return (mask){0};
+}
+
+static inline mask all_lanes(void) {
+    return (mask){0xffff};
+}
+
+static inline mask both(mask a, mask b) {
+    return (mask){a.all & b.all};
+}
+
+static inline mask either(mask a, mask b) {
+    return (mask){a.all | b.all};
+}
+
+static inline mask but_not(mask a, mask b) {
+    return (mask){_kandn_mask16(a.all, b.all)};
+}
+
+// The other way round from bits().
+static inline mask lanes_of(unsigned which) {
+    return (mask){(__mmask16)which};
+}
+
+static inline unsigned bits(mask a) {
+    return a.all;
+}
+
+static inline real choose(mask m, real yes, real no) {
+    return _mm512_mask_blend_ps(m.all, no, yes);
+}
+
+static inline real keep(mask m, real a) {
+    return _mm512_maskz_mov_ps(m.all, a);
+}
+
+static inline real drop(mask m, real a) {
+    return _mm512_maskz_mov_ps(_knot_mask16(m.all), a);
+}
+
+static inline real negate_where(mask m, real a) {
+    return _mm512_mask_xor_ps(a, m.all, a, set(-0.0f));
+}
+
+static inline real least_of(real a, real b) {
+    return _mm512_min_ps(a, b);
+}
+
+static inline real most_of(real a, real b) {
+    return _mm512_max_ps(a, b);
+}
+
+static inline float least_lane(real a) {
+    COUNT(least_lane, call);
+    return _mm512_reduce_min_ps(a);
+}
+
+static inline real absolute(real a) {
+    return _mm512_andnot_ps(set(-0.0f), a);
+}
+
+static inline real with_sign_of(real from, real a) {
+    return _mm512_or_ps(_mm512_and_ps(set(-0.0f), from), absolute(a));
+}
+
+static inline real root(real a) {
+    return _mm512_sqrt_ps(a);
+}
+
+// 1/√a for normal a > 0, to an ulp or two.
+static inline real inverse_root(real a) {
+    COUNT(inverse_root, call);
+    COUNT(inverse_root, rough);
+    // 14 bits, and once Newton's step.
+    real r = _mm512_rsqrt14_ps(a);
+    return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real guess_inverse(real a) {
+    __m512i bits = _mm512_sub_epi32(_mm512_set1_epi32(0x7ef311c3), _mm512_castps_si512(a));
+    return _mm512_castsi512_ps(bits);
+}
+
+// 1/√a and 1/a to 14 bits, for normal a > 0.
+static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
+    real r = _mm512_rsqrt14_ps(a);
+    return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
+    real r = _mm512_rcp14_ps(a);
+    return r * _mm512_fnmadd_ps(a, r, set(2.0f));
+}
+
+// 2·√a and 4/a for normal a > 0, to an ulp or two: both by one step from the same 14 bits.
+static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, sixteen);
+    real r = _mm512_rsqrt14_ps(a), rr = r + r, h = a * r, four = rr * rr;
+    real error = _mm512_fnmadd_ps(h, r, set(1.0f));
+    *twice_root = _mm512_fmadd_ps(h, error, h + h);
+    *four_per = _mm512_fmadd_ps(four, error, four);
+}
+
+// a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
+static inline real mantissa_near_1(real a, real *exponent) {
+    *exponent = _mm512_getexp_ps(a * set(4.0f / 3.0f));
+    return _mm512_getmant_ps(a, _MM_MANT_NORM_p75_1p5, _MM_MANT_SIGN_src);
+}
+
+static inline real floor_of(real a) {
+    return _mm512_floor_ps(a);
+}
+
+static inline real whole_near(real a) {
+    return _mm512_roundscale_ps(a, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+}
+
+static inline real mul_add(real a, real b, real c) {
+    return _mm512_fmadd_ps(a, b, c);
+}
+
+static inline real neg_mul_add(real a, real b, real c) {
+    return _mm512_fnmadd_ps(a, b, c);
+}
+
+static inline real mul_sub(real a, real b, real c) {
+    return _mm512_fmsub_ps(a, b, c);
+}
+
+static inline real exponent_of(real a) {
+    __m512i field = _mm512_srli_epi32(_mm512_castps_si512(a), 23);
+    return _mm512_cvtepi32_ps(_mm512_sub_epi32(field, _mm512_set1_epi32(127)));
+}
+
+static inline real mantissa_of(real a) {
+    __m512i fraction = _mm512_and_si512(_mm512_castps_si512(a), _mm512_set1_epi32(0x007fffff));
+    return _mm512_castsi512_ps(_mm512_or_si512(fraction, _mm512_set1_epi32(0x3f800000)));
+}
+
+static inline real scaled(real a, real n) {
+    __m512i power = _mm512_slli_epi32(_mm512_cvtps_epi32(n), 23);
+    return _mm512_castsi512_ps(_mm512_add_epi32(_mm512_castps_si512(a), power));
+}
+
+// The lanes of m in a row, from `to` on: LANES floats are written.
+static inline void pack(mask m, real a, float to[LANES]) {
+    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
+}
+
+// The other way round: floats in a row into the lanes of `to`.
+static inline real expand(real a, unsigned to, const float *from) {
+    return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);
+}
+
+// Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
+static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
+    const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);
+    const __m512i to_b = _mm512_setr_epi32(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 0, 0, 0, 0);
+    for (int row = 0; row < 4; row++) {
+        __m512i from = _mm512_set1_epi32(4 * row);
+        __m512 two = _mm512_permutex2var_ps(r, _mm512_add_epi32(rg, from), g);
+        __m512i blue = _mm512_mask_add_epi32(to_b, 0x924, to_b, from);
+        _mm512_mask_storeu_ps(rgb + (size_t)row * stride, 0xfff,
+                              _mm512_permutex2var_ps(two, blue, b));
+    }
+}
+
+static inline half half_set(double a) {
+    return _mm512_set1_pd(a);
+}
+
+static inline half half_mul_add(half a, half b, half c) {
+    return _mm512_fmadd_pd(a, b, c);
+}
+
+static inline half half_neg_mul_add(half a, half b, half c) {
+    return _mm512_fnmadd_pd(a, b, c);
+}
+
+// 1/√a to 14 bits.
+static inline half half_rough_inverse_root(half a) {
+    return _mm512_rsqrt14_pd(a);
+}
+
+static inline half half_root(half a) {
+    return _mm512_sqrt_pd(a);
+}
+
+static inline half half_floor(half a) {
+    return _mm512_floor_pd(a);
+}
+
+static inline half half_low(real a) {
+    return _mm512_cvtps_pd(_mm512_castps512_ps256(a));
+}
+
+static inline half half_high(real a) {
+    return _mm512_cvtps_pd(_mm512_extractf32x8_ps(a, 1));
+}
+
+static inline real narrowed(half low, half high) {
+    return _mm512_insertf32x8(_mm512_castps256_ps512(_mm512_cvtpd_ps(low)), _mm512_cvtpd_ps(high),
+                              1);
+}
+
+#endif

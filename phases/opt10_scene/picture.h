@@ -1,0 +1,64 @@
+// Blocks of a tile into the picture.
+#ifndef OPT10_PICTURE_H
+#define OPT10_PICTURE_H
+
+#include "stage.h"
+
+struct block {
+    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
+    int across, down; // what of it is in the picture
+};
+
+static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
+                        real values) {
+    float lanes[LANES];
+    unload(values, lanes);
+    for (int row = 0; row < block.down; row++) {
+        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
+        for (int i = 0; i < block.across; i++)
+            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
+    }
+}
+
+static void store_hit(struct frame *frame, struct block block, const struct found *hit,
+                      struct vec normal) {
+    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->id, 1, frame, block, choose(hit->found, hit->shape, set(-1.0f)));
+    store_plane(frame->normal, 3, frame, block, keep(hit->found, normal.x));
+    store_plane(frame->normal + 1, 3, frame, block, keep(hit->found, normal.y));
+    store_plane(frame->normal + 2, 3, frame, block, keep(hit->found, normal.z));
+    store_plane(frame->evals, 1, frame, block, set(1.0f));
+}
+
+static void store_colors(struct frame *frame, struct block block, const float *color) {
+    real red = load(color), green = load(color + TILE_PIXELS), blue = load(color + 2 * TILE_PIXELS);
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        store_block(rgb, 3 * (size_t)frame->width, red, green, blue);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, red);
+    store_plane(frame->rgb + 1, 3, frame, block, green);
+    store_plane(frame->rgb + 2, 3, frame, block, blue);
+}
+
+static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
+                            const struct model *model) {
+    float color[3] = {(float)model->background[0], (float)model->background[1],
+                      (float)model->background[2]};
+    for (int row = top; row < bottom; row++) {
+        size_t first = (size_t)row * (size_t)frame->width + (size_t)left,
+               count = (size_t)(right - left);
+        for (size_t i = 3 * first; i < 3 * (first + count); i += 3)
+            for (int k = 0; k < 3; k++)
+                frame->rgb[i + (size_t)k] = color[k];
+        for (size_t i = first; frame->depth && i < first + count; i++) {
+            frame->depth[i] = INFINITY;
+            frame->id[i] = -1;
+            frame->normal[3 * i] = frame->normal[3 * i + 1] = frame->normal[3 * i + 2] = 0;
+            frame->evals[i] = 1;
+        }
+    }
+}
+
+#endif

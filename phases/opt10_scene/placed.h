@@ -1,0 +1,142 @@
+// What render.c prepares once, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
+// lanes in here.
+#ifndef OPT10_PLACED_H
+#define OPT10_PLACED_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "phase.h"
+#include "tree.h"
+
+// As an unevaluated sum of two floats.
+static inline void split(double a, float *hi, float *lo) {
+    *hi = (float)a;
+    *lo = (float)(a - *hi);
+}
+
+// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
+// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
+enum way { AT_POINT, LINEAR, POWER };
+
+// A shape as the march wants it: what is evaluated, and nothing else.
+struct placed {
+    enum way way;
+    enum shape_type type;
+    bool turned, repeated;
+    float index; // in the scene
+    float position[3], position_lo[3];
+    float turn[3][3]; // rows: the three rotations as one matrix
+    float cell[3], per_cell[3];
+    float normal[3];              // plane: in the world's axes
+    float a, b, c;                // sizes: see place_shape() in render.c
+    float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
+    float size[3];                // box: half size; plane: normal
+    float bailout;
+    int iterations;
+    float bound, bound_sq; // of a sphere about its position that holds the shape; ∞: there is none
+    bool convex;
+    // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
+    // shine_from, its highlight is less than 1e-9 of the light.
+    float color[3], share, shininess, shine_from;
+    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
+    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
+    double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
+};
+
+struct prepared {
+    struct model model;    // in a generated kernel without shapes and materials
+    struct placed *placed; // one per shape
+    struct eye *eyes;      // one per shape; of the frame being rendered
+    bool solids;           // no shape is repeated: convex.c can have it
+    int plane;             // the first that there is, −1: none
+    int bulbs;             // how many of them are Mandelbulbs
+    float lit_slope;       // see lit_slope() in render.c
+    struct tree tree;      // of the solids, if they are a crowd
+    struct leaf *leaves;   // what it is made of
+    int *planes, plane_count;
+};
+
+// The camera as a shape sees it.
+struct eye {
+    float at[3];     // in the shape's frame
+    float height;    // above a plane
+    float centre[3]; // the shape's position to the right, above and ahead of the camera
+};
+
+// One frame's work for all workers.
+struct job {
+    const struct prepared *prepared;
+    const struct view *view;
+    struct frame *frame;
+    const struct eye *eyes; // one per shape
+    int tile_height;        // of convex.c's
+    bool solids;            // every ray by convex.c, none by march.c
+};
+
+// What the kernel knows of the scene when it is compiled. In a generated one (kernel.h) that is all but the
+// limits of the march, and the code for each shape stands by itself; in those that every scene can have, nothing.
+#ifdef SCENE_KERNEL
+#include "scene_kernel.h"
+#define INLINE __attribute__((always_inline)) static inline
+#else
+#define KNOWN(scene) (scene)
+#define INLINE static inline
+#define UNROLLED 0
+#define WHOLE_SHININESS 0
+#endif
+
+// visit(i, …) for every shape, and for those of a set. Up to 32 shapes a generated kernel has sets of bits.
+#if UNROLLED
+struct shapes {
+    unsigned in;
+};
+#else
+struct shapes {
+    int count, *index;
+};
+#define EACH_SHAPE(scene, visit, ...)                                                              \
+    for (int shape_ = 0; shape_ < KNOWN(scene)->model.shape_count; shape_++)                       \
+    visit(shape_, __VA_ARGS__)
+#define EACH_IN(set, visit, ...)                                                                   \
+    for (int k_ = 0; k_ < (set).count; k_++)                                                       \
+    visit((set).index[k_], __VA_ARGS__)
+#endif
+
+static inline void none_of(struct shapes *set) {
+#if UNROLLED
+    set->in = 0;
+#else
+    set->count = 0;
+#endif
+}
+
+static inline void put_in(struct shapes *set, int i) {
+#if UNROLLED
+    set->in |= 1u << i;
+#else
+    set->index[set->count++] = i;
+#endif
+}
+
+static inline bool is_empty(const struct shapes *set) {
+#if UNROLLED
+    return set->in == 0;
+#else
+    return set->count == 0;
+#endif
+}
+
+#define KERNEL(width)                                                                              \
+    size_t width##_own_size(const struct model *model);                                            \
+    int width##_tiles(const struct job *job);                                                      \
+    void width##_tile(const struct job *job, int tile, void *own);                                 \
+    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
+                           double *distance, int *nearest);
+#ifndef SCENE_KERNEL
+KERNEL(lanes8)
+KERNEL(lanes16)
+#endif
+#undef KERNEL
+
+#endif

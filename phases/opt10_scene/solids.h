@@ -1,0 +1,195 @@
+// Where rays enter solids, in closed form, and the normals there. A box and an octahedron are what 3 and 4
+// pairs of parallel planes have in common (T. L. Kay and J. T. Kajiya, "Ray tracing complex scenes", SIGGRAPH
+// 1986); sphere and cone are quadratics; the torus alone is marched.
+//
+// Every ray is first moved along itself to where it is nearest to the shape's position, so that what follows is
+// rounded at the size of the shape and not at that of the way to it.
+#ifndef OPT10_SOLIDS_H
+#define OPT10_SOLIDS_H
+
+#include "sdf.h"
+
+static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-20
+    return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
+}
+
+// What is between two planes at distance `half` from the origin, of rays that are at c and go d. Be they so near that
+// rounding makes both the same: in is no more than out.
+INLINE void slab(real c, real d, float half, real *in, real *out) {
+    real per = inverse_of(d), middle = c * per, width = set(half) * absolute(per);
+    *in = most_of(*in, set(0.0f) - middle - width);
+    *out = least_of(*out, width - middle);
+}
+
+INLINE mask enter_box(struct vec c, struct vec d, const struct placed *s, real *t) {
+    COUNT(enter_box, call);
+    real out = set(INFINITY);
+    *t = set(-INFINITY);
+    slab(c.x, d.x, s->size[0], t, &out);
+    slab(c.y, d.y, s->size[1], t, &out);
+    slab(c.z, d.z, s->size[2], t, &out);
+    return not_less(out, *t);
+}
+
+INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
+    COUNT(enter_octahedron, call);
+    real out = set(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
+         d_apart = d.x - d.y;
+    *t = set(-INFINITY);
+    slab(sum + c.z, d_sum + d.z, s->a, t, &out);
+    slab(sum - c.z, d_sum - d.z, s->a, t, &out);
+    slab(apart + c.z, d_apart + d.z, s->a, t, &out);
+    slab(apart - c.z, d_apart - d.z, s->a, t, &out);
+    return not_less(out, *t);
+}
+
+// Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
+// convex there, so a ray enters it once: through the cap, or at the root where that falls.
+INLINE mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
+    COUNT(enter_cone, call);
+    COUNT(enter_cone, scalar);
+    real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f);
+    slab(c.y, d.y, s->c, &in, &out);
+    real k = set(s->slope[0] / s->slope[1]), wide = mul_add(k, c.y, set(0.5f * (s->a + s->b)));
+    real dk = k * d.y;
+    real a = mul_add(d.x, d.x, mul_sub(d.z, d.z, dk * dk));
+    real b = mul_add(c.x, d.x, mul_sub(c.z, d.z, wide * dk));
+    real cc = mul_add(c.x, c.x, mul_sub(c.z, c.z, wide * wide));
+    real square = mul_sub(b, b, a * cc);
+    real r = root(most_of(square, zero));
+    mask towards = less(b, zero); // which of two forms does not cancel
+    real side = choose(towards, cc, zero - b - r) / choose(towards, r - b, a);
+    // At the cap: is it within the rim?
+    mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
+    *t = choose(cap, in, side);
+    return both(
+        not_less(out, in),
+        either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
+}
+
+// Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
+// radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
+// goes too far, and a ray that no longer comes nearer to it has missed.
+INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
+    COUNT(enter_torus, call);
+    real zero = set(0.0f), bound = set(s->bound), at = *t, tiny = set(1e-30f);
+    mask going = near, found = no_lane();
+    for (int step = 0; step < 256; step++) {
+        ACTIVE(count_of(going));
+        COUNT(enter_torus, step);
+        struct vec p = vec_along(c, d, at);
+        real radius = root(mul_add(p.x, p.x, p.z * p.z)), ring = radius - set(s->a);
+        real tube = root(mul_add(ring, ring, p.y * p.y));
+        mask outer = greater(ring, zero);
+        real h = tube - set(s->b);
+        real hull = choose(outer, h, absolute(p.y) - set(s->b));
+        real rate =
+            mul_add(p.x, d.x, p.z * d.z) * near_inverse(most_of(radius, tiny)); // of the radius
+        real fall = mul_add(ring, rate, p.y * d.y) *
+                    near_inverse(most_of(tube, tiny)); // of the torus's distance
+        real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
+        mask close = less(h, set(1e-3f));
+        mask reached = both(going, less(absolute(h), set(5e-7f)));
+        // Newton's step on the torus itself where it is nearly flat; else on the hull from outside of it.
+        real newton = h * near_inverse(most_of(zero - fall, set(0.05f)));
+        real hull_step = hull * set(1.0f - 2e-4f) * // so that it stays short of the hull's
+                         near_inverse(most_of(zero - hull_fall, set(1e-6f)));
+        real ahead = choose(greater(hull, zero), most_of(h, hull_step), h);
+        at = choose(going, at + choose(both(close, less(fall, zero)), newton, ahead), at);
+        found = either(found, reached);
+        mask gone =
+            either(both(greater(hull, zero), not_less(hull_fall, zero)), greater(at, bound));
+        going = but_not(either(reached, gone), going);
+        if (!any(going))
+            break;
+    }
+    *t = at;
+    return found;
+}
+
+// Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
+// how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
+// convex solid before their origin, which may be inside. Not for planes.
+INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
+                  struct vec *point, mask *behind) {
+    ACTIVE(count_of(active));
+    COUNT(enter, call);
+    real before = set(0.0f) - vec_dot(o, d);
+    struct vec c = vec_along(o, d, before);
+    real square = vec_dot(c, c);
+    mask near = both(active, less(square, set(s->bound_sq)));
+    *t = set(INFINITY);
+    *point = c;
+    *behind = no_lane();
+    if (!any(near))
+        return near;
+    ACTIVE(count_of(near));
+    COUNT(enter, near);
+    real in, half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
+    near = both(near, greater(before + half, set(0.0f)));
+    switch (s->type) {
+    case SHAPE_SPHERE:
+        COUNT(enter, sphere);
+        in = set(0.0f) - half;
+        break;
+    case SHAPE_BOX: near = both(near, enter_box(c, d, s, &in)); break;
+    case SHAPE_CONE: near = both(near, enter_cone(c, d, s, &in)); break;
+    case SHAPE_OCTAHEDRON: near = both(near, enter_octahedron(c, d, s, &in)); break;
+    default:
+        COUNT(enter, torus);
+        in = most_of(set(0.0f) - half, set(0.0f) - before);
+        near = both(near, enter_torus(c, d, s, near, &in));
+        break;
+    }
+    *t = before + in;
+    *point = vec_along(c, d, in);
+    mask ahead = greater(*t, set(0.0f));
+    *behind = but_not(ahead, near);
+    return both(near, ahead);
+}
+
+// Outward, of unit length, in the shape's frame, at points on its surface.
+INLINE struct vec normal_on(struct vec p, const struct placed *s) {
+    COUNT(normal_on, call);
+    real one = set(1.0f);
+    switch (s->type) {
+    case SHAPE_SPHERE:
+        COUNT(normal_on, sphere);
+        COUNT(normal_on, sphere_scalar);
+        return vec_scale(p, set(1.0f / s->a));
+    case SHAPE_BOX: {
+        COUNT(normal_on, box);
+        real x = absolute(p.x) - set(s->size[0]), y = absolute(p.y) - set(s->size[1]);
+        real z = absolute(p.z) - set(s->size[2]);
+        mask on_x = both(not_less(x, y), not_less(x, z)), on_y = but_not(on_x, not_less(y, z));
+        return (struct vec){with_sign_of(p.x, keep(on_x, one)), with_sign_of(p.y, keep(on_y, one)),
+                            with_sign_of(p.z, drop(either(on_x, on_y), one))};
+    }
+    case SHAPE_CONE: {
+        COUNT(normal_on, cone);
+        COUNT(normal_on, cone_scalar);
+        real radius = root(mul_add(p.x, p.x, p.z * p.z)), k = set(s->slope[0] / s->slope[1]);
+        real side = radius - mul_add(k, p.y, set(0.5f * (s->a + s->b)));
+        float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
+        mask cap = greater(absolute(p.y) - set(s->c), side * set(per));
+        real out = set(per) / most_of(radius, set(1e-30f));
+        return (struct vec){drop(cap, p.x * out),
+                            choose(cap, with_sign_of(p.y, one), k * set(-per)),
+                            drop(cap, p.z * out)};
+    }
+    case SHAPE_OCTAHEDRON: {
+        real part = set(0.57735026918962576451f);
+        return (struct vec){with_sign_of(p.x, part), with_sign_of(p.y, part),
+                            with_sign_of(p.z, part)};
+    }
+    default: {
+        COUNT(normal_on, torus);
+        real radius = root(mul_add(p.x, p.x, p.z * p.z));
+        real outward = one - set(s->a) / most_of(radius, set(1e-30f));
+        struct vec n = {p.x * outward, p.y, p.z * outward};
+        return vec_scale(n, one / most_of(vec_norm(n), set(1e-30f)));
+    }
+    }
+}
+
+#endif

@@ -1,0 +1,55 @@
+// A packet of rays on its way to a colour.
+#ifndef OPT10_STAGE_H
+#define OPT10_STAGE_H
+
+#include "convex.h"
+
+struct found {
+    mask found;
+    real t, shape;
+    struct vec local; // in the shape's frame; not for planes
+};
+
+struct surface {
+    struct vec normal, color;
+    real share, shininess, shine_from;
+};
+
+struct ray {
+    struct vec origin, direction;
+    real weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
+    mask active;
+};
+
+// A group of them takes each step together: each packet's steps wait
+// for each other, those of different packets do not.
+struct stage {
+    struct ray ray;
+    struct found hit;
+    struct vec point, color, to_light, light;
+    struct surface surface;
+    real weight, facing;
+    mask lit, open;
+};
+
+static inline struct vec background(real weight, const struct model *model) {
+    const double *b = model->background;
+    return (struct vec){weight * set((float)b[0]), weight * set((float)b[1]),
+                        weight * set((float)b[2])};
+}
+
+// Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
+SHARED void color_all(struct stage *stage, int count, const struct convex *work);
+
+// Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
+// in its frame; slot: where the first lane's answer is to be.
+SHARED int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
+                       const struct ray *ray, real end, int slot, const struct prepared *scene,
+                       struct desk *desk);
+// The answers: what the packet meets there, if before what it has met so far.
+SHARED void take_bulb(struct stage *at, int slot, const struct desk *desk);
+SHARED void clear_met(struct desk *desk, int slots);
+// All of it for a group of mirror rays.
+SHARED void meet_bulbs(struct stage *stage, int packets, const struct convex *work);
+
+#endif

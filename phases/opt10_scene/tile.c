@@ -1,0 +1,147 @@
+// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
+// of a block lies outside the picture is masked, so any size will do.
+#include "desk.h"
+#include "trace.h"
+
+#include <stdlib.h>
+
+static struct vec vec_from(const double a[3]) {
+    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
+}
+
+static struct place place_of(const double a[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(a[i], &hi[i], &lo[i]);
+    return (struct place){vec_set(hi), vec_set(lo)};
+}
+
+struct block {
+    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
+    int across, down; // what of it is in the picture
+};
+
+static mask in_picture(struct block block) {
+    COUNT(in_picture, call);
+    COUNT(in_picture, cut);
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    real right = lane_numbers() - below * set(BLOCK_WIDTH);
+    return both(less(right, set((float)block.across)), less(below, set((float)block.down)));
+}
+
+static struct vec get_direction(struct block block, const struct frame *frame,
+                                const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, packet);
+    COUNT(get_direction, divide);
+    double per_height = view->tan_half_fov / frame->height;
+    float columns[LANES], rows[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        COUNT(get_direction, scalar);
+        int row = block.row + lane / BLOCK_WIDTH;
+        columns[lane] =
+            (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
+        rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
+    }
+    real x = load(columns) * set((float)per_height), y = load(rows);
+    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
+    d = vec_along(d, vec_from(view->up), y);
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
+static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
+                        real values) {
+    float lanes[LANES];
+    unload(values, lanes);
+    for (int row = 0; row < block.down; row++) {
+        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
+        for (int i = 0; i < block.across; i++)
+            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
+    }
+}
+
+static void store(struct frame *frame, struct block block, const struct shaded *seen) {
+    COUNT(store, call);
+    store_plane(frame->rgb, 3, frame, block, seen->color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    if (!frame->depth)
+        return;
+    const struct hit *hit = &seen->hit;
+    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->id, 1, frame, block, hit->shape);
+    store_plane(frame->normal, 3, frame, block, hit->normal.x);
+    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
+    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
+    store_plane(frame->evals, 1, frame, block, hit->evals);
+}
+
+static int tiles_across(const struct frame *frame) {
+    return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+}
+
+static int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+static void draw_tile(const struct job *job, int tile, struct approach *own) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
+    struct frame *frame = job->frame;
+    struct world world = {job->prepared, job->view, own};
+    struct place origin = place_of(job->view->position);
+    int left = tile % tiles_across(frame) * TILE_WIDTH,
+        right = lesser(frame->width, left + TILE_WIDTH);
+    int top = tile / tiles_across(frame) * TILE_HEIGHT,
+        bottom = lesser(frame->height, top + TILE_HEIGHT);
+    for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
+        for (int column = left; column < right; column += BLOCK_WIDTH) {
+            struct block block = {column, row, lesser(BLOCK_WIDTH, right - column),
+                                  lesser(BLOCK_HEIGHT, bottom - row)};
+            ACTIVE(block.across * block.down);
+            COUNT(draw_tile, packet);
+            struct shaded seen;
+            trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
+                  &seen);
+            ACTIVE(block.across * block.down);
+            store(frame, block, &seen);
+        }
+    }
+}
+
+// A worker's own is either: approaches to march with, or a desk and what it points to.
+size_t VARIANT(own_size)(const struct model *model) {
+    size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
+    return DESK_SIZE(shapes) > marching ? DESK_SIZE(shapes) : marching;
+}
+
+int VARIANT(tiles)(const struct job *job) {
+    if (job->solids)
+        return convex_tiles(job);
+    return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
+}
+
+void VARIANT(tile)(const struct job *job, int tile, void *own) {
+    if (job->solids)
+        convex_tile(job, tile, desk_at(own, job->prepared->model.shape_count));
+    else
+        draw_tile(job, tile, own);
+}
+
+bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
+                        double *distance, int *nearest) {
+    size_t size = VARIANT(own_size)(&prepared->model);
+    struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!approach)
+        return false;
+    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    for (size_t i = 0; i < count; i++) {
+        real shape = set(-1.0f);
+        approach_origins(place_of(points + 3 * i), prepared, approach);
+        approach_directions(nowhere, prepared, approach);
+        distance[i] = first_of(sdf(approach, set(0.0f), prepared, no_lane(), &shape));
+        nearest[i] = (int)first_of(shape);
+    }
+    free(approach);
+    return true;
+}

@@ -1,0 +1,651 @@
+// Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
+// shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
+// GDC 2018 talk. From a plane the first steps are leapt over.
+#include "crowd.h"
+
+#include <string.h>
+
+// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
+// power is not.
+__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
+                                                                 const struct placed *s) {
+    COUNT(distance_along, call);
+    if (s->way == LINEAR) {
+        COUNT(distance_along, linear);
+        return mul_add(t, near->direction.x, near->origin.x);
+    }
+    if (near->power) {
+        COUNT(distance_along, power);
+        real power = mul_add(t, t + near->slope, near->constant);
+        return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    }
+    COUNT(distance_along, point);
+    return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
+}
+
+// A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
+// distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
+__attribute__((always_inline)) static inline void
+near_to(int i, struct near *nears, real t, mask done, const struct prepared *scene, real *least) {
+    struct near *near = &nears[i];
+    if (scene->placed[i].way == LINEAR) { // cheaper than to ask whether it sleeps
+        COUNT(nearest, plane);
+        *least = least_of(*least, mul_add(t, near->direction.x, near->origin.x));
+        return;
+    }
+    COUNT(nearest, shape);
+    mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
+    if (!any(but_not(done, awake)))
+        return;
+    COUNT(nearest, awake);
+    real h = distance_along(near, t, &scene->placed[i]);
+    near->wakes = (h + t) * set(1.0f - 0x1p-18f);
+    *least = least_of(*least, h);
+}
+
+__attribute__((always_inline)) static inline real nearest(struct near *nears,
+                                                          const struct shapes *casters, real t,
+                                                          mask done, const struct prepared *scene) {
+    ACTIVE(LANES - count_of(done));
+    COUNT(nearest, call);
+    real least = set(INFINITY);
+    EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
+    return least;
+}
+
+// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
+// first term is strength·facing, all others are the same; least²: of those leapt over.
+static inline real leap(const struct rays *r, real start, real strength, real hit_distance,
+                        real *previous, real *square) {
+    COUNT(leap, call);
+    real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
+    mask can = both(both(r->on_plane, r->active), not_less(until, start));
+    // A march that is within the hit distance at its first step has no term at all.
+    can = both(can, not_less(start * r->facing, hit_distance));
+    if (!any(can))
+        return start;
+    ACTIVE(count_of(can));
+    COUNT(leap, can);
+    real c = r->facing, grow = log_of(one + c);
+    real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
+    real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
+    real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
+    real others = first * first * inside / (beyond * beyond);
+    real least = least_of(first * first, choose(greater(steps, set(1.5f)), others, one));
+    *square = choose(can, least_of(*square, least), *square);
+    *previous = choose(can, t * c / (one + c), *previous);
+    return choose(can, t, start);
+}
+
+// One packet's march.
+struct march {
+    struct near *nears;
+    const struct shapes *casters;
+    mask done;
+    real t, from, previous, end; // MARCH_REALS from here on
+    real square, divisor;        // least² = square/divisor; no root or quotient until the end
+    real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
+};
+enum { MARCH_REALS = 8, NEAR_REALS = 8 };
+enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
+
+static void begin(struct rays *r, struct near *nears, struct shapes *casters,
+                  const struct convex *work, struct march *m) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    *m = (struct march){.nears = nears,
+                        .casters = casters,
+                        .previous = set(1e9f),
+                        .from = set(0.0f),
+                        .divisor = set(1.0f)};
+    COUNT(begin, call);
+    COUNT(begin, scalar);
+    if (IS_CROWD(work->scene))
+        crowd_ahead(r, nears, work);
+    else
+        choose_shapes(r, nears, casters, work);
+    m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
+                                       : r->end; // with a Mandelbulb see behind_all() and over()
+    // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
+    // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
+    // cap may end it on the way.
+    real room = r->first * (set(1.0f) - r->cosine);
+    const struct limits *march = &work->scene->model.march;
+    float least_room = (float)(1e5 * march->hit_distance * model->shadow_strength);
+    real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
+    mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
+    float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
+    dark =
+        both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
+    m->done = either(dark, not_in(r->active));
+    m->square = drop(dark, set(1.0f));
+    real strength = set((float)model->shadow_strength);
+    m->t = offset;
+    if (march->max_steps >= MANY_STEPS)
+        m->t = leap(r, offset, strength, hit, &m->previous, &m->square);
+    float radius = (float)model->march.bounds_radius;
+    m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
+    m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
+}
+
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
+                                                       real hit_distance, float dark) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(step, call);
+    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
+    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
+    // distances from underflow.
+    real twice = m->previous + m->previous,
+         unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
+    real part = h * unit, square = h * h;
+    twice = twice * unit;
+    real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
+    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
+    real term = strength * strength * square * inside, divisor = beyond * beyond;
+    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
+    m->square = choose(darker, term, m->square);
+    m->divisor = choose(darker, divisor, m->divisor);
+    m->previous = h;
+    if (dark > 0.0f) {
+        COUNT(step, dark);
+        done = either(done, less(m->square, m->divisor * set(dark)));
+    }
+    done = either(done, greater(m->from, m->end)); // the step to here began behind it
+    m->from = m->t;
+    m->t = m->t + drop(done, h);
+    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+}
+
+INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
+                       const struct prepared *scene, real *h) {
+    const struct placed *s = &scene->placed[i];
+    COUNT(nearest_bulbs, shape);
+    real own[ABREAST];
+    if (s->type == SHAPE_MANDELBULB) {
+        COUNT(nearest_bulbs, bulb);
+        struct vec p[ABREAST];
+        for (int k = 0; k < ABREAST; k++)
+            p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
+        bulbs(s, p, done, leaving, own);
+    } else
+        for (int k = 0; k < ABREAST; k++)
+            own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+    for (int k = 0; k < ABREAST; k++)
+        h[k] = least_of(h[k], own[k]);
+}
+
+// Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
+__attribute__((always_inline)) static inline void
+nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, real *h) {
+    COUNT(nearest_bulbs, call);
+    mask done[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        h[k] = set(INFINITY);
+        done[k] = m[k].done;
+    }
+    EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
+}
+
+INLINE void put_behind(int i, const struct march *m, real q, const struct prepared *scene,
+                       mask *behind) {
+    const struct placed *s = &scene->placed[i];
+    const struct near *near = &m->nears[i];
+    if (!any(*behind))
+        return;
+    if (s->way == LINEAR) {
+        COUNT(behind_all, plane);
+        *behind = both(*behind, not_less(near->direction.x, q));
+        return;
+    }
+    COUNT(behind_all, solid);
+    real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
+    mask away = not_less(share * vec_dot(p, near->direction) * per, q);
+    mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
+    *behind = both(*behind, both(away, far));
+}
+
+// Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
+// slope q at which no term is less than 0.866·strength·q.
+static inline mask behind_all(const struct march *m, float per_strength,
+                              const struct prepared *scene) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(behind_all, call);
+    COUNT(behind_all, scalar);
+    real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
+    mask behind = not_in(m->done);
+    EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
+    return behind;
+}
+
+static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
+    COUNT(waiting, call);
+    int left = count - first;
+    return (struct rays){.active = first_lanes(left < 0       ? 0
+                                               : left < LANES ? left
+                                                              : LANES),
+                         .point = load_vec(field + S_POINT, first),
+                         .local = load_vec(field + S_LOCAL, first),
+                         .to_light = load_vec(field + S_TO_LIGHT, first),
+                         .facing = load(&field[S_FACING][first]),
+                         .shape = load(&field[S_SHAPE][first]),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
+static real gathered(const float *field, const unsigned short *order, int count) {
+    float lanes[LANES];
+    for (int i = 0; i < LANES; i++)
+        lanes[i] = field[order[i < count ? i : 0]];
+    return load(lanes);
+}
+
+static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
+                        gathered(field[2], order, count)};
+}
+
+// The same of rays that have been sorted; of a packet that has none, the first ray's.
+static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    COUNT(sorted, call);
+    return (struct rays){.active = first_lanes(count),
+                         .point = gathered_vec(field + S_POINT, order, count),
+                         .local = gathered_vec(field + S_LOCAL, order, count),
+                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
+                         .facing = gathered(field[S_FACING], order, count),
+                         .shape = gathered(field[S_SHAPE], order, count),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
+static void add_lane(int i, float lit, struct desk *desk) {
+    COUNT(add_lane, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int pixel = (int)field[S_PIXEL][i];
+    for (int k = 0; k < 3; k++)
+        desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
+}
+
+// A packet whose lanes hold rays of different age.
+struct pool {
+    struct march march;
+    struct near *nears;
+    int ray[LANES]; // which of the queue
+    unsigned live, leaving;
+};
+
+static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
+    float *a = (float *)&to->march.t;
+    const float *b = (const float *)&from->march.t;
+    for (int i = 0; i < MARCH_REALS; i++)
+        a[i * LANES + here] = b[i * LANES + there];
+    for (int k = 0; k < shapes; k++) {
+        a = (float *)&to->nears[k].origin;
+        b = (const float *)&from->nears[k].origin;
+        for (int i = 0; i < NEAR_REALS; i++)
+            a[i * LANES + here] = b[i * LANES + there];
+    }
+    to->ray[here] = from->ray[there];
+    to->live |= 1u << here;
+}
+
+// Takes rays from `ready`, which is made anew from the queue whenever it is empty.
+static int refill_shadows(struct pool *to, struct pool *ready, int next,
+                          const struct convex *work) {
+    struct desk *desk = work->desk;
+    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
+        while (!ready->live && next < desk->shadows) {
+            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
+            ready->live = bits(r.active) & ~bits(ready->march.done);
+            for (int lane = 0; lane < LANES; lane++)
+                ready->ray[lane] = next + lane; // what is dark from the start adds nothing
+            next += LANES;
+        }
+        if (!ready->live)
+            break;
+        int lane = __builtin_ctz(ready->live);
+        copy_lane(to, __builtin_ctz(ended), ready, lane, KNOWN(work->scene)->model.shape_count);
+        ready->live &= ready->live - 1;
+    }
+    to->march.done = lanes_of(~to->live);
+    return next;
+}
+
+// Most rays that get as dark as that end on a surface, at a 300th of it and less: 0 is written for them, which errs by
+// no more than that. LOOK_EVERY: steps from one look whether a ray is behind all to the next.
+#define DARK 0x1p-10f
+enum { LOOK_EVERY = 4 };
+
+static void answer(const struct pool *from, unsigned which, struct desk *desk) {
+    ACTIVE(__builtin_popcount(which));
+    COUNT(answer, call);
+    float lit[LANES];
+    mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
+    unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
+    for (unsigned rest = which; rest; rest &= rest - 1)
+        add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+}
+
+// Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
+struct pools {
+    struct pool *work, *out, *ready;
+    int leaving; // lanes of `out` in use
+};
+
+// From |p| = e² on a Mandelbulb's estimate, |p|·ln|p|/3, grows faster than |p|: h passes 2·previous, where the
+// estimator's circles of radius h and `previous` only touch, and a term may be anything. That is why rays on which
+// no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
+// iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
+INLINE void over_bulb(int i, const struct march *m, const struct prepared *scene, mask *over) {
+    const struct near *near = &m->nears[i];
+    if (scene->placed[i].type != SHAPE_MANDELBULB)
+        return;
+    COUNT(over, bulb);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p);
+    mask beyond = greater(square, set(100.0f));
+    if (scene->plane >= 0) {
+        COUNT(over, plane);
+        const struct near *plane = &m->nears[scene->plane];
+        real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
+        real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
+        mask under = both(less(height, least), less(plane->direction.x, set(0.69f)));
+        beyond = either(beyond, both(under, greater(square, set(9.0f))));
+    }
+    *over = both(*over, beyond);
+}
+
+static inline mask over(const struct march *m, const struct prepared *scene) {
+    COUNT(over, call);
+    mask over = all_lanes();
+    EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
+    return over;
+}
+
+static void see_off(struct pools *pools, const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    struct march m[ABREAST];
+    int ended = 0;
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march.done = lanes_of(~pools->out[k].live);
+        m[k] = pools->out[k].march;
+    }
+    for (int i = 0; i < work->scene->model.march.max_steps && ended < ABREAST * LANES; i++) {
+        real h[ABREAST];
+        nearest_bulbs(m, work->scene, true, h);
+        ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            step(&m[k], h[k], strength, hit, 0.0f);
+            m[k].done = either(m[k].done, over(&m[k], work->scene));
+            ended += count_of(m[k].done);
+        }
+    }
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march = m[k];
+        answer(&pools->out[k], pools->out[k].live, work->desk);
+        pools->out[k].live = 0;
+    }
+    pools->leaving = 0;
+}
+
+static void retire_shadows(struct pool *from, struct pools *pools, const struct convex *work) {
+    unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
+    answer(from, ended & ~leaving, work->desk);
+    from->live &= ~ended;
+    from->leaving &= ~ended;
+    for (; leaving; leaving &= leaving - 1) {
+        int to = pools->leaving++;
+        copy_lane(&pools->out[to / LANES], to % LANES, from, __builtin_ctz(leaving),
+                  KNOWN(work->scene)->model.shape_count);
+        if (pools->leaving == ABREAST * LANES)
+            see_off(pools, work);
+    }
+}
+
+// One step of each packet. How many lanes have ended.
+static inline int step_all(struct march *m, struct pool *pool, bool look,
+                           const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    real h[ABREAST];
+    int ended = 0;
+    nearest_bulbs(m, work->scene, false, h);
+    for (int k = 0; k < ABREAST; k++) {
+        mask behind = no_lane();
+        if (look)
+            behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
+        step(&m[k], h[k], strength, hit, DARK * DARK);
+        pool[k].leaving |= bits(but_not(m[k].done, behind));
+        m[k].done = either(m[k].done, behind);
+        ended += count_of(m[k].done);
+    }
+    return ended;
+}
+
+// With a Mandelbulb in the scene, some rays take 1,000 steps: lanes are filled again as in bulb.c.
+static void cast_streams(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &KNOWN(work->scene)->model;
+    struct pool all[POOLS] = {0};
+    memset(desk->near, 0, POOLS * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < POOLS; k++)
+        all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
+    struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
+    long left = (long)work->scene->model.march.max_steps * (desk->shadows / LANES + ABREAST);
+    unsigned steps = 0;
+    for (int next = 0; left > 0;) {
+        struct march m[ABREAST];
+        unsigned live = pools.ready->live;
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill_shadows(&pools.work[k], pools.ready, next, work);
+            live |= pools.work[k].live;
+            m[k] = pools.work[k].march;
+            ended += count_of(m[k].done);
+        }
+        if (!live)
+            break;
+        bool more = next < desk->shadows || pools.ready->live;
+        int enough = more ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough && left-- > 0)
+            ended = step_all(m, pools.work, ++steps % LOOK_EVERY == 0, work);
+        for (int k = 0; k < ABREAST; k++) {
+            pools.work[k].march = m[k];
+            retire_shadows(&pools.work[k], &pools, work);
+        }
+    }
+    if (pools.leaving > 0)
+        see_off(&pools, work);
+    desk->shadows = 0;
+}
+
+#ifndef SCENE_KERNEL
+// A packet's march through a crowd. The rays of a packet come apart, so only those near the one that is furthest
+// behind are marched, until all of them have left its vicinity; the others wait.
+struct walk {
+    struct march march;
+    struct rays rays;
+    struct vicinity near;
+    mask waits;
+    real until, asked; // where what is in the way ends, of the cones of slope `asked`
+};
+
+static void look_around(struct walk *w, const struct convex *work) {
+    COUNT(look_around, call);
+    struct march *m = &w->march;
+    real q = root(m->square / m->divisor) *
+             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    // The term of the step that led here is one of those that q bounds only if that step was as long. What was in the
+    // way the last time still is, unless it is behind or q is less.
+    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
+    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
+    if (any(asked)) {
+        real until = set(0.0f);
+        m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
+        w->until = choose(asked, until, w->until);
+        w->asked = choose(asked, q, w->asked);
+    }
+    if (all(m->done))
+        return;
+    real rear = set(least_lane(choose(m->done, set(INFINITY), m->t)));
+    mask last = but_not(m->done, not_less(rear, m->t));
+    // Its own shape is no further than t, and no distance grows faster than a ray goes.
+    real h = least_of(m->t, m->previous + m->previous);
+    crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    w->waits = not_less(distance_between(p, w->near.centre), set(0.5f * w->near.within));
+}
+
+// See nearest(); what is known of the list's shapes is packed.
+static real nearest_about(const struct vicinity *v, const struct near *nears, real t, mask still,
+                          const struct prepared *scene) {
+    ACTIVE(LANES - count_of(still));
+    real least = set(INFINITY);
+    for (int k = 0; k < v->count; k++) {
+        COUNT(nearest_about, shape);
+        if (!any(but_not(still, not_less(least + t, v->wakes[k]))))
+            continue;
+        COUNT(nearest_about, awake);
+        real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
+        v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
+        least = least_of(least, h);
+    }
+    return least;
+}
+
+static void walk_on(struct walk *w, real strength, real hit, const struct convex *work) {
+    struct march *m = &w->march;
+    mask done = m->done;
+    if (all(either(done, w->waits))) {
+        look_around(w, work);
+        done = m->done;
+        if (all(done))
+            return;
+    }
+    ACTIVE(LANES - count_of(either(done, w->waits)));
+    COUNT(walk_on, step);
+    mask still = either(done, w->waits);
+    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
+    real h = nearest_about(&w->near, m->nears, m->t, still, work->scene);
+    // What is not in the vicinity could be nearer.
+    mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
+    w->waits = either(w->waits, not_in(sure));
+    still = either(done, w->waits);
+    real previous = m->previous, from = m->from;
+    m->done = still;
+    step(m, h, strength, hit, 0.0f);
+    m->previous = choose(still, previous, m->previous);
+    m->from = choose(still, from, m->from);
+    m->done = either(done, but_not(still, m->done));
+}
+
+static void cast_crowd(int first, const struct convex *work) {
+    COUNT(cast_crowd, call);
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    int count = desk->shadows - first < LANES ? desk->shadows - first : LANES;
+    const unsigned short *order = desk->order[0] + first;
+    struct walk w = {
+        .rays = sorted(field, order, count),
+        .near = {.list = desk->vicinity, .wakes = (real *)(desk->near + model->shape_count)},
+        .waits = all_lanes(),
+        .until = set(0.0f),
+        .asked = set(INFINITY)};
+    begin(&w.rays, desk->near, &desk->casters[0], work, &w.march);
+    for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
+        walk_on(&w, strength, hit, work);
+    add_light(w.rays.active,
+              vec_scale(gathered_vec(field + S_LIGHT, order, count),
+                        root(w.march.square / w.march.divisor)),
+              gathered(field[S_PIXEL], order, count), desk);
+}
+#endif
+
+// A packet that is marched, and how far it is.
+struct cast {
+    struct march march;
+    mask active;
+    int first, steps; // first: of its rays in the queue, −1: none
+};
+
+static void begin_cast(struct cast *c, int slot, int first, const struct convex *work) {
+    struct desk *desk = work->desk;
+    struct rays r = waiting(desk->shadow, first, desk->shadows);
+    begin(&r, desk->near + slot * KNOWN(work->scene)->model.shape_count, &desk->casters[slot], work,
+          &c->march);
+    c->active = r.active;
+    c->first = first;
+    c->steps = work->scene->model.march.max_steps;
+}
+
+static void end_cast(struct cast *c, struct desk *desk) {
+    ACTIVE(LANES);
+    COUNT(end_cast, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real lit = root(c->march.square / c->march.divisor);
+    add_light(c->active, vec_scale(load_vec(field + S_LIGHT, c->first), lit),
+              load(&field[S_PIXEL][c->first]), desk);
+    c->first = -1;
+}
+
+// One step waits for several roots in a row: the CPU works on other packets meanwhile.
+static void cast_packets(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct prepared *scene = work->scene;
+    real strength = set((float)KNOWN(scene)->model.shadow_strength),
+         hit = set((float)scene->model.march.hit_distance);
+    struct cast cast[CASTS];
+    int next = 0, live = 0;
+    for (; live < CASTS && next < desk->shadows; live++, next += LANES)
+        begin_cast(&cast[live], live, next, work);
+    for (int k = live; k < CASTS; k++)
+        cast[k].first = -1;
+    while (live > 0)
+        for (int k = 0; k < CASTS; k++) {
+            struct cast *c = &cast[k];
+            if (c->first < 0)
+                continue;
+            struct march *m = &c->march;
+            if (c->steps-- > 0 && !all(m->done)) {
+                step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit, 0.0f);
+                continue;
+            }
+            end_cast(c, desk);
+            if (next < desk->shadows) {
+                begin_cast(c, k, next, work);
+                next += LANES;
+            } else
+                live--;
+        }
+}
+
+void cast_shadows(const struct convex *work) {
+    if (KNOWN(work->scene)->bulbs) {
+        cast_streams(work);
+        return;
+    }
+#ifndef SCENE_KERNEL
+    if (IS_CROWD(work->scene)) {
+        crowd_sort(work->desk);
+        for (int first = 0; first < work->desk->shadows; first += LANES)
+            cast_crowd(first, work);
+        work->desk->shadows = 0;
+        return;
+    }
+#endif
+    cast_packets(work);
+    work->desk->shadows = 0;
+}

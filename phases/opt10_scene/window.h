@@ -1,0 +1,17 @@
+// The part of the picture's plane at distance 1 that a tile's rays go through.
+#ifndef OPT10_WINDOW_H
+#define OPT10_WINDOW_H
+
+#include <stdbool.h>
+
+struct window {
+    float left, right, bottom, top;
+};
+
+// `normal` in the camera's axes: a ray (x, y, 1) falls towards the plane where its product with it is negative.
+static inline bool plane_in_window(const struct window *w, const float normal[3]) {
+    float x = normal[0] > 0 ? w->left : w->right, y = normal[1] > 0 ? w->bottom : w->top;
+    return normal[0] * x + normal[1] * y + normal[2] < 1e-6f;
+}
+
+#endif

@@ -1,0 +1,243 @@
+"""opt10_scene: kernels generated for a scene against its general ones, their cache, and no compiler."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from study import images, registry
+from study.build import build
+
+PHASE = "opt10_scene"
+SIZE = ["-n", "61", "-w", "107"]
+
+pytestmark = [
+    pytest.mark.skipif(
+        bool(registry.missing_isa(registry.phases()[PHASE])), reason=f"the CPU lacks what {PHASE} needs"
+    ),
+    pytest.mark.skipif(not shutil.which("gcc"), reason="gcc would compile kernels"),
+]
+
+
+def facts_of(output: str | bytes) -> dict:
+    """What a record says of its kernel."""
+    record = json.loads(output)
+    kernel, hash_, compile_ns = (record[key] for key in ("kernel", "kernel_hash", "kernel_compile_ns"))
+    generated = kernel == "generated"
+    return {
+        "generated": generated,
+        "cached": generated and compile_ns == 0,
+        "reason": kernel,
+        "hash": hash_,
+        "compile_ns": compile_ns,
+    }
+
+
+class Workshop:
+    """A cache of its own, and a compiler that compiles a kernel once and then hands out copies."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.cache, self.kept = folder, folder / "cache", folder / "kept"
+        self.kept.mkdir()
+        self.compiler = self.script(
+            "cc",
+            f"""for i in "$@"; do case "$i" in -DKERNEL_TAG=*) tag="${{i#*=}}";; *.so) out="$i";; esac; done
+            kept="{self.kept}/$(echo "$tag" | tr -d '"').so"
+            test -f "$kept" || gcc "$@" && {{ test -f "$kept" || cp "$out" "$kept"; cp "$kept" "$out"; }}""",
+        )
+
+    def script(self, name: str, text: str) -> Path:
+        path = self.folder / name
+        path.write_text("#!/bin/sh\n" + text)
+        path.chmod(0o755)
+        return path
+
+    def command(self, scene: str | Path, *more: str) -> list[str]:
+        path = registry.scenes()[scene].path if isinstance(scene, str) else scene
+        return [*map(str, (build(PHASE), path, *SIZE, "--json", *more))]
+
+    def environment(self, changes: dict[str, str]) -> dict[str, str]:
+        return os.environ | {"STEPWISE_CC": str(self.compiler), "STEPWISE_CACHE": str(self.cache)} | changes
+
+    def run(self, scene: str | Path, *more: str, **changes: str) -> tuple[dict, str, dict[str, np.ndarray]]:
+        """What the record says of the kernel, standard error, the picture."""
+        out = self.folder / "picture.exr"
+        done = subprocess.run(
+            [*self.command(scene, *more), "--aov", "-o", str(out)],
+            env=self.environment(changes),
+            capture_output=True,
+            text=True,
+            timeout=90,
+        )
+        assert done.returncode == 0, done.stderr
+        return facts_of(done.stdout), done.stderr, images.read(out)
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
+    return Workshop(tmp_path_factory.mktemp("kernels"))
+
+
+def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0) -> None:
+    for name, values in a.items():
+        allowed = within if name in "RGB" else 0.0
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(np.where(values == b[name], 0, values - b[name]))
+        assert (apart <= allowed).all(), (name, np.nanmax(apart))
+
+
+def scene_of(name: str, shop: Workshop) -> str | Path:
+    """A scene's path; twenty: spheres40's first ones, more than are written out and fewer than a crowd."""
+    if name != "twenty":
+        return name
+    scene = json.loads(registry.scenes()["spheres40"].path.read_text())
+    path = shop.folder / "twenty.json"
+    path.write_text(json.dumps(scene | {"shapes": scene["shapes"][:20]}))
+    return path
+
+
+# A whole shininess is a row of products in a kernel, else a logarithm and an exponential: 15 · 2^-24 apart.
+@pytest.mark.parametrize(
+    ("scene", "within"), [("scene0", 4e-6), ("trio", 4e-6), ("twenty", 4e-6), ("mandelbulb", 4e-6)]
+)
+def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop) -> None:
+    facts, said, generated = shop.run(scene_of(scene, shop))
+    assert facts["generated"], facts
+    assert not said
+    assert facts["compile_ns"] > 0
+    assert not facts["cached"]
+    general, said, picture = shop.run(scene_of(scene, shop), STEPWISE_CC="none")
+    assert not general["generated"] and "none" in general["reason"]
+    same(picture, generated, within)
+    again, _, picture = shop.run(scene_of(scene, shop), "--threads", "2")
+    assert again["cached"] and again["compile_ns"] == 0 and again["hash"] == facts["hash"]
+    same(picture, generated)
+
+
+def test_a_crowd_has_the_general_code(shop: Workshop) -> None:
+    """From 32 shapes on they are asked from a tree, which a kernel has not."""
+    facts, said, _ = shop.run("spheres40")
+    assert not facts["generated"] and "32 shapes or more" in facts["reason"]
+    assert not said
+
+
+def test_eight_lanes(shop: Workshop) -> None:
+    wide, _, a = shop.run("scene0")
+    narrow, _, b = shop.run("scene0", STEPWISE_ISA_LIMIT="avx2")
+    assert narrow["generated"]
+    if not registry.missing_isa(registry.phases()[PHASE]) and wide["hash"] == narrow["hash"]:
+        pytest.skip("this CPU has eight lanes alone")
+    same(a, b)
+
+
+def test_hash_is_the_scenes(shop: Workshop, tmp_path: Path) -> None:
+    """A length changes it; camera, light and the limits that a sweep varies do not."""
+    first, _, _ = shop.run("scene0")
+    scene = json.loads(registry.scenes()["scene0"].path.read_text())
+    scene["camera"]["position"] = [0.5, 0.25, -1]
+    scene["light"]["position"] = [3, 90, 2]
+    moved = tmp_path / "moved.json"
+    moved.write_text(json.dumps(scene))
+    facts, _, picture = shop.run(moved, "--max-steps", "2000", "--hit-distance", "2e-6")
+    assert facts["cached"] and facts["hash"] == first["hash"]
+    _, _, general = shop.run(moved, "--max-steps", "2000", "--hit-distance", "2e-6", STEPWISE_CC="none")
+    same(general, picture, 4e-6)
+    scene["shapes"][2]["radius"] = 2.75
+    moved.write_text(json.dumps(scene))
+    failing = shop.script("failing", "echo 'x.c:1: error: no such luck' >&2; exit 1")
+    facts, said, _ = shop.run(moved, STEPWISE_CC=str(failing))
+    assert not facts["generated"]
+    assert "no such luck" in facts["reason"]
+    assert len(said.splitlines()) == 1 and "no such luck" in said
+
+
+def test_camera_inside_a_shape_has_the_general_code(shop: Workshop, tmp_path: Path) -> None:
+    scene = json.loads(registry.scenes()["scene0"].path.read_text())
+    scene["camera"] = scene["camera"] | {"position": [0, 0, 20], "look_at": [0, 0, 30]}
+    inside = tmp_path / "inside.json"
+    inside.write_text(json.dumps(scene))
+    facts, _, picture = shop.run(inside)
+    assert facts["generated"]
+    _, _, general = shop.run(inside, STEPWISE_CC="none")
+    same(general, picture)
+
+
+@pytest.mark.parametrize("what", ["missing", "silent", "hanging", "path", "file", "unwritable", "no folder"])
+def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    changes = {
+        "missing": ({"STEPWISE_CC": "/nowhere/cc"}, "there is no compiler"),
+        "silent": ({"STEPWISE_CC": str(shop.script("silent", "exit 1"))}, "failed"),
+        "hanging": (
+            {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
+            "time limit",
+        ),
+        "path": ({"STEPWISE_CC": "", "CC": "", "PATH": str(tmp_path / "empty")}, "on PATH"),
+        "file": ({"STEPWISE_CACHE": str(tmp_path / "file")}, "no folder"),
+        "unwritable": ({"STEPWISE_CACHE": "/proc/kernels"}, "cannot be made"),
+        "no folder": ({"STEPWISE_CACHE": "", "XDG_CACHE_HOME": "", "HOME": ""}, "STEPWISE_CACHE"),
+    }[what]
+    fresh = {"STEPWISE_CACHE": str(tmp_path / "cache")} | changes[0]
+    facts, said, picture = shop.run("two_spheres", **fresh)
+    assert not facts["generated"] and facts["hash"] is None
+    assert changes[1] in facts["reason"]
+    assert len(said.splitlines()) == 1 and facts["reason"].removeprefix("general: ") in said
+    _, _, general = shop.run("two_spheres", STEPWISE_CC="none")
+    same(general, picture)
+    left = [path for path in (tmp_path / "cache").glob(".*")] if (tmp_path / "cache").exists() else []
+    assert not left
+
+
+@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open"])
+def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    facts, _, picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert facts["generated"]
+    kernel = folder / f"{facts['hash']}.so"
+    whole = kernel.read_bytes()
+    if what == "cut":
+        kernel.write_bytes(whole[: len(whole) // 2])
+    elif what == "bit":
+        kernel.write_bytes(whole[:9000] + bytes([whole[9000] ^ 1]) + whole[9001:])
+    elif what == "other":  # sound, but of another scene
+        other, _, _ = shop.run("scene0", STEPWISE_CACHE=str(folder))
+        shutil.copy(folder / f"{other['hash']}.so", kernel)
+    elif what == "empty":
+        kernel.write_bytes(b"")
+    else:  # a folder that others may write to is not trusted
+        folder.chmod(0o777)
+    again, said, other_picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    if what == "open":
+        assert not again["generated"] and "open to others" in said
+        return
+    assert again["generated"] and not again["cached"] and again["compile_ns"] > 0
+    same(picture, other_picture)
+    assert kernel.read_bytes() == whole
+
+
+def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
+    environment = shop.environment({"STEPWISE_CACHE": str(tmp_path / "cache")})
+    both = [
+        subprocess.Popen(
+            shop.command("two_spheres"), env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        for _ in range(2)
+    ]
+    for one in both:
+        out, said = one.communicate(timeout=90)
+        assert one.returncode == 0 and not said
+        assert facts_of(out)["generated"]
+    assert len(list((tmp_path / "cache").glob("*.so"))) == 1
+    assert not list((tmp_path / "cache").glob(".*"))
+
+
+def test_marched_scene_is_said_to_be_general(shop: Workshop) -> None:
+    facts, said, _ = shop.run("cubes")
+    assert not facts["generated"] and "marched" in facts["reason"] and not said
