@@ -296,7 +296,7 @@ def test_tables_and_figures_are_made_from_the_file_alone(tmp_path: Path) -> None
         (["--phase", "opt9x"], "no phase 'opt9x'"),
         (["--phase", "baseline"], "baseline: no rung with a parent"),
         (["--scene", "scene9"], "no scene 'scene9'"),
-        (["-n", "7"], "'7': must be a number of at least 8"),
+        (["-n", "7"], "'7': must be a whole number of at least 8"),
         (["--seconds", "nan"], "'nan': must be a number of at least 1"),
         (["--cpu", "4096"], "CPU 4096 is not available"),
         (["--run", "{tmp}/file/run"], "cannot be written to"),
