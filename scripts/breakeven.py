@@ -84,13 +84,11 @@ def run() -> int:
     parser.add_argument("--phase", default="opt10_scene", metavar="SPEC", help="default: opt10_scene")
     parser.add_argument("--against", default="opt9_convex", metavar="SPEC", help="default: opt9_convex")
     parser.add_argument("--scene", nargs="+", default=["scene0"], metavar="NAME", help="default: scene0")
-    parser.add_argument("-n", "--height", type=int, default=720, help="default: 720")
-    parser.add_argument("--launches", type=int, default=5, help="of each phase; default: 5")
-    parser.add_argument("--reps", type=int, default=10, help="frames of each launch; default: 10")
+    parser.add_argument("-n", "--height", type=cli.at_least(1), default=720, help="default: 720")
+    parser.add_argument("--launches", type=cli.at_least(1), default=5, help="of each phase; default: 5")
+    parser.add_argument("--reps", type=cli.at_least(1), default=10, help="frames of each launch; default: 10")
     parser.add_argument("-o", "--out", type=Path, metavar="JSON", help="written there too")
     args = parser.parse_args()
-    if min(args.height, args.launches, args.reps) < 1:
-        raise StudyError("-n, --launches and --reps must be 1 or more")
     specs = Spec.parse(args.against), Spec.parse(args.phase)
     scenes = [registry.find_scene(name) for name in args.scene]
     for spec in specs:

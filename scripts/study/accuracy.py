@@ -222,13 +222,8 @@ def read(run: Path) -> dict[str, Any]:
     path = Path(run) / FILE
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(isinstance(r, dict) and "false_hits_ppm" in r for r in listed):
-        raise StudyError(
-            f"{path}: not what scripts/accuracy.py writes; make it again with scripts/accuracy.py"
-        )
-    for row in (*listed, *((result.get("convergence") or {}).get("rows") or ())):
+    result = store.read_rows(path, "accuracy.py", {"false_hits_ppm"}, empty=True)
+    for row in (*result["rows"], *((result.get("convergence") or {}).get("rows") or ())):
         _restore(row)
     return result
 
