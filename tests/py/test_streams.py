@@ -42,7 +42,7 @@ def test_cones_and_queues_are_the_parents_picture(shadows, width, tmp_path) -> N
 def test_shadows_at_edges_are_the_parents(name, tmp_path) -> None:
     """Within two offsets of an edge a shape is not the flat one of which the first two terms are told.
 
-    Not truth's, whose normals have no differences over an edge. Told flat, pixels were off by up to 0.81 and 0.011.
+    Not truth's, whose normals have no differences over an edge. Told flat, pixels were off by up to 0.81.
     """
     mine, march = (picture(phase, SHARP[name], tmp_path, (214, 122)) for phase in (PHASE, PARENT))
     assert np.array_equal(mine["id"], march["id"])
