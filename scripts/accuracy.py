@@ -56,7 +56,7 @@ class Subject:
         self.mirrors = accuracy.mirrors(scene)
         self.where = where.classes(self.truth, self.mirrors)
         self.base, made = self.measure(BASE)
-        self.base_hits = len(accuracy.right_distances(self.truth, made))
+        self.base_distances = accuracy.right_distances(self.truth, made)
         self.references = {
             "baseline": self.base,
             "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
@@ -74,7 +74,7 @@ class Subject:
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
-        as_many = accuracy.dt_p99_of(self.base_hits, self.truth, made)
+        as_many = accuracy.dt_p99_of(self.base_distances, self.truth, made)
         worse = gate.inferior(found | {"dt_p99": as_many}, self.references, granted)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
