@@ -150,6 +150,8 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
         snprintf(reason, 256, "%.80s cannot be run: %s", compiler, strerror(error));
     else if (!wait_for(pid, &status))
         snprintf(reason, 256, "%.80s took longer than its time limit", compiler);
+    else if (WIFSIGNALED(status))
+        snprintf(reason, 256, "%.80s was killed: %.60s", compiler, strsignal(WTERMSIG(status)));
     else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
         first_error(log, said);
         snprintf(reason, 256, "%.80s failed%s", compiler, said);

@@ -1,5 +1,6 @@
 // A scene's kernel: found in the cache or made, checked, loaded.
 #include <dlfcn.h>
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,15 +40,18 @@ static bool make_object(const char *source, const char *folder, const char *comp
     snprintf(text, sizeof text, "%s/.%s-%ld.c", folder, tag, (long)getpid());
     snprintf(made, sizeof made, "%s/.%s-%ld.so", folder, tag, (long)getpid());
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
+    cache_sweep(folder);
+    unlink(text); // of a process of that number that was killed
+    unlink(made);
     FILE *file = fopen(text, "wx");
     bool done = file && fputs(source, file) >= 0;
     done = file && fclose(file) == 0 && done;
     if (!done)
-        snprintf(reason, 256, "%.120s cannot be written", text);
+        snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
     else if (compile_kernel(compiler, flags, lanes, tag, text, made, reason)) {
         done = cache_seal(made, tag) && rename(made, object) == 0 && rename(text, kept) == 0;
         if (!done)
-            snprintf(reason, 256, "%.120s cannot be written", object);
+            snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
     } else
         done = false;
     unlink(text);
@@ -86,8 +90,11 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
             return;
         begin = now_ns();
         loaded->facts.compile_ns = begin - compile;
-        if (!open_object(object, loaded->hash, loaded))
-            snprintf(loaded->reason, sizeof loaded->reason, "%.160s cannot be loaded", object);
+        if (!open_object(object, loaded->hash, loaded)) {
+            const char *why = dlerror(); // begins with the file's name
+            snprintf(loaded->reason, sizeof loaded->reason, "%.200s cannot be loaded",
+                     why ? why : object);
+        }
     }
     loaded->facts.load_ns = now_ns() - begin;
 }

@@ -96,10 +96,10 @@ def note(result: Row) -> str:
     by = f"; kernels by {', '.join(compilers)}" if compilers else ""
     return (
         f"{cpu}; one thread, {result['launches']} interleaved launches{by}. {result['phase']} compiles its "
-        "code anew for a scene, once, while it sets up, and keeps that in a cache: no time of a frame, in any "
+        "code anew for a scene, once, while it sets up, and keeps that in a cache: no frame's time, in any "
         "table, has this in it. Frames to break even: all of the first set-up over what a frame gains; in "
-        "brackets by the ends of both intervals. Later launches find the kernel in the cache and gain from "
-        f"their first frame on. Pictures of both at n = {SMALL} are compared in linear RGB."
+        "brackets by both intervals' ends. Later launches find the kernel in the cache and gain from their "
+        f"first frame on. Pictures of both at n = {SMALL} are compared in linear RGB."
     )
 
 

@@ -104,8 +104,9 @@ VALIDATION = (
     "there: they, and the comparisons, are as the source has them and not measured."
 )
 GENERAL = (
-    "{phases}: counted is the general code, with no kernel generated for the scene (STEPWISE_CC=none). A kernel "
-    "does the same operations but for products with 0 and 1, and for highlights, where it has no logarithm."
+    "{phases}: counted is the general code, with no kernel generated for the scene (STEPWISE_CC=none). A "
+    "kernel does the same operations but for products with 0 and 1, and for highlights, where it has no "
+    "logarithm."
 )
 # How each back end comes by its figure, beside its name.
 MEANS = {
