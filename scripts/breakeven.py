@@ -23,27 +23,17 @@ without a kernel are named."""
 SECONDS = 40
 
 
-def at_least(lowest: float, kind: type = int) -> object:
-    def check(text: str) -> float:
-        try:
-            if lowest <= (value := kind(text)) < float("inf"):
-                return value
-        except ValueError:
-            pass
-        raise argparse.ArgumentTypeError(f"'{text}': must be a number of at least {lowest}")
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a kernel's picture has samples that are not finite"})
     add = parser.add_argument
     add("--phase", default=breakeven.PHASE, metavar="SPEC", help="default: %(default)s")
     add("--against", default=breakeven.AGAINST, metavar="SPEC", help="default: %(default)s")
     add("--scene", nargs="+", default=list(breakeven.SCENES), metavar="NAME", help="default: %(default)s")
-    add("-n", type=at_least(1), default=720, help="height; default: 720, the paper's")
-    add("--launches", type=at_least(1), default=6, help="process launches of each; default: 6")
-    add("--seconds", type=at_least(1, float), default=SECONDS, help="for everything; default: %(default)s")
+    add("-n", type=cli.at_least(1), default=720, help="height; default: 720, the paper's")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add(
+        "--seconds", type=cli.at_least(1, float), default=SECONDS, help="for everything; default: %(default)s"
+    )
     add("--seed", type=int, help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for breakeven.json; default: build/breakeven")
     args = parser.parse_args()

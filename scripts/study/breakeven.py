@@ -167,12 +167,4 @@ def read(path: Path) -> Row:
     """A run's breakeven.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(
-        isinstance(one, dict) and {"scene", "n", "generated"} <= one.keys() for one in listed
-    ):
-        raise StudyError(
-            f"{path}: not what scripts/breakeven.py writes; make it again with scripts/breakeven.py"
-        )
-    return result
+    return store.read_rows(path, "breakeven.py", {"scene", "n", "generated"})
