@@ -168,7 +168,9 @@ def test_camera_inside_a_shape_has_the_general_code(shop: Workshop, tmp_path: Pa
     same(general, picture)
 
 
-@pytest.mark.parametrize("what", ["missing", "silent", "hanging", "path", "file", "unwritable", "no folder"])
+@pytest.mark.parametrize(
+    "what", ["missing", "silent", "hanging", "no number", "path", "file", "unwritable", "no folder"]
+)
 def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
@@ -179,6 +181,7 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
             {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
             "time limit",
         ),
+        "no number": ({"STEPWISE_CC_SECONDS": "1 h"}, "STEPWISE_CC_SECONDS is 1 h: a number above 0"),
         "path": ({"STEPWISE_CC": "", "CC": "", "PATH": str(tmp_path / "empty")}, "on PATH"),
         "file": ({"STEPWISE_CACHE": str(tmp_path / "file")}, "no folder"),
         "unwritable": ({"STEPWISE_CACHE": "/proc/kernels"}, "cannot be made"),
