@@ -10,7 +10,7 @@ import random
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,7 +90,11 @@ def _options(
 
 
 def _lines(
-    arguments: list[str], cpus: set[int] | None, env_bytes: int, timed: bool = True, general: bool = False
+    arguments: list[str],
+    cpus: set[int] | None,
+    env_bytes: int,
+    timed: bool = True,
+    more: Mapping[str, str] | None = None,
 ) -> Iterator[str]:
     """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
 
@@ -100,8 +104,7 @@ def _lines(
     environment = {key: value for key, value in os.environ.items() if key != UNTIMED}
     if not timed:
         environment[UNTIMED] = "1"
-    if general:
-        environment |= GENERAL
+    environment |= more or {}
     if env_bytes:
         environment["STEPWISE_PADDING"] = "x" * env_bytes
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
@@ -162,7 +165,7 @@ def render(
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     if general is None:
         general = options.get("target", "render") != "render"
-    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed, general))
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed, GENERAL if general else None))
     return _parse(text, arguments[0])
 
 
@@ -191,11 +194,14 @@ def execute(
     *,
     cpu: int | None = None,
     env_bytes: int = 0,
+    compiler: str | None = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """As `render`, of a driver that was built elsewhere: another compiler's, or other flags'."""
+    """As `render`, of a driver that was built elsewhere, by another `compiler` or other flags. What it
+    compiles for a scene is by that compiler, too."""
+    more = {"STEPWISE_CC": compiler} if compiler and os.environ.get("STEPWISE_CC") != "none" else None
     arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
-    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes)), arguments[0])
+    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes, more=more)), arguments[0])
 
 
 def interleaved(
