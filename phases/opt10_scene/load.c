@@ -48,12 +48,16 @@ static bool make_object(const char *source, const char *folder, const char *comp
     done = file && fclose(file) == 0 && done;
     if (!done)
         snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
-    else if (compile_kernel(compiler, flags, lanes, tag, text, made, reason)) {
+    else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
+        done = false;
+    else if (access(made, R_OK) != 0) {
+        snprintf(reason, 256, "%.160s wrote no object", compiler);
+        done = false;
+    } else {
         done = cache_seal(made, tag) && rename(made, object) == 0 && rename(text, kept) == 0;
         if (!done)
             snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
-    } else
-        done = false;
+    }
     unlink(text);
     unlink(made);
     return done;
@@ -85,11 +89,12 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
     uint64_t begin = now_ns();
     if (!open_object(object, loaded->hash, loaded)) {
         uint64_t compile = now_ns();
-        if (!make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
-                         loaded->reason))
-            return;
+        bool made = make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
+                                loaded->reason);
         begin = now_ns();
-        loaded->facts.compile_ns = begin - compile;
+        loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
+        if (!made)
+            return;
         if (!open_object(object, loaded->hash, loaded)) {
             const char *why = dlerror(); // begins with the file's name
             snprintf(loaded->reason, sizeof loaded->reason, "%.200s cannot be loaded",

@@ -169,7 +169,7 @@ def test_camera_inside_a_shape_has_the_general_code(shop: Workshop, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    "what", ["missing", "silent", "hanging", "no number", "path", "file", "unwritable", "no folder"]
+    "what", ["missing", "silent", "idle", "hanging", "no number", "path", "file", "unwritable", "no folder"]
 )
 def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
@@ -177,6 +177,7 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     changes = {
         "missing": ({"STEPWISE_CC": "/nowhere/cc"}, "there is no compiler"),
         "silent": ({"STEPWISE_CC": str(shop.script("silent", "exit 1"))}, "failed"),
+        "idle": ({"STEPWISE_CC": str(shop.script("idle", "exit 0"))}, "wrote no object"),
         "hanging": (
             {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
             "time limit",
