@@ -94,7 +94,8 @@ INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_lig
     if (!any(same))
         return;
     ACTIVE(count_of(grazes));
-    COUNT(grazed, shape);
+    COUNT(graze, call);
+    COUNT(stage_end, grazes);
     real lit = own_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
     *light = vec_choose(same, vec_scale(*light, lit), *light);
 }
@@ -245,7 +246,6 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
             queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
         if (any(grazes)) {
-            COUNT(grazed, call);
             EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
                      at->facing, work->scene, &at->light);
         }
