@@ -270,7 +270,7 @@ static void add_lane(int i, float lit, struct desk *desk) {
     float (*field)[QUEUE_ROOM] = desk->shadow;
     int pixel = (int)field[S_PIXEL][i];
     for (int k = 0; k < 3; k++)
-        desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
+        desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
 }
 
 // A packet whose lanes hold rays of different age.
