@@ -55,8 +55,9 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
-static inline real leap(const struct rays *r, real start, real strength, real hit_distance,
-                        real *previous, real *square) {
+#define STEEP 0.5f
+static inline real leap(const struct rays *r, const struct prepared *scene, real start,
+                        real strength, real hit_distance, real *previous, real *square) {
     COUNT(leap, call);
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
@@ -65,8 +66,21 @@ static inline real leap(const struct rays *r, real start, real strength, real hi
     if (!any(can))
         return start;
     ACTIVE(count_of(can));
+    real c = r->facing;
+    if (!any(both(can, less(c, set(STEEP > scene->lit_slope ? STEEP : scene->lit_slope))))) {
+        // As towards a high light: no term of these steps is below 1, and they are few.
+        COUNT(leap, steep);
+        real t = start, before = start, grown = one + c;
+        for (mask on = can; any(on); on = both(on, not_less(until, t))) {
+            COUNT(leap, step);
+            before = choose(on, t, before);
+            t = choose(on, t * grown, t);
+        }
+        *previous = choose(can, before * c, *previous);
+        return t;
+    }
     COUNT(leap, can);
-    real c = r->facing, grow = log_of(one + c);
+    real grow = log_of(one + c);
     real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
     real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
     real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
@@ -122,7 +136,7 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     real strength = set((float)model->shadow_strength);
     m->t = offset;
     if (march->max_steps >= MANY_STEPS)
-        m->t = leap(r, offset, strength, hit, &m->previous, &m->square);
+        m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
