@@ -147,6 +147,7 @@ struct rays {
     mask on_plane;
     bool floor;         // all are from one
     real first, cosine; // the first entry into a solid, of those that can be met
+    mask some, many;    // of rays from a plane: one shape can be met; not one convex one alone
 };
 
 CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,

@@ -99,6 +99,7 @@ struct march {
     real t, from, previous, end; // MARCH_REALS from here on
     real square, divisor;        // least² = square/divisor; no root or quotient until the end
     real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
+    mask one;                    // one convex solid alone can bring a term below 1
 };
 enum { MARCH_REALS = 8, NEAR_REALS = 8 };
 enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
@@ -137,6 +138,10 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     m->t = offset;
     if (march->max_steps >= MANY_STEPS)
         m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
+    m->one = no_lane();
+    if (r->floor && !KNOWN(work->scene)->bulbs)
+        m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
+                         r->active);
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
@@ -247,6 +252,8 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
+                         .some = no_lane(),
+                         .many = no_lane(),
                          .first = set(INFINITY),
                          .cosine = set(1.0f)};
 }
@@ -275,6 +282,8 @@ static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
+                         .some = no_lane(),
+                         .many = no_lane(),
                          .first = set(INFINITY),
                          .cosine = set(1.0f)};
 }
@@ -605,6 +614,21 @@ static void begin_cast(struct cast *c, int slot, int first, const struct convex 
     c->steps = work->scene->model.march.max_steps;
 }
 
+// A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
+// convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
+// and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
+// strength·√¾·r (NOTES.md, 1.). Ends the rays that have less than that.
+static inline void end_risen(struct march *m, real from, real before, float q, float strength) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(end_risen, call);
+    COUNT(end_risen, scalar);
+    real h = m->previous, t = m->from;
+    mask risen = both(less(before, set(q) * from), not_less(h * from, before * t));
+    real least = m->square * (t * t), now = m->divisor * (h * h);
+    mask darker = less(least, now * set(0.7499f * strength * strength));
+    m->done = either(m->done, both(m->one, both(risen, darker)));
+}
+
 static void end_cast(struct cast *c, struct desk *desk) {
     ACTIVE(LANES);
     COUNT(end_cast, call);
@@ -634,7 +658,10 @@ static void cast_packets(const struct convex *work) {
                 continue;
             struct march *m = &c->march;
             if (c->steps-- > 0 && !all(m->done)) {
+                real from = m->from, before = m->previous;
                 step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit, 0.0f);
+                end_risen(m, from, before, KNOWN(scene)->lit_slope,
+                          (float)KNOWN(scene)->model.shadow_strength);
                 continue;
             }
             end_cast(c, desk);
