@@ -121,12 +121,12 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
                                        : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
-    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
     // cap may end it on the way.
     real room = r->first * (set(1.0f) - r->cosine);
     const struct limits *march = &work->scene->model.march;
-    float least_room = (float)(1e5 * march->hit_distance * model->shadow_strength);
+    float least_room = (float)(1e4 * march->hit_distance * model->shadow_strength);
     real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
     float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
