@@ -21,8 +21,7 @@ INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_li
         COUNT(cleared, solid_scalar);
         float slope = slope_to(s, q);
         here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
-        if (q < 0.99f && s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB &&
-            any(but_not(here, *clear)))
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && any(but_not(here, *clear)))
             here = either(here, plane_between(to_centre(s, point), to_light, s, q));
         if (any(but_not(here, *clear))) {
             COUNT(cleared, own);

@@ -155,9 +155,10 @@ INLINE bool all_on_plane(const struct stage *at, const struct prepared *scene) {
 }
 
 INLINE struct surface surface_of_plane(const struct prepared *scene) {
+    COUNT(surface_of_plane, call);
     const struct placed *s = &scene->placed[scene->plane];
-    return (struct surface){vec_set(s->normal), vec_set(s->color), set(s->share),
-                            set(s->shininess), set(s->shine_from)};
+    return (struct surface){vec_set(s->normal), vec_set(s->color), set(s->share), set(s->shininess),
+                            set(s->shine_from)};
 }
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
@@ -194,8 +195,8 @@ static inline real shine_of(real a, real shininess) {
 }
 #endif
 
-INLINE void light_on(struct stage *at, const struct surface *surface, const struct view *view,
-                     const struct model *model) {
+INLINE void stage_light(struct stage *at, const struct surface *surface, const struct view *view,
+                        const struct model *model) {
     const struct ray *ray = &at->ray;
     ACTIVE(count_of(at->hit.found));
     COUNT(stage_light, call);
@@ -233,13 +234,14 @@ INLINE void light_on(struct stage *at, const struct surface *surface, const stru
 }
 
 // Twice, so that a generated kernel knows the plane's material in the first.
-static inline void stage_light(struct stage *at, const struct view *view,
+static inline void light_stage(struct stage *at, const struct view *view,
                                const struct prepared *scene) {
+    COUNT(light_stage, call);
     if (at->flat) {
         struct surface plane = surface_of_plane(scene);
-        light_on(at, &plane, view, &scene->model);
+        stage_light(at, &plane, view, &scene->model);
     } else
-        light_on(at, &at->surface, view, &scene->model);
+        stage_light(at, &at->surface, view, &scene->model);
 }
 
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
@@ -385,7 +387,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         stage_surface(&stage[i], work->scene);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
-            stage_light(&stage[i], work->view, KNOWN(work->scene));
+            light_stage(&stage[i], work->view, KNOWN(work->scene));
     if (model->shadows != SHADOWS_NONE)
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)

@@ -12,9 +12,9 @@ enum {
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
-    COLOR_ROOM = TILE_PIXELS + 3 * LANES,        // so that no two of a pixel's colours are 4 KiB apart
-    GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
-    QUEUE = 5120,                                // rays; a full one is worked off
+    COLOR_ROOM = TILE_PIXELS + 3 * LANES, // so that no two of a pixel's colours are 4 KiB apart
+    GROUP = TILE_WIDTH / BLOCK_WIDTH,     // packets that are shaded together
+    QUEUE = 5120,                         // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES,
     CASTS = 4 // packets of shadow rays in work
 };

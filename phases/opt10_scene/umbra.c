@@ -66,6 +66,8 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
     if (!any(can))
         return start;
     ACTIVE(count_of(can));
+    COUNT(leap, asked);
+    COUNT(leap, scalar);
     real c = r->facing;
     if (!any(both(can, less(c, set(STEEP > scene->lit_slope ? STEEP : scene->lit_slope))))) {
         // As towards a high light: no term of these steps is below 1, and they are few.
@@ -139,9 +141,11 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     if (march->max_steps >= MANY_STEPS)
         m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
     m->one = no_lane();
-    if (r->floor && !KNOWN(work->scene)->bulbs)
+    if (r->floor && !KNOWN(work->scene)->bulbs) {
+        COUNT(begin, floor);
         m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
                          r->active);
+    }
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
@@ -618,14 +622,13 @@ static void begin_cast(struct cast *c, int slot, int first, const struct convex 
 // convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
 // and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
 // strength·√¾·r (NOTES.md, 1.). Ends the rays that have less than that.
-static inline void end_risen(struct march *m, real from, real before, float q, float strength) {
+static inline void end_risen(struct march *m, real from, real before, float q, real enough) {
     ACTIVE(LANES - count_of(m->done));
     COUNT(end_risen, call);
-    COUNT(end_risen, scalar);
     real h = m->previous, t = m->from;
     mask risen = both(less(before, set(q) * from), not_less(h * from, before * t));
     real least = m->square * (t * t), now = m->divisor * (h * h);
-    mask darker = less(least, now * set(0.7499f * strength * strength));
+    mask darker = less(least, now * enough);
     m->done = either(m->done, both(m->one, both(risen, darker)));
 }
 
@@ -645,6 +648,8 @@ static void cast_packets(const struct convex *work) {
     const struct prepared *scene = work->scene;
     real strength = set((float)KNOWN(scene)->model.shadow_strength),
          hit = set((float)scene->model.march.hit_distance);
+    real enough = strength * strength * set(0.7499f);
+    COUNT(cast_packets, call);
     struct cast cast[CASTS];
     int next = 0, live = 0;
     for (; live < CASTS && next < desk->shadows; live++, next += LANES)
@@ -660,8 +665,7 @@ static void cast_packets(const struct convex *work) {
             if (c->steps-- > 0 && !all(m->done)) {
                 real from = m->from, before = m->previous;
                 step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit, 0.0f);
-                end_risen(m, from, before, KNOWN(scene)->lit_slope,
-                          (float)KNOWN(scene)->model.shadow_strength);
+                end_risen(m, from, before, KNOWN(scene)->lit_slope, enough);
                 continue;
             }
             end_cast(c, desk);
