@@ -621,7 +621,7 @@ static void begin_cast(struct cast *c, int slot, int first, const struct convex 
 // A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
 // convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
 // and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
-// strength·√¾·r (NOTES.md, 1.). Ends the rays that have less than that.
+// strength·√¾·r (opt9_convex's NOTES.md, 5.). Ends the rays that have less than that.
 static inline void end_risen(struct march *m, real from, real before, float q, real enough) {
     ACTIVE(LANES - count_of(m->done));
     COUNT(end_risen, call);
