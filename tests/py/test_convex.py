@@ -196,6 +196,87 @@ def test_shadows_at_edges_are_truths(name: str, tmp_path: Path) -> None:
     assert np.abs(clamped(mine) - clamped(exact)).max() < 1e-4
 
 
+# What is told by a plane between ray and solid, and rays that end once they are past the one solid in their
+# way, as they may not where there are two, or a torus, which a ray can pass twice. BRIGHT: a pixel's light.
+BRIGHT = 2.5
+IN_THE_WAY = {
+    "slim and flat solids": scene(
+        [
+            FLOOR,
+            shape("box", half_size=[0.05, 1.2, 0.05], rotation_degrees=[0, 0, 60], position=[-1.6, 0.2, 0]),
+            shape("cone", bottom_radius=0.05, top_radius=0.7, half_height=1, position=[0, 0.1, 1.5]),
+            shape("octahedron", radius=0.9, position=[0.2, 0.2, -0.9]),
+            shape("torus", major_radius=0.8, minor_radius=0.1, position=[1.9, 0, 0.3]),
+        ],
+        light=lit("soft", [0.4, 7, 0.2]),
+    ),
+    "one above the other": scene(
+        [
+            FLOOR,
+            shape("sphere", radius=0.35, position=[-1.3, -0.8, 0]),
+            shape("box", half_size=[0.5, 0.05, 0.6], position=[-1.1, 0.5, 0.2]),
+            shape("sphere", radius=0.9, position=[0.6, 1.6, 0.5]),
+            shape("octahedron", radius=0.5, position=[0.6, -0.7, -0.2]),
+            shape(
+                "torus",
+                major_radius=0.7,
+                minor_radius=0.2,
+                rotation_degrees=[70, 0, 0],
+                position=[1.9, -0.4, 0],
+            ),
+        ],
+        light=lit("soft", [0.4, 7, 0.2]),
+    ),
+}
+
+
+@pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
+@pytest.mark.parametrize("name", IN_THE_WAY)
+def test_what_is_not_marched_to_its_end_is_truths(name: str, phase: str, tmp_path: Path) -> None:
+    """Darker than 1e-4 is 0 (NOTES.md, 3.): all else is as exact as float."""
+    mine, exact = (picture(IN_THE_WAY[name], tmp_path, phase=one) for one in (phase, "truth"))
+    assert np.array_equal(mine["id"], exact["id"])
+    off = np.abs(clamped(mine) - clamped(exact)).max(axis=-1)
+    assert off.max() < 1.2e-4 * BRIGHT
+    assert np.quantile(off, 0.99) < 2e-5
+    assert (clamped(exact).max(axis=-1) < 0.9).mean() > 0.2  # penumbras and shadows to be wrong in
+
+
+def test_a_ratio_that_has_risen_does_not_come_back() -> None:
+    """The end of a march past one convex solid (NOTES.md, 5.): no later term is less.
+
+    A random box, seen by rays along z from a floor whose normal is near them; others are kept out of the cone
+    in which a term can come below 1.
+    """
+    random = np.random.default_rng(10)
+    cone = next(q for q in np.linspace(0.3, 0.4, 10001) if STRENGTH * bound(q) >= 1)
+    ended, saved = 0, 0
+    for _ in range(3000):
+        centre, half = random.uniform((-1.5, -1.5, 0.5), (1.5, 1.5, 4)), random.uniform(0.05, 1, 3)
+        turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        slope, other = random.uniform(cone, 1), random.uniform(cone, 3)
+
+        def distance(t, centre=centre, half=half, turn=turn, slope=slope, other=other):
+            out = np.abs(turn @ (np.array([0, 0, t]) - centre)) - half
+            box = np.linalg.norm(np.maximum(out, 0)) + min(out.max(), 0)
+            return min(box, slope * t, other * t + 0.3)
+
+        t, before, previous, least, end = 1e-3, 0.0, 1e20, 1.0, math.inf
+        while t < 40 and (h := distance(t)) > 1e-6:
+            y = h * h / (2 * previous)
+            if h * h - y * y > 0 and t - y > 0:
+                term = STRENGTH * math.sqrt(h * h - y * y) / (t - y)
+                assert t <= end or term >= least * (1 - 1e-6), (centre, half, turn)
+                saved += t > end
+                least = min(least, term)
+            risen = before > 0 and previous < cone * before and h / t >= previous / before
+            if risen and math.isinf(end) and STRENGTH * math.sqrt(0.75) * h / t > least:
+                end, ended = t, ended + 1
+            before, previous, t = t, h, t + h
+        assert end == math.inf or t > 40 or h > 1e-6  # it is not met either
+    assert ended > 300 and saved > 1000
+
+
 @pytest.mark.parametrize("steps", ["3", "40", "300"])
 def test_few_steps_are_each_taken(steps: str, tmp_path: Path) -> None:
     """A cap that ends a shadow's march shapes its value: truth marches it in double-double under the same."""
