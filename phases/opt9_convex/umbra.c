@@ -290,7 +290,8 @@ static void add_lane(int i, float lit, struct desk *desk) {
 struct pool {
     struct march march;
     struct near *nears;
-    int ray[LANES]; // which of the queue
+    int ray[LANES];    // which of the queue
+    float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
     unsigned live, leaving;
 };
 
@@ -306,11 +307,13 @@ static void copy_lane(struct pool *to, int here, const struct pool *from, int th
             a[i * LANES + here] = b[i * LANES + there];
     }
     to->ray[here] = from->ray[there];
+    to->born[here] = from->born[there];
     to->live |= 1u << here;
 }
 
 // Takes rays from `ready`, which is made anew from the queue whenever it is empty.
-static int refill(struct pool *to, struct pool *ready, int next, const struct convex *work) {
+static int refill(struct pool *to, struct pool *ready, int next, int steps,
+                  const struct convex *work) {
     struct desk *desk = work->desk;
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
         while (!ready->live && next < desk->shadows) {
@@ -325,6 +328,7 @@ static int refill(struct pool *to, struct pool *ready, int next, const struct co
             break;
         int lane = __builtin_ctz(ready->live);
         copy_lane(to, __builtin_ctz(ended), ready, lane, work->scene->model.shape_count);
+        to->born[__builtin_ctz(ended)] = (float)steps;
         ready->live &= ready->live - 1;
     }
     to->march.done = lanes_of(~to->live);
@@ -390,13 +394,15 @@ static void see_off(struct pools *pools, const struct convex *work) {
         pools->out[k].march.done = lanes_of(~pools->out[k].live);
         m[k] = pools->out[k].march;
     }
-    for (int i = 0; i < model->march.max_steps && ended < ABREAST * LANES; i++) {
+    for (int i = 1; ended < ABREAST * LANES; i++) {
+        real oldest = set((float)i - (float)model->march.max_steps);
         real h[ABREAST];
         nearest_bulbs(m, work->scene, true, h);
         ended = 0;
         for (int k = 0; k < ABREAST; k++) {
             step(&m[k], h[k], strength, hit, 0.0f);
             m[k].done = either(m[k].done, over(&m[k], work->scene));
+            m[k].done = either(m[k].done, not_less(oldest, load(pools->out[k].born)));
             ended += count_of(m[k].done);
         }
     }
@@ -423,20 +429,28 @@ static void retire(struct pool *from, struct pools *pools, const struct convex *
 }
 
 // One step of each packet. How many lanes have ended.
-static inline int step_all(struct march *m, struct pool *pool, bool look,
+static inline int step_all(struct march *m, struct pool *pool, int steps,
                            const struct convex *work) {
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    // Rays that old have had their steps.
+    real oldest = set((float)steps - (float)model->march.max_steps);
     real h[ABREAST];
     int ended = 0;
     nearest_bulbs(m, work->scene, false, h);
     for (int k = 0; k < ABREAST; k++) {
         mask behind = no_lane();
-        if (look)
+        if (steps % LOOK_EVERY == 0)
             behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
         step(&m[k], h[k], strength, hit, DARK * DARK);
-        pool[k].leaving |= bits(but_not(m[k].done, behind));
-        m[k].done = either(m[k].done, behind);
+        m[k].done = either(m[k].done, not_less(oldest, load(pool[k].born)));
+        behind = but_not(m[k].done, behind);
+        if (any(behind)) {
+            real born = load(pool[k].born);
+            unload(choose(behind, born - set((float)steps), born), pool[k].born);
+            pool[k].leaving |= bits(behind);
+            m[k].done = either(m[k].done, behind);
+        }
         ended += count_of(m[k].done);
     }
     return ended;
@@ -451,14 +465,13 @@ static void cast_streams(const struct convex *work) {
     for (int k = 0; k < POOLS; k++)
         all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
     struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
-    long left = (long)model->march.max_steps * (desk->shadows / LANES + ABREAST);
-    unsigned steps = 0;
-    for (int next = 0; left > 0;) {
+    int steps = 0;
+    for (int next = 0;;) {
         struct march m[ABREAST];
         unsigned live = pools.ready->live;
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill(&pools.work[k], pools.ready, next, work);
+            next = refill(&pools.work[k], pools.ready, next, steps, work);
             live |= pools.work[k].live;
             m[k] = pools.work[k].march;
             ended += count_of(m[k].done);
@@ -467,8 +480,8 @@ static void cast_streams(const struct convex *work) {
             break;
         bool more = next < desk->shadows || pools.ready->live;
         int enough = more ? ended + LANES / 4 : ABREAST * LANES;
-        while (ended < enough && left-- > 0)
-            ended = step_all(m, pools.work, ++steps % LOOK_EVERY == 0, work);
+        while (ended < enough)
+            ended = step_all(m, pools.work, ++steps, work);
         for (int k = 0; k < ABREAST; k++) {
             pools.work[k].march = m[k];
             retire(&pools.work[k], &pools, work);
