@@ -39,6 +39,8 @@ struct walk {
 
 // Into the next cells; those that are not at their end there.
 static inline mask next_cells(struct walk *w, mask going) {
+    ACTIVE(count_of(going));
+    COUNT(next_cells, call);
     real leaves = leaves_at(&w->x, &w->y, &w->z);
     going = both(going, less(leaves, w->end));
     go_on(&w->x, going, leaves);
@@ -88,6 +90,7 @@ static inline real beside_copy(real o, real rest, real d, real from, const struc
 
 static inline struct vec at_copy(const struct placed *s, const struct among *a, struct vec d,
                                  const struct walk *w, real from) {
+    COUNT(at_copy, call);
     real zero = set(0.0f);
     struct wide_vec to = {wide_sum(a->direction.x, zero), wide_sum(a->direction.y, zero),
                           wide_sum(a->direction.z, zero)};
@@ -156,6 +159,7 @@ mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real en
         struct vec n = normal_on(ray->local, s);
         mask back = less(vec_dot(n, d), set(0.0f));
         o = vec_choose(own, vec_along(ray->local, n, negate_where(back, set(offset))), o);
+        own = but_not(back, own); // it was met from within, and so it will be again
     }
     struct among among = among_of(s, &o, ray->direction, own, ray->active, end);
     mask within = both(but_not(among.leaves, ray->active), in_box(s, o));

@@ -109,6 +109,7 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
             blocked = but_not(own, less(mul_add(way, slope, height), zero));
             blocked = either(blocked, but_not(own, less(height, zero)));
         } else if (s->repeated) {
+            COUNT(reaches_light, repeated);
             struct vec from = vec_along(local, turned(s, to_light), offset);
             from = vec_choose(own, from, in_frame(s, start));
             blocked = cells_block(s, from, to_light, own, open, reach);

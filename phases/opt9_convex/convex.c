@@ -42,6 +42,7 @@ static void first_hit(const struct ray *ray, const struct eye *eyes, const int *
             met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
         } else if (s->repeated) {
+            COUNT(first_hit, repeated);
             struct among among = {vec_set(eyes[i].at), vec_set(eyes[i].rest),   direction, active,
                                   no_lane(),           least_of(bounds, hit->t)};
             met = enter_cells(s, &among, &t, &local);
@@ -105,6 +106,7 @@ static void mirror_hit(const struct ray *ray, const struct convex *work, struct 
             t = choose(under, height, height / (zero - slope));
             met = both(but_not(own, ray->active), either(under, less(slope, zero)));
         } else if (s->repeated) {
+            COUNT(mirror_hit, repeated);
             met = meet_cells(ray, s, own, least_of(bounds, hit->t),
                              (float)scene->model.march.surface_offset, &t, &local);
         } else {
