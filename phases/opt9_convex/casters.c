@@ -1,5 +1,5 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
-#include "cone.h"
+#include "cells.h"
 
 void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
                    struct near *near) {
@@ -80,6 +80,14 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
         enter_on_the_way(s, i, r, met);
 }
 
+// A copy may be the nearest anywhere, and bring the term of any step below 1.
+static void look_at_cells(const struct placed *s, int i, struct rays *r, const struct convex *work,
+                          struct near *near) {
+    near->from = r->alone = set(0.0f);
+    r->end = set(INFINITY);
+    cells_on_the_way(s, i, r, &work->scene->model.march);
+}
+
 void see_along(const struct rays *r, int i, struct near *near, const struct convex *work) {
     COUNT(see_along, call);
     const struct placed *s = &work->scene->placed[i];
@@ -90,7 +98,7 @@ void see_along(const struct rays *r, int i, struct near *near, const struct conv
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
-    near->power = s->type == SHAPE_SPHERE && any(own) && !work->scene->bulbs;
+    near->power = s->type == SHAPE_SPHERE && any(own) && !s->repeated && !work->scene->bulbs;
     if (near->power) {
         COUNT(see_along, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
@@ -111,6 +119,8 @@ int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct
         const struct placed *s = &scene->placed[i];
         if (s->way == LINEAR)
             look_at_plane(s, i, r, work, &nears[i]);
+        else if (s->repeated)
+            look_at_cells(s, i, r, work, &nears[i]);
         else
             look_at_solid(s, i, r, work, &nears[i]);
     }

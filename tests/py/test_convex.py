@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conformance.feature_scenes import FLOOR, scene, shape
+from conformance.feature_scenes import FLOOR, TURNED, scene, shape
 from study import images, registry
 from study.build import build
 from study.registry import ROOT
@@ -94,7 +94,7 @@ def picture(
     return images.read(out)
 
 
-@pytest.mark.parametrize("name", ["scene0", "trio", "spheres40", "two_spheres"])
+@pytest.mark.parametrize("name", ["scene0", "trio", "spheres40", "two_spheres", "cubes"])
 def test_lanes_and_threads_change_nothing(name: str, tmp_path: Path) -> None:
     base = picture(name, tmp_path)
     for other in (picture(name, tmp_path, "--threads", "2"), picture(name, tmp_path, lanes="avx2")):
@@ -161,6 +161,127 @@ def test_where_closed_forms_look_twice(name: str, tmp_path: Path) -> None:
     assert np.array_equal(mine["id"], march["id"])
     off = np.abs(clamped(mine) - clamped(march)).max(axis=-1)
     assert off.max() < 1 / 255, f"{(off > 1 / 255).sum()} pixels"
+
+
+GRID = [4.4, 4.2, 5]
+LATTICE = shape("box", repeat=GRID, **TURNED)
+BRIGHT = {"light": {"emission": [90, 80, 70]}, "background": [0.9, 0.5, 0.1]}
+
+
+def looks(position: list[float], at: list[float]) -> dict:
+    return {"position": position, "look_at": at, "vertical_fov_degrees": 60}
+
+
+# Repeated shapes, held against phases/truth, which walks through the cells by proofs of its own.
+REPEATED = {
+    "every shape, turned": scene(
+        [
+            shape(kind, repeat=[7, 6, 8], rotation_degrees=[25, -40, 70], position=[i, 2 - i, 2 * i])
+            for i, kind in enumerate(["sphere", "box", "octahedron"])
+        ]
+    ),
+    "a box whose cell is cut short by its sides": scene(
+        [shape("box", half_size=[2.1, 0.3, 2], repeat=GRID)], camera=looks([0.4, 1.1, 0.3], [1, 0.9, 9])
+    ),
+    "boxes that touch, hard shadows": scene(
+        [shape("box", repeat=[2.4, 0, 4])], light=lit("hard", [3, 4, -1])
+    ),
+    "along walls of cells": scene(
+        [shape("box", repeat=GRID, rotation_degrees=[90, 0, 0])],
+        camera=looks([2.2, 2.5, -2.1], [2.2, 2.5, 9]),
+    ),
+    "from within the lattice, along an axis": scene(
+        [shape("sphere", repeat=GRID)], camera=looks([0, 0, -2.5], [0, 0, 9])
+    ),
+    "copies beyond the bounds": scene(
+        [shape("octahedron", repeat=GRID)],
+        march={"bounds_radius": 9},
+        background=[0.3, 0.1, 0.1],
+        camera=looks([0.4, 2.1, -5], [0, 2.1, 0]),
+    ),
+    "cells of negative numbers": scene(
+        [LATTICE, shape("sphere", radius=0.7, position=[2, 2, 2.4], repeat=GRID)],
+        camera=looks([-37, -22, -41], [-60, -30, -70]),
+    ),
+    "mirrors": scene(
+        [LATTICE | {"material": "mirror"}], camera=looks([2.2, 2.1, -2.5], [2.2, 1.1, 9]), **BRIGHT
+    ),
+    "mirrors in a row over one": scene(
+        [FLOOR | {"material": "mirror"}, shape("sphere", repeat=[3, 0, 0], material="mirror")], **BRIGHT
+    ),
+    "hard shadows": scene(
+        [LATTICE, shape("cone", repeat=[4.4, 0, 5], position=[2.2, 0, 2.5])], light=lit("hard", [1, 3, -3])
+    ),
+    "soft shadows": scene(
+        [
+            FLOOR,
+            shape("sphere", repeat=[4, 0, 4], radius=1),
+            shape("box", repeat=[5, 0, 0], position=[0, 1.5, -1], half_size=[0.3, 0.3, 0.3]),
+        ],
+        light=lit("soft", [3, 5, -1]),
+    ),
+    "soft shadows by few steps": scene(
+        [FLOOR, shape("sphere", repeat=[4, 0, 4], radius=1)],
+        light=lit("soft", [3, 5, -1]),
+        march={"max_steps": 40},
+    ),
+    "800 cells away": scene(
+        [shape("box", repeat=[7.5] * 3, half_size=[1.5, 0.75, 1.5], rotation_degrees=[90, 15, 15])],
+        march={"bounds_radius": 1000},
+        camera=looks([700, 31, -612], [0, 0.3, 9]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
+    """Silhouettes too: no ray is decided otherwise."""
+    size = ("-n", "37", "-w", "65")
+    mine, exact = (picture(REPEATED[name], tmp_path, *size, phase=phase) for phase in (PHASE, "truth"))
+    proved = exact["status.all"] >= 1
+    assert proved.mean() > 0.99 and (exact["id"] >= 0).mean() > 0.1
+    assert np.array_equal(mine["id"][proved], exact["id"][proved])
+    found = proved & (exact["id"] >= 0)
+    apart = np.abs(mine["Z"][found] - exact["Z"][found]) / np.maximum(exact["Z"][found], 1)
+    assert np.quantile(apart, 0.99) < 2e-6, np.quantile(apart, 0.99)
+    assert np.abs(clamped(mine) - clamped(exact))[proved].max() < 1e-3
+
+
+# Where the copies have no closed form together, where the camera is in one of them, where mirror rays start in one:
+# the march's picture.
+FOLDED = {
+    "soft shadows of the shape itself": scene(
+        [shape("octahedron", repeat=GRID, **TURNED)], light=lit("soft", [3, 2, -3])
+    ),
+    "a shape wider than its cell": scene(
+        [shape("sphere", repeat=[2, 0, 4], radius=1.3)], light=lit("soft", [3, 4, -1])
+    ),
+    "a cone along its axis": scene([shape("cone", repeat=[0, 2.5, 4])], light=lit("hard", [3, 4, -1])),
+    "the camera inside of a copy": scene(
+        [shape("box", repeat=GRID)], camera=looks([4.5, 0.2, 0.1], [0, 0.3, 9])
+    ),
+    "boxes, crevices": scene(
+        [
+            shape(
+                "box",
+                repeat=[2.5, 0, 1.9],
+                rotation_degrees=[0, 20, 0],
+                position=[0, -0.75, 3],
+                material="mirror",
+            )
+        ],
+        march={"surface_offset": 0.2},
+        **BRIGHT,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOLDED)
+def test_repeated_shapes_where_a_march_is_the_picture(name: str, tmp_path: Path) -> None:
+    mine, march = (picture(FOLDED[name], tmp_path, phase=phase) for phase in (PHASE, "baseline"))
+    assert (mine["id"] != march["id"]).sum() <= 2
+    off = np.abs(clamped(mine) - clamped(march)).max(axis=-1)
+    assert (off > 1 / 255).sum() <= 2, f"{(off > 1 / 255).sum()} pixels"
 
 
 # Shadows of what is not flat for the first steps of a march. The shape taken for flat is off by 2.9e-3 and
