@@ -12,6 +12,7 @@ from pathlib import Path
 
 from study import cli, hard, hard_page, registry, store
 from study.hard import curves, measure, phase
+from study.run import GENERAL
 
 
 def positive(text: str) -> float:
@@ -80,6 +81,11 @@ def run() -> int:
         cli.say(f"skipped {item['phase']}: {item['reason']}")
     if not names:
         return cli.CANNOT_RUN
+    # Hundreds of scenes: a kernel for each would take longer than all of them by all phases.
+    if os.environ.setdefault("STEPWISE_CC", GENERAL["STEPWISE_CC"]) == "none":
+        for name in names:
+            if registry.find_phase(name.partition("@")[0]).embedded:
+                cli.say(f"{name}: its general code; STEPWISE_CC=gcc holds kernels to the cases, in minutes")
     phases = [
         {"name": name, "precision": phase.Phase(name).precision, "sha256": measure.binary_sha256(name)}
         for name in names

@@ -1,5 +1,5 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
-#include "cone.h"
+#include "cells.h"
 
 void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
                    struct near *near) {
@@ -15,6 +15,7 @@ void look_at_plane(const struct placed *s, int i, struct rays *r, const struct c
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
+    r->many = either(r->many, not_in(clear));
     if (any(but_not(clear, r->active))) {
         COUNT(look_at_plane, met);
         real t = height / (set(0.0f) - slope);
@@ -52,6 +53,8 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->many = either(r->many, s->convex ? both(r->some, met) : met);
+    r->some = either(r->some, met);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)),
@@ -77,6 +80,14 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
         enter_on_the_way(s, i, r, met);
 }
 
+// A copy may be the nearest anywhere, and bring the term of any step below 1.
+static void look_at_cells(const struct placed *s, int i, struct rays *r, const struct convex *work,
+                          struct near *near) {
+    near->from = r->alone = set(0.0f);
+    r->end = set(INFINITY);
+    cells_on_the_way(s, i, r, &work->scene->model.march);
+}
+
 void see_along(const struct rays *r, int i, struct near *near, const struct convex *work) {
     COUNT(see_along, call);
     const struct placed *s = &work->scene->placed[i];
@@ -87,7 +98,7 @@ void see_along(const struct rays *r, int i, struct near *near, const struct conv
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
-    near->power = s->type == SHAPE_SPHERE && any(own) && !work->scene->bulbs;
+    near->power = s->type == SHAPE_SPHERE && any(own) && !s->repeated && !work->scene->bulbs;
     if (near->power) {
         COUNT(see_along, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
@@ -108,6 +119,8 @@ int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct
         const struct placed *s = &scene->placed[i];
         if (s->way == LINEAR)
             look_at_plane(s, i, r, work, &nears[i]);
+        else if (s->repeated)
+            look_at_cells(s, i, r, work, &nears[i]);
         else
             look_at_solid(s, i, r, work, &nears[i]);
     }

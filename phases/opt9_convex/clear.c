@@ -1,7 +1,7 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
-#include "cone.h"
+#include "cells.h"
 
 mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
              mask active, const struct convex *work) {
@@ -9,7 +9,7 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real facin
     COUNT(cleared, call);
     const struct prepared *scene = work->scene;
     float q = scene->lit_slope;
-    mask clear = active;
+    mask clear = scene->repeats ? no_lane() : active; // there may be a copy anywhere
     for (int k = 0; k < work->desk->shadings && any(clear); k++) {
         int i = work->desk->shading[k];
         const struct placed *s = &scene->placed[i];
@@ -25,6 +25,8 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real facin
             COUNT(cleared, solid_scalar);
             float slope = slope_to(s, q);
             here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
+            if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && any(but_not(here, clear)))
+                here = either(here, plane_between(to_centre(s, point), to_light, s, q));
             if (any(but_not(here, clear))) {
                 COUNT(cleared, own);
                 here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
@@ -108,6 +110,11 @@ mask reaches_light(struct vec point, struct vec local, struct vec to_light, real
             real slope = vec_dot(vec_set(s->normal), to_light), height = height_over(s, start);
             blocked = but_not(own, less(mul_add(way, slope, height), zero));
             blocked = either(blocked, but_not(own, less(height, zero)));
+        } else if (s->repeated) {
+            COUNT(reaches_light, repeated);
+            struct vec from = vec_along(local, turned(s, to_light), offset);
+            from = vec_choose(own, from, in_frame(s, start));
+            blocked = cells_block(s, from, to_light, own, open, reach);
         } else {
             COUNT(reaches_light, solid);
             struct vec at, d = turned(s, to_light),

@@ -77,7 +77,7 @@ static void queue_shadow(mask m, struct vec p, const struct found *hit, struct v
 }
 
 static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight,
-                         real shape, const struct convex *work) {
+                         const struct found *hit, const struct convex *work) {
     ACTIVE(count_of(m));
     COUNT(queue_mirror, call);
     struct desk *desk = work->desk;
@@ -89,7 +89,9 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     pack(m, weight, &field[M_WEIGHT][at]);
     pack(m, ray->pixel, &field[M_PIXEL][at]);
     pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
-    pack(m, shape, &field[M_LEAVES][at]);
+    pack(m, hit->shape, &field[M_LEAVES][at]);
+    if (work->scene->repeats)
+        pack_vec(m, hit->local, field + M_LOCAL, at);
     desk->mirrors += count_of(m);
 }
 
@@ -252,7 +254,7 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
         if (any(mirror)) {
             COUNT(stage_end, mirror);
             queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
-                         at->weight * at->surface.share, at->hit.shape, work);
+                         at->weight * at->surface.share, &at->hit, work);
         }
     }
 }
@@ -331,7 +333,7 @@ static void choose_shading(const struct stage *stage, int count, const struct co
         float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
         if (s->type == SHAPE_MANDELBULB)
             q /= BULB_SHARE;
-        if (!known || s->way == LINEAR || !ball_clears(&ball, s, q))
+        if (!known || s->way == LINEAR || s->repeated || !ball_clears(&ball, s, q))
             desk->shading[desk->shadings++] = i;
     }
 }

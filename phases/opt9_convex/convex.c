@@ -1,6 +1,7 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "cells.h"
 #include "crowd.h"
 #include "picture.h"
 #include "window.h"
@@ -16,11 +17,15 @@ static inline void take(mask met, real t, struct vec local, const struct placed 
 }
 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
-static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
-                      int count, const struct prepared *scene, struct found *hit) {
+static void first_hit(const struct ray *ray, const struct eye *eyes, const int *list, int count,
+                      const struct prepared *scene, struct found *hit) {
     COUNT(first_hit, call);
-    real zero = set(0.0f);
+    struct vec direction = ray->direction;
+    mask active = ray->active;
+    real zero = set(0.0f), bounds = zero;
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    if (scene->repeats)
+        bounds = until_bounds(ray->origin, direction, &scene->model.march);
     for (int k = 0; k < count; k++) {
         int i = list[k];
         const struct placed *s = &scene->placed[i];
@@ -36,6 +41,11 @@ static void first_hit(struct vec direction, mask active, const struct eye *eyes,
             t = set(eyes[i].height) / (zero - slope);
             met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
+        } else if (s->repeated) {
+            COUNT(first_hit, repeated);
+            struct among among = {vec_set(eyes[i].at), vec_set(eyes[i].rest),   direction, active,
+                                  no_lane(),           least_of(bounds, hit->t)};
+            met = enter_cells(s, &among, &t, &local);
         } else {
             COUNT(first_hit, solid);
             mask behind;
@@ -75,6 +85,9 @@ static void mirror_hit(const struct ray *ray, const struct convex *work, struct 
         count = crowd_along(ray->origin, ray->direction, ray->active, work, list);
     real zero = set(0.0f);
     *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    real bounds = zero;
+    if (scene->repeats)
+        bounds = until_bounds(ray->origin, ray->direction, &scene->model.march);
     for (int k = 0; k < count; k++) {
         int i = list ? list[k] : k;
         const struct placed *s = &scene->placed[i];
@@ -92,6 +105,10 @@ static void mirror_hit(const struct ray *ray, const struct convex *work, struct 
             mask under = less(height, zero);
             t = choose(under, height, height / (zero - slope));
             met = both(but_not(own, ray->active), either(under, less(slope, zero)));
+        } else if (s->repeated) {
+            COUNT(mirror_hit, repeated);
+            met = meet_cells(ray, s, own, least_of(bounds, hit->t),
+                             (float)scene->model.march.surface_offset, &t, &local);
         } else {
             COUNT(mirror_hit, solid);
             met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active,
@@ -118,7 +135,10 @@ static void follow_mirrors(const struct convex *work) {
                                    load(&field[M_PIXEL][first]),
                                    load(&field[M_BOUNCE][first]),
                                    load(&field[M_LEAVES][first]),
-                                   first_lanes(count)};
+                                   first_lanes(count),
+                                   {set(0.0f), set(0.0f), set(0.0f)}};
+            if (work->scene->repeats)
+                at->ray.local = load_vec(field + M_LOCAL, first);
         }
         for (int i = 0; i < packets; i++)
             mirror_hit(&stage[i].ray, work, &stage[i].hit);
@@ -143,6 +163,10 @@ static int shapes_in(const struct window *w, const struct job *job, int *list) {
             COUNT(shapes_in, plane);
             if (plane_in_window(w, c))
                 list[count++] = i;
+            continue;
+        }
+        if (s->repeated) { // there may be a copy anywhere
+            list[count++] = i;
             continue;
         }
         COUNT(shapes_in, solid);
@@ -207,10 +231,9 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
     at->ray =
-        (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
-                     set(0.0f), set(-1.0f), in_picture(block)};
-    first_hit(d, at->ray.active, job->prepared->eyes, desk->list, desk->listed, job->prepared,
-              &at->hit);
+        (struct ray){tile->eye, d,          set(1.0f),         lane_numbers() + set((float)slot),
+                     set(0.0f), set(-1.0f), in_picture(block), {set(0.0f), set(0.0f), set(0.0f)}};
+    first_hit(&at->ray, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
 }
 
 // The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
@@ -334,8 +357,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
                 store_hit(frame, block_at(&tile, row, i), &stage[i].hit, stage[i].surface.normal);
             float *to = &desk->color[pixel];
             unload(stage[i].color.x, to);
-            unload(stage[i].color.y, to + TILE_PIXELS);
-            unload(stage[i].color.z, to + 2 * TILE_PIXELS);
+            unload(stage[i].color.y, to + COLOR_ROOM);
+            unload(stage[i].color.z, to + 2 * COLOR_ROOM);
         }
         if (desk->mirrors > QUEUE / 2)
             follow_mirrors(&work);
