@@ -247,8 +247,8 @@ def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     assert np.abs(clamped(mine) - clamped(exact))[proved].max() < 1e-3
 
 
-# Where the copies have no closed form together, where the camera is in one of them, where mirror rays start in
-# one: the march's picture.
+# Where the copies have no closed form together, where the camera is in one of them, where mirror rays start
+# in one: the march's picture.
 FOLDED = {
     "soft shadows of the shape itself": scene(
         [shape("octahedron", repeat=GRID, **TURNED)], light=lit("soft", [3, 2, -3])
