@@ -247,7 +247,7 @@ def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     assert np.abs(clamped(mine) - clamped(exact))[proved].max() < 1e-3
 
 
-# Where the copies have no closed form together, where the camera is in one of them, where mirror rays start in one:
+# Where the copies have no closed form together, the camera is in one of them, or mirror rays start in one:
 # the march's picture.
 FOLDED = {
     "soft shadows of the shape itself": scene(
