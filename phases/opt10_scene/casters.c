@@ -34,7 +34,7 @@ CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r
     if (any(in)) {
         COUNT(enter_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 
@@ -145,7 +145,7 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     if (any(in)) {
         COUNT(look_from_plane, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 

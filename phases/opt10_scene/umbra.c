@@ -117,6 +117,7 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .divisor = set(1.0f)};
     COUNT(begin, call);
     COUNT(begin, scalar);
+    r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
     if (IS_CROWD(work->scene))
         crowd_ahead(r, nears, work);
     else
