@@ -55,11 +55,11 @@ def hall_of_mirrors() -> dict:
     Every pixel's ray and its three mirrored ones hit what is lit, and shadow rays have other lists than they.
     """
     scene = crowd(5, 10, "soft")
-    mirror = next(s["material"] for s in scene["shapes"][1:] if s["material"] != "plain")
+    scene["materials"]["glass"] = {"color": [0.6, 0.7, 0.8], "reflectivity": 1, "shininess": 15}
     ceiling = scene["shapes"][0] | {"normal": [0, -1, 0], "offset": -8}
     # Repeated, so that no cone tells anything, and every shadow ray waits.
     ball = {"type": "sphere", "radius": 0.3, "repeat": [3, 0, 0], "position": [0, -4, 12]}
-    scene["shapes"] = [shape | {"material": mirror} for shape in [*scene["shapes"], ceiling, ball]]
+    scene["shapes"] = [shape | {"material": "glass"} for shape in [*scene["shapes"], ceiling, ball]]
     scene["camera"] |= {"position": [0, 4, -2], "look_at": [0, -2, 10], "vertical_fov_degrees": 30}
     scene["light"] |= {"position": [3, 7, 2]}
     return scene
