@@ -158,9 +158,10 @@ def builds_step() -> Iterator[Tally]:
             and run(f"{folder}/ceilings", "--check"),
         )
         make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
+        counting = [] if "SANITIZE=1" in settings else phases_with("costs.def")  # none is run with sanitizers
         targets = {
             phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"]
-            + [f"{folder}/{phase}/render-count"] * (ROOT / "phases" / phase / "costs.def").is_file()
+            + [f"{folder}/{phase}/render-count"] * (phase in counting)
             for phase in phases
         }
         if run(*make, *itertools.chain(*targets.values())):
