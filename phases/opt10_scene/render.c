@@ -211,7 +211,8 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         if (p->way == LINEAR)
             prepared->planes[prepared->plane_count++] = i;
         if (p->repeated || p->way == POWER ||
-            (p->type == SHAPE_MANDELBULB && // of two each one's estimate is a part of the other's steps
+            (p->type ==
+                 SHAPE_MANDELBULB && // of two each one's estimate is a part of the other's steps
              (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
               prepared->bulbs > 1)))
             prepared->solids = false;

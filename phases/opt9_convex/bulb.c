@@ -53,18 +53,12 @@ static inline struct vec fields(const struct lanes *from, int first) {
 }
 
 static inline struct packet packet_of(const struct lanes *from) {
-    return (struct packet){wide_fields(from, B_ORIGIN),
-                           wide_fields(from, B_DIRECTION),
-                           fields(from, B_ORIGIN),
-                           fields(from, B_DIRECTION),
-                           wide_field(from, B_T),
-                           from->field[B_T],
-                           from->field[B_TO],
-                           from->field[B_BORN],
-                           from->field[B_HEIGHT],
-                           from->field[B_SLOPE],
-                           lanes_of(~from->live),
-                           no_lane()};
+    return (struct packet){wide_fields(from, B_ORIGIN), wide_fields(from, B_DIRECTION),
+                           fields(from, B_ORIGIN),      fields(from, B_DIRECTION),
+                           wide_field(from, B_T),       from->field[B_T],
+                           from->field[B_TO],           from->field[B_BORN],
+                           from->field[B_HEIGHT],       from->field[B_SLOPE],
+                           lanes_of(~from->live),       no_lane()};
 }
 
 static inline wide wide_along(wide origin, wide direction, wide t) {
@@ -100,7 +94,8 @@ static inline void advance(struct packet *p, bool exact, real h, real hit_distan
 }
 
 // What has ended gives its answer and is no longer live.
-__attribute__((always_inline)) static inline void retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk *desk) {
+__attribute__((always_inline)) static inline void
+retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk *desk) {
     ACTIVE(count_of(lanes_of(from->live)));
     COUNT(retire_bulb, call);
     real t = p->at;
@@ -137,8 +132,8 @@ __attribute__((always_inline)) static inline void retire_bulb(const struct packe
 }
 
 // A step of all packets. How many lanes have ended.
-__attribute__((always_inline)) static inline int step_bulbs(const struct placed *s, bool exact, struct packet *p,
-                             real hit_distance, real oldest) {
+__attribute__((always_inline)) static inline int
+step_bulbs(const struct placed *s, bool exact, struct packet *p, real hit_distance, real oldest) {
     struct wide_vec place[ABREAST];
     struct vec at[ABREAST];
     mask done[ABREAST];
