@@ -48,8 +48,11 @@ def main() -> int:
     for spec in specs:
         if lacking := registry.missing_isa(spec):
             raise StudyError(f"{spec} needs {', '.join(lacking)}, which this CPU lacks", cli.CANNOT_RUN)
-        build(spec)
+        if registry.find_phase(spec.phase).family == registry.TRUTH:
+            raise StudyError(f"{spec}: is truth itself; name phases that are to be timed")
     folder = store.writable(args.run or registry.ROOT / "build" / "breakeven")
+    for spec in specs:
+        build(spec)
     begun = time.monotonic()
     settings = breakeven.Settings(args.n, args.launches, args.seconds, args.seed)
     found = breakeven.study(specs, scenes, settings)

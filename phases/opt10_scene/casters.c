@@ -1,5 +1,5 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
-#include "cone.h"
+#include "cells.h"
 
 CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
                                 const struct convex *work, struct near *near) {
@@ -34,7 +34,7 @@ CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r
     if (any(in)) {
         COUNT(enter_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 
@@ -77,6 +77,14 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
         enter_on_the_way(s, i, r, met);
 }
 
+// A copy may be the nearest anywhere, and bring the term of any step below 1.
+INLINE void look_at_cells(const struct placed *s, int i, struct rays *r, const struct convex *work,
+                          struct near *near) {
+    near->from = r->alone = set(0.0f);
+    r->end = set(INFINITY);
+    cells_on_the_way(s, i, r, &work->scene->model.march);
+}
+
 CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
                             const struct convex *work) {
     COUNT(see_along, call);
@@ -96,7 +104,7 @@ CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
-    near->power = s->type == SHAPE_SPHERE && any(own) && !scene->bulbs;
+    near->power = s->type == SHAPE_SPHERE && any(own) && !REPEATED(s) && !scene->bulbs;
     if (near->power) {
         COUNT(see_along, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
@@ -137,7 +145,7 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     if (any(in)) {
         COUNT(look_from_plane, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 
@@ -152,6 +160,8 @@ INLINE void look_at(int i, struct rays *r, const struct convex *work, struct nea
     const struct placed *s = &KNOWN(work->scene)->placed[i];
     if (s->way == LINEAR)
         look_at_plane(s, i, r, work, &nears[i]);
+    else if (REPEATED(s))
+        look_at_cells(s, i, r, work, &nears[i]);
     else if (r->floor && s->type != SHAPE_MANDELBULB)
         look_from_plane(s, r, KNOWN(work->scene), &nears[i]);
     else

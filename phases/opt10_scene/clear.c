@@ -1,7 +1,7 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
-#include "cone.h"
+#include "cells.h"
 
 INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_light, real facing,
                      real shape, const struct convex *work, mask *clear) {
@@ -35,7 +35,7 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real facin
              mask active, const struct convex *work) {
     ACTIVE(count_of(active));
     COUNT(cleared, call);
-    mask clear = active;
+    mask clear = REPEATS(work->scene) ? no_lane() : active; // there may be a copy anywhere
     EACH_IN(work->desk->shading, clear_of, point, local, to_light, facing, shape, work, &clear);
     return clear;
 }
@@ -107,6 +107,11 @@ INLINE void block_by(int i, const struct way_out *w, const struct convex *work, 
         real slope = dot_with(s->normal, w->to_light), height = height_over(s, w->start);
         blocked = but_not(own, less(mul_add(w->way, slope, height), zero));
         blocked = either(blocked, but_not(own, less(height, zero)));
+    } else if (REPEATED(s)) {
+        COUNT(reaches_light, repeated);
+        struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
+        from = vec_choose(own, from, in_frame(s, w->start));
+        blocked = cells_block(s, from, w->to_light, own, *open, w->reach);
     } else {
         COUNT(reaches_light, solid);
         struct vec at, d = turned(s, w->to_light),

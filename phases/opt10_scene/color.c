@@ -1,6 +1,7 @@
 // What a hit looks like: normals in closed form, light (Phong, as in shade.c), and what has to wait for a shadow or
 // a mirror ray.
 #include "bulb.h"
+#include "cells.h"
 #include "crowd.h"
 #include "stage.h"
 
@@ -72,7 +73,7 @@ static void queue_shadow(mask m, struct vec p, const struct found *hit, struct v
 }
 
 static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec n, real weight,
-                         real shape, const struct convex *work) {
+                         const struct found *hit, const struct convex *work) {
     ACTIVE(count_of(m));
     COUNT(queue_mirror, call);
     struct desk *desk = work->desk;
@@ -84,7 +85,9 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     pack(m, weight, &field[M_WEIGHT][at]);
     pack(m, ray->pixel, &field[M_PIXEL][at]);
     pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
-    pack(m, shape, &field[M_LEAVES][at]);
+    pack(m, hit->shape, &field[M_LEAVES][at]);
+    if (REPEATS(work->scene))
+        pack_vec(m, hit->local, field + M_LOCAL, at);
     desk->mirrors += count_of(m);
 }
 
@@ -294,7 +297,7 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
         if (any(mirror)) {
             COUNT(stage_end, mirror);
             queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
-                         at->weight * at->surface.share, at->hit.shape, work);
+                         at->weight * at->surface.share, &at->hit, work);
         }
     }
 }
@@ -361,7 +364,7 @@ INLINE void shade_from(int i, const struct ball *ball, const struct convex *work
     float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
     if (s->type == SHAPE_MANDELBULB)
         q /= BULB_SHARE;
-    if (!ball || s->way == LINEAR || !ball_clears(ball, s, q))
+    if (!ball || s->way == LINEAR || REPEATED(s) || !ball_clears(ball, s, q))
         put_in(&work->desk->shading, i);
 }
 

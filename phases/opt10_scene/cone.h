@@ -145,9 +145,20 @@ struct rays {
     real alone; // before it nothing is nearer than the plane that the ray is from
     mask on_plane;
     bool floor;         // all are from one
-    real first, cosine; // the first entry into a solid, of those that can be met
+    real first, cosine; // the first entry into a solid, of those that can be met; 0: not told
+    real sharp;         // see slant_at()
     mask some, many;    // of rays from a plane: one shape can be met; not one convex one alone
 };
+
+// The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
+// them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
+// e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
+INLINE real slant_at(struct vec at, struct vec d, const struct placed *s, const struct rays *r) {
+    COUNT(slant_at, call);
+    real cosine = set(0.0f) - vec_dot(normal_on(at, s), d), rest = set(1.0f) - cosine;
+    mask flat = not_less(flat_within(at, s) * cosine * (rest * rest), r->sharp);
+    return keep(flat, cosine);
+}
 
 CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
                                 const struct convex *work, struct near *near);

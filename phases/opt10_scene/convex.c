@@ -1,6 +1,7 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
+#include "cells.h"
 #include "crowd.h"
 #include "desk.h"
 #include "picture.h"
@@ -21,8 +22,8 @@ static inline struct found nothing_met(void) {
 }
 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
-INLINE void meet(int i, struct vec direction, mask active, const struct eye *eyes,
-                 const struct prepared *scene, struct found *hit) {
+INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
+                 const struct eye *eyes, const struct prepared *scene, struct found *hit) {
     const struct placed *s = &KNOWN(scene)->placed[i];
     real t;
     mask met;
@@ -36,6 +37,12 @@ INLINE void meet(int i, struct vec direction, mask active, const struct eye *eye
         t = set(eyes[i].height) / (set(0.0f) - slope);
         met = both(active, less(slope, set(0.0f))); // the camera is above it
         local = hit->local;
+    } else if (REPEATED(s)) {
+        COUNT(look, repeated);
+        real end = least_of(until_bounds(origin, direction, &scene->model.march), hit->t);
+        struct among among = {
+            vec_set(eyes[i].at), vec_set(eyes[i].rest), direction, active, no_lane(), end};
+        met = enter_cells(s, &among, &t, &local);
     } else {
         COUNT(look, solid);
         mask behind;
@@ -82,6 +89,10 @@ INLINE void meet_mirror(int i, const struct ray *ray, const struct prepared *sce
         mask under = less(height, set(0.0f));
         t = choose(under, height, height / (set(0.0f) - slope));
         met = both(but_not(own, ray->active), either(under, less(slope, set(0.0f))));
+    } else if (REPEATED(s)) {
+        COUNT(mirror_hit, repeated);
+        real end = least_of(until_bounds(ray->origin, ray->direction, &scene->model.march), hit->t);
+        met = meet_cells(ray, s, own, end, (float)scene->model.march.surface_offset, &t, &local);
     } else {
         COUNT(mirror_hit, solid);
         met = meet_from(in_frame(s, ray->origin), turned(s, ray->direction), s, ray->active, own,
@@ -120,7 +131,10 @@ static void follow_mirrors(const struct convex *work) {
                                    load(&field[M_PIXEL][first]),
                                    load(&field[M_BOUNCE][first]),
                                    load(&field[M_LEAVES][first]),
-                                   first_lanes(count)};
+                                   first_lanes(count),
+                                   {set(0.0f), set(0.0f), set(0.0f)}};
+            if (REPEATS(work->scene))
+                at->ray.local = load_vec(field + M_LOCAL, first);
         }
         for (int i = 0; i < packets; i++)
             stage[i].hit = mirror_hit(&stage[i].ray, work);
@@ -141,6 +155,10 @@ INLINE void look_across(int i, const struct window *w, const float *sides, const
         COUNT(shapes_in, plane);
         if (plane_in_window(w, c))
             put_in(list, i);
+        return;
+    }
+    if (REPEATED(s)) { // there may be a copy anywhere
+        put_in(list, i);
         return;
     }
     COUNT(shapes_in, solid);
@@ -211,10 +229,10 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
     at->ray =
-        (struct ray){tile->eye, d,          set(1.0f),        lane_numbers() + set((float)slot),
-                     set(0.0f), set(-1.0f), in_picture(block)};
+        (struct ray){tile->eye, d,          set(1.0f),         lane_numbers() + set((float)slot),
+                     set(0.0f), set(-1.0f), in_picture(block), {set(0.0f), set(0.0f), set(0.0f)}};
     struct found hit = nothing_met();
-    EACH_IN(desk->listed, meet, d, at->ray.active, job->eyes, job->prepared, &hit);
+    EACH_IN(desk->listed, meet, tile->eye, d, at->ray.active, job->eyes, job->prepared, &hit);
     at->hit = hit;
 }
 

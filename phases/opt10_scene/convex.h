@@ -27,7 +27,8 @@ enum mirror_field {
     M_PIXEL,
     M_BOUNCE,
     M_LEAVES, // the shape it is from
-    M_FIELDS
+    M_LOCAL,  // where shapes are repeated: the point it is from, in that one's frame
+    M_FIELDS = M_LOCAL + 3
 };
 // Shadow rays that wait: `light` is what they add to their pixel where nothing is in the way.
 enum shadow_field {

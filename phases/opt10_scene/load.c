@@ -97,7 +97,7 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
             return;
         if (!open_object(object, loaded->hash, loaded)) {
             const char *why = dlerror(); // begins with the file's name
-            snprintf(loaded->reason, sizeof loaded->reason, "%.200s cannot be loaded",
+            snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s",
                      why ? why : object);
         }
     }

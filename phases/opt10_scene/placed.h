@@ -36,6 +36,8 @@ struct placed {
     int iterations;
     float bound, bound_sq; // of a sphere about its position that holds the shape; ∞: there is none
     bool convex;
+    float box
+        [3]; // repeated: half of a box that holds it, and the rounding of a walk through its cells
     // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
     // shine_from, its highlight is less than 1e-9 of the light.
     float color[3], share, shininess, shine_from;
@@ -48,7 +50,8 @@ struct prepared {
     struct model model;    // in a generated kernel without shapes and materials
     struct placed *placed; // one per shape
     struct eye *eyes;      // one per shape; of the frame being rendered
-    bool solids;           // no shape is repeated: convex.c can have it
+    bool solids;           // convex.c can have it
+    bool repeats;          // a shape is repeated
     int plane;             // the first that there is, −1: none
     int bulbs;             // how many of them are Mandelbulbs
     float lit_slope;       // see lit_slope() in render.c
@@ -59,7 +62,8 @@ struct prepared {
 
 // The camera as a shape sees it.
 struct eye {
-    float at[3];     // in the shape's frame
+    float at[3];     // in the shape's frame, of a repeated one in the cell about 0
+    float rest[3];   // of a repeated one: what `at` lacks
     float height;    // above a plane
     float centre[3]; // the shape's position to the right, above and ahead of the camera
 };

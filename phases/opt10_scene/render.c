@@ -145,6 +145,38 @@ static double bound_of(const struct shape *shape) {
     }
 }
 
+// A repeated shape whose copies have a closed form together: it is in its cell, and the cell's mirror image along every
+// axis that it is repeated on, or its wrapped distance would jump at a wall. A ray goes through no more cells than
+// MOST_CELLS, and float counts them.
+enum { MOST_CELLS = 4096 };
+
+static bool cells_hold(const struct shape *shape, struct placed *p, const struct limits *limits) {
+    double half[3] = {INFINITY, INFINITY, INFINITY}, cells = 0;
+    switch (shape->type) {
+    case SHAPE_SPHERE: half[0] = half[1] = half[2] = shape->sphere.radius; break;
+    case SHAPE_BOX: memcpy(half, shape->box.half_size, sizeof half); break;
+    case SHAPE_TORUS:
+        half[0] = half[2] = shape->torus.major_radius + shape->torus.minor_radius;
+        half[1] = shape->torus.minor_radius;
+        break;
+    case SHAPE_CONE:
+        half[0] = half[2] = fmax(shape->cone.bottom_radius, shape->cone.top_radius);
+        half[1] = shape->cone.half_height;
+        break;
+    case SHAPE_OCTAHEDRON: half[0] = half[1] = half[2] = shape->octahedron.radius; break;
+    default: return false;
+    }
+    for (int i = 0; i < 3; i++) {
+        if (shape->repeat[i] > 0.0 && half[i] > shape->repeat[i] / 2)
+            return false;
+        if (shape->repeat[i] > 0.0)
+            cells += 2 * limits->bounds_radius / shape->repeat[i];
+        p->box[i] = (float)(half[i] + 0x1p-19 * limits->bounds_radius);
+    }
+    bool jumps = shape->type == SHAPE_CONE && shape->repeat[1] > 0.0;
+    return !jumps && cells < MOST_CELLS;
+}
+
 static void place_solid(struct placed *p, const struct shape *shape, const struct model *model) {
     double bound = bound_of(shape);
     p->bound = (float)bound;
@@ -180,7 +212,7 @@ enum { CROWD = 2 * TREE_WIDTH, FEW_STEPS = 256 };
 static void plant(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->tree.levels = 0;
-    if (count < CROWD || !prepared->solids || prepared->bulbs ||
+    if (count < CROWD || !prepared->solids || prepared->repeats || prepared->bulbs ||
         prepared->model.march.max_steps < FEW_STEPS)
         return;
     for (int i = 0; i < count; i++) {
@@ -198,6 +230,7 @@ static void plant(struct prepared *prepared) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
+    prepared->repeats = false;
     prepared->plane = -1;
     prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
     prepared->lit_slope = lit_slope(model->shadow_strength);
@@ -210,9 +243,12 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
             prepared->plane = i;
         if (p->way == LINEAR)
             prepared->planes[prepared->plane_count++] = i;
-        if (p->repeated || p->way == POWER ||
-            (p->type ==
-                 SHAPE_MANDELBULB && // of two each one's estimate is a part of the other's steps
+        prepared->repeats = prepared->repeats || p->repeated;
+        if ((p->repeated &&
+             (prepared->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
+            p->way == POWER ||
+            // of two Mandelbulbs each one's estimate is a part of the other's steps
+            (p->type == SHAPE_MANDELBULB &&
              (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
               prepared->bulbs > 1)))
             prepared->solids = false;
@@ -241,6 +277,9 @@ static void make_kernel(struct kept *kept) {
 #else
     if (!kept->prepared.solids)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
+    else if (kept->prepared.repeats)
+        loaded->facts.reason = "a shape is repeated: its cells are walked by general code, no "
+                               "kernel is generated for that";
     else if (kept->prepared.tree.levels)
         loaded->facts.reason =
             "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
@@ -312,8 +351,21 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+// Whether the camera is outside of the box about the copy whose cell it is in.
+static bool beside_copies(const struct placed *p, const double from[3], double far,
+                          struct eye *eye) {
+    bool outside = false;
+    for (int k = 0; k < 3; k++) {
+        double at = dot(p->row[k], from);
+        at -= p->wide_cell[k] * floor(at * p->wide_per_cell[k] + 0.5);
+        split(at, &eye->at[k], &eye->rest[k]);
+        outside = outside || fabs(at) > (double)p->box[k] + far;
+    }
+    return outside;
+}
+
 // Whether the frame can be had without marching camera rays: the camera is within the bounds and outside of
-// every shape's bounding sphere and plane.
+// every shape's bounding sphere (repeated: box) and plane.
 static bool set_eyes(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
     bool clear = dot(view->position, view->position) < radius * radius;
@@ -330,6 +382,10 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
             for (int k = 0; k < 3; k++)
                 eye->centre[k] = (float)dot(p->row[0], axis[k]);
             clear = clear && height > far;
+            continue;
+        }
+        if (p->repeated) {
+            clear = clear && beside_copies(p, from, far, eye);
             continue;
         }
         for (int k = 0; k < 3; k++) {

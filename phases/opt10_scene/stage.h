@@ -19,6 +19,8 @@ struct ray {
     struct vec origin, direction;
     real weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
     mask active;
+    struct vec
+        local; // where repeated shapes are: the point it is from, in the frame of what it leaves
 };
 
 // A group of them takes each step together: each packet's steps wait

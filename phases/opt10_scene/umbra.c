@@ -20,7 +20,8 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
         return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
     }
     COUNT(distance_along, point);
-    return distance_at(vec_along(near->origin, near->direction, t), s, no_lane());
+    struct vec p = vec_along(near->origin, near->direction, t);
+    return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, no_lane());
 }
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
@@ -116,6 +117,7 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .divisor = set(1.0f)};
     COUNT(begin, call);
     COUNT(begin, scalar);
+    r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
     if (IS_CROWD(work->scene))
         crowd_ahead(r, nears, work);
     else

@@ -35,7 +35,7 @@ void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     if (any(in)) {
         COUNT(enter_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 

@@ -110,6 +110,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
                         .divisor = set(1.0f)};
     COUNT(begin, call);
     COUNT(begin, scalar);
+    r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
     if (work->scene->tree.levels)
         crowd_ahead(r, nears, work);
     else

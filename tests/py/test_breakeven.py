@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import breakeven as command
-from study import breakeven, breakeven_page, cli, registry, run
+from study import breakeven, breakeven_page, cli, registry, run, show
 from study.breakeven import Settings
 from study.cli import StudyError
 from study.registry import Spec
@@ -65,6 +65,9 @@ def test_the_page(tmp_path: Path) -> None:
     assert "1.75 |" in text and "1,800 [715, never]" in text and "| 140 |" in text
     assert "it is marched" in chapter.parts[1].markdown and "gcc 12" in chapter.remarks[0]
     assert "breaks even after 1,800" in breakeven_page.sentence(row(), "opt9_convex")
+    said = [{"value": None, "low": 900, "high": None}, {"value": 5, "low": None, "high": None}, None]
+    texts = [breakeven_page.frames_needed({"break_even_frames": one}) for one in said]
+    assert texts == ["never", "5 (insufficient)", show.NOTHING]
     for broken in ('{"rows": [1]}', json.dumps({"rows": [{"scene": "x", "n": 1, "generated": True}]})):
         (tmp_path / breakeven.FILE).write_text(broken)
         with pytest.raises(StudyError, match=r"breakeven\.json.*scripts/breakeven\.py"):
@@ -98,14 +101,15 @@ def run_command(monkeypatch, *arguments: str) -> int:
     [
         (["--phase", "opt10"], "no phase 'opt10'"),
         (["--phase", "opt4"], "opt4 generates no kernels; opt10_scene does"),
+        (["--phase", "truth"], "truth: is truth itself"),
+        (["--against", "truth"], "truth: is truth itself"),
         (["--scene", "nowhere"], "no scene 'nowhere'"),
+        (["--run", "{tmp}/file/run"], "cannot be written to"),
         (["-n", "0"], "'0': must be"),
     ],
 )
-def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path, monkeypatch, capsys) -> None:
-    assert run_command(monkeypatch, *words, "--run", str(tmp_path / "out")) == cli.BAD_INPUT
-    errors = capsys.readouterr().err
-    assert said in errors and "Traceback" not in errors and not list(tmp_path.rglob("breakeven.json"))
+def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
+    refused(command.main, "breakeven.py", ["--run", "{tmp}/out", *words], said)
 
 
 lacking = pytest.mark.skipif(

@@ -247,7 +247,7 @@ def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     assert np.abs(clamped(mine) - clamped(exact))[proved].max() < 1e-3
 
 
-# Where the copies have no closed form together, where the camera is in one of them, where mirror rays start in one:
+# Where the copies have no closed form together, the camera is in one of them, or mirror rays start in one:
 # the march's picture.
 FOLDED = {
     "soft shadows of the shape itself": scene(
@@ -282,6 +282,48 @@ def test_repeated_shapes_where_a_march_is_the_picture(name: str, tmp_path: Path)
     assert (mine["id"] != march["id"]).sum() <= 2
     off = np.abs(clamped(mine) - clamped(march)).max(axis=-1)
     assert (off > 1 / 255).sum() <= 2, f"{(off > 1 / 255).sum()} pixels"
+
+
+# Rays that graze a ring's inner side, whose steps by its distance are hundreds: 17 and 15 pixels were lost.
+ALONG_A_RING = {
+    "all hit": ([1.89, -1.88, -4.6], [0.86, -0.21, 0]),
+    "at its outline": ([2.47, 2.81, -3.96], [0.86, 0.21, 0]),
+}
+
+
+def torus_entries(place: list[float], look: list[float], a: float, b: float) -> np.ndarray:
+    """Distance of each pixel's ray to a torus about the y axis, ∞ where it misses: least root of the quartic
+    (|p|² + a² − b²)² = 4a²(x² + z²), by the eigenvalues of its companion matrix. 107 x 61, 1 degree high."""
+    origin = np.array(place, float)
+    ahead = np.array(look, float) - origin
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross([0, 1, 0], ahead)
+    right /= np.linalg.norm(right)
+    half = math.tan(math.radians(0.5)) / 61
+    across, up = (2 * np.arange(107) - 106) * half, (60 - 2 * np.arange(61)) * half
+    d = ahead + across[None, :, None] * right + up[:, None, None] * np.cross(ahead, right)
+    d /= np.linalg.norm(d, axis=-1, keepdims=True)
+    along, level, rest = d @ origin, d[..., 1], origin @ origin + a * a - b * b
+    companion = np.zeros((61, 107, 4, 4))
+    companion[..., [1, 2, 3], [0, 1, 2]] = 1
+    companion[..., 3, 3] = -4 * along
+    companion[..., 2, 3] = -(4 * along**2 + 2 * rest - 4 * a * a * (1 - level**2))
+    companion[..., 1, 3] = -(4 * along * rest - 8 * a * a * (along - origin[1] * level))
+    companion[..., 0, 3] = -(rest**2 - 4 * a * a * (origin @ origin - origin[1] ** 2))
+    root = np.linalg.eigvals(companion)
+    return np.where((np.abs(root.imag) < 1e-7) & (root.real > 0), root.real, np.inf).min(axis=-1)
+
+
+@pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
+@pytest.mark.parametrize("name", ALONG_A_RING)
+def test_rays_along_a_rings_inner_side_are_not_lost(name: str, phase: str, tmp_path: Path) -> None:
+    place, look = ALONG_A_RING[name]
+    view = {"position": place, "look_at": look, "vertical_fov_degrees": 1}
+    mine = picture(scene([shape("torus")], camera=view), tmp_path, phase=phase)
+    exact = torus_entries(place, look, 1.2, 0.4)
+    hit = np.isfinite(exact)
+    assert hit.sum() > 5000 and np.array_equal(mine["id"] == 0, hit), f"{(hit != (mine['id'] == 0)).sum()}"
+    assert np.quantile(np.abs(mine["Z"][hit] - exact[hit]), 0.99) < 1e-3
 
 
 # Shadows of what is not flat for the first steps of a march. The shape taken for flat is off by 2.9e-3 and

@@ -150,6 +150,7 @@ def run_command(monkeypatch, *arguments: str) -> int:
         (["--phase", "truth"], "truth: is truth itself"),
         (["--scene", "trio"], "trio has no goal in frames a second; there are scene0, mandelbulb"),
         (["-n", "8"], "'8': must be a whole number of at least 16"),
+        (["--run", "{tmp}/file/run"], "cannot be written to"),
         (["--threads", "0"], "must be a whole number of at least 1"),
     ],
 )
