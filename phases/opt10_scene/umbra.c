@@ -403,6 +403,7 @@ static inline mask over(const struct march *m, const struct prepared *scene) {
 }
 
 static void see_off(struct pools *pools, const struct convex *work) {
+    COUNT(see_off, call);
     const struct model *model = &KNOWN(work->scene)->model;
     real strength = set((float)model->shadow_strength),
          hit = set((float)work->scene->model.march.hit_distance);

@@ -388,6 +388,7 @@ static inline mask over(const struct march *m, const struct prepared *scene) {
 }
 
 static void see_off(struct pools *pools, const struct convex *work) {
+    COUNT(see_off, call);
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct march m[ABREAST];
