@@ -99,7 +99,7 @@ retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk 
     ACTIVE(count_of(lanes_of(from->live)));
     COUNT(retire_bulb, call);
     real t = p->at;
-    struct vec at = vec_along(p->near_origin, p->near_direction, t);
+    struct vec at;
     from->field[B_T + B_REST] = set(0.0f);
     if (exact) {
         COUNT(retire_bulb, exact);
@@ -107,6 +107,9 @@ retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk 
         at = (struct vec){narrow(place.x), narrow(place.y), narrow(place.z)};
         from->field[B_T + B_REST] =
             narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
+    } else {
+        COUNT(retire_bulb, coarse);
+        at = vec_along(p->near_origin, p->near_direction, t);
     }
     float place[3][LANES], way[LANES], slots[LANES];
     unload(at.x, place[0]);

@@ -243,8 +243,10 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         if ((p->repeated &&
              (prepared->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
             p->way == POWER ||
+            // of two Mandelbulbs each one's estimate is a part of the other's steps
             (p->type == SHAPE_MANDELBULB &&
-             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD)))
+             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
+              prepared->bulbs > 1)))
             prepared->solids = false;
     }
     plant(prepared);

@@ -388,6 +388,7 @@ static inline mask over(const struct march *m, const struct prepared *scene) {
 }
 
 static void see_off(struct pools *pools, const struct convex *work) {
+    COUNT(see_off, call);
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct march m[ABREAST];
@@ -397,6 +398,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
         m[k] = pools->out[k].march;
     }
     for (int i = 1; ended < ABREAST * LANES; i++) {
+        COUNT(see_off, step);
         real oldest = set((float)i - (float)model->march.max_steps);
         real h[ABREAST];
         nearest_bulbs(m, work->scene, true, h);
@@ -404,6 +406,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
         for (int k = 0; k < ABREAST; k++) {
             step(&m[k], h[k], strength, hit, 0.0f);
             m[k].done = either(m[k].done, over(&m[k], work->scene));
+            COUNT(see_off, packet);
             m[k].done = either(m[k].done, not_less(oldest, load(pools->out[k].born)));
             ended += count_of(m[k].done);
         }
@@ -435,6 +438,7 @@ static inline int step_all(struct march *m, struct pool *pool, int steps,
                            const struct convex *work) {
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    COUNT(step_all, call);
     // Rays that old have had their steps.
     real oldest = set((float)steps - (float)model->march.max_steps);
     real h[ABREAST];
@@ -445,9 +449,11 @@ static inline int step_all(struct march *m, struct pool *pool, int steps,
         if (steps % LOOK_EVERY == 0)
             behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
         step(&m[k], h[k], strength, hit, DARK * DARK);
+        COUNT(step_all, packet);
         m[k].done = either(m[k].done, not_less(oldest, load(pool[k].born)));
         behind = but_not(m[k].done, behind);
         if (any(behind)) {
+            COUNT(step_all, behind);
             real born = load(pool[k].born);
             unload(choose(behind, born - set((float)steps), born), pool[k].born);
             pool[k].leaving |= bits(behind);

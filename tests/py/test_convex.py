@@ -463,3 +463,53 @@ def test_the_workers_are_the_parents() -> None:
             texts[phase] = re.sub(r"OPT(9|10)_", "OPT6_", text)
         assert texts[PHASE] == texts["opt10_scene"], name
         assert drawn.sub("", texts[PHASE]).split() == drawn.sub("", texts["opt6_wide"]).split(), name
+
+
+def agree(image: dict[str, np.ndarray], base: dict[str, np.ndarray]) -> np.ndarray:
+    """Pixels where both hit the same shape within 1e-3 of the distance, or neither hits."""
+    hit = np.isfinite(base["Z"]) & np.isfinite(image["Z"])
+    far = np.where(hit, base["Z"], 1)
+    near = np.abs(np.where(hit, image["Z"], 1) - far) <= 1e-3 * far
+    return (image["id"] == base["id"]) & near
+
+
+@pytest.mark.parametrize("cap", [60, 100])
+def test_each_shadow_ray_has_the_cap_to_itself(cap: int, tmp_path: Path) -> None:
+    """A Mandelbulb's shadow rays share lanes, not steps: no more pixels are off than of opt4."""
+    base, image, other = (
+        picture("mandelbulb_closeup", tmp_path, "--max-steps", str(cap), phase=phase)
+        for phase in ("baseline", PHASE, "opt4")
+    )
+
+    def off(picture: dict[str, np.ndarray]) -> int:
+        same = agree(picture, base) & (picture["id"] >= 0)
+        assert same.sum() > 1000
+        return int((np.abs(images.rgb(picture) - images.rgb(base)).max(axis=-1)[same] > 1 / 255).sum())
+
+    assert off(image) <= off(other)
+
+
+BESIDE = {
+    "a second Mandelbulb": {
+        "type": "mandelbulb",
+        "position": [1.0, 0.4, 5.3],
+        "rotation_degrees": [30, 40, 10],
+    },
+    "a sphere": {"type": "sphere", "radius": 0.6, "position": [0.9, 0.6, 5.6]},
+    "a second plane": {"type": "plane", "normal": [0.8, 0, -0.6], "offset": -4.6},
+}
+
+
+@pytest.mark.parametrize("what", BESIDE)
+def test_a_mandelbulb_beside_others(what: str, tmp_path: Path) -> None:
+    """What a march finds there depends on its steps: as often baseline's as opt4's is."""
+    whole = json.loads(registry.scenes()["mandelbulb"].path.read_text())
+    bulb = whole["shapes"][1]
+    more = BESIDE[what]
+    whole["shapes"].append((bulb | more) if more["type"] == "mandelbulb" else (more | {"material": "white"}))
+    size = "-n", "120", "-w", "212"
+    base, image, other = (
+        picture(whole, tmp_path, *size, phase=phase) for phase in ("baseline", PHASE, "opt4")
+    )
+    assert (base["id"] == 2).sum() > 300
+    assert agree(image, base).sum() >= agree(other, base).sum()
