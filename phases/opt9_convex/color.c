@@ -213,7 +213,10 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
     at->open = at->lit;
     if (!any(at->lit))
         return;
-    if (model->shadows == SHADOWS_SOFT)
+    if (model->shadows == SHADOWS_SOFT && work->scene->tree.levels)
+        at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                                at->lit, work);
+    else if (model->shadows == SHADOWS_SOFT)
         at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                            at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
@@ -346,7 +349,8 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
             stage_light(&stage[i], work->view, model);
-    if (model->shadows != SHADOWS_NONE)
+    if (model->shadows != SHADOWS_NONE &&
+        !(model->shadows == SHADOWS_SOFT && work->scene->tree.levels))
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
