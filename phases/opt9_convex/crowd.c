@@ -36,9 +36,8 @@ static int and_planes(const struct prepared *scene, int *list, int count) {
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 
 // Those go to `list`, in no order; how many.
-__attribute__((always_inline)) static inline int list_those(const struct tree *tree,
-                                                            sphere_test *test, const void *with,
-                                                            int *list) {
+__attribute__((always_inline)) static inline int
+list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
     int listed = 0;
     int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
     for (int count = 1; count > 0;) {
@@ -479,6 +478,7 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
     }
     if (!any(clear) || q >= 0.99f)
         return no_lane();
+    COUNT(crowd_clears, asked);
     real ends = ways_end(&scene->tree, point, to_light, set(0.0f), set(q), shape, clear);
     return both(clear, less(ends, set(0.0f)));
 }
