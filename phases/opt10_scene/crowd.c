@@ -26,11 +26,19 @@ static void mark_planes(struct desk *desk, const struct prepared *scene) {
         mark(desk, scene->planes[k]);
 }
 
+static int and_planes(const struct prepared *scene, int *list, int count) {
+    for (int k = 0; k < scene->plane_count; k++)
+        list[count++] = scene->planes[k];
+    return count;
+}
+
 // Which of as many spheres as there are lanes matter.
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 
-__attribute__((always_inline)) static inline void find(const struct tree *tree, sphere_test *test,
-                                                       const void *with, struct desk *desk) {
+// Those go to `list`, in no order; how many.
+__attribute__((always_inline)) static inline int
+list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
+    int listed = 0;
     int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
@@ -38,19 +46,20 @@ __attribute__((always_inline)) static inline void find(const struct tree *tree, 
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
             ACTIVE(lesser(LANES, end - first));
-            COUNT(find, spheres);
+            COUNT(list_those, spheres);
             struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
             mask matter =
                 both(test(centre, load(s->radius + first), with), first_lanes(end - first));
             for (unsigned rest = bits(matter); rest; rest &= rest - 1) {
                 int entry = first + __builtin_ctz(rest);
                 if (level == 0)
-                    mark(desk, tree->shape[entry]);
+                    list[listed++] = tree->shape[entry];
                 else
                     waiting[count++] = level - 1 + TREE_LEVELS * entry;
             }
         }
     }
+    return listed;
 }
 
 // The same with rays in the lanes, sphere by sphere.
@@ -125,7 +134,9 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
                         set(w->top),
                         {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
                          root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
-    find(&scene->tree, lies_across, &seen, desk);
+    int count = list_those(&scene->tree, lies_across, &seen, list);
+    for (int k = 0; k < count; k++)
+        mark(desk, list[k]);
     for (int k = 0; k < scene->plane_count; k++)
         if (plane_in_window(w, job->prepared->eyes[scene->planes[k]].centre))
             mark(desk, scene->planes[k]);
@@ -156,9 +167,8 @@ int crowd_towards_light(const float centre[3], float radius, const float to_ligh
     struct beam beam = {vec_set(centre), vec_set(to_light),
                         set(radius),     set(size),
                         set(q),          set(q < 1 ? 1 - q * q : 0.0f)};
-    find(&work->scene->tree, in_beam, &beam, work->desk);
-    mark_planes(work->desk, work->scene);
-    return take_marked(work->desk, work->scene, list);
+    int count = list_those(&work->scene->tree, in_beam, &beam, list);
+    return and_planes(work->scene, list, count);
 }
 
 struct bundle {
@@ -303,9 +313,7 @@ void crowd_about(const struct rays *r, real t, real h, mask last, struct near *n
     v->within = fmaxf(1.5f * picked(one, h), VICINITY * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
     struct around around = {v->centre, set(v->within * (1 + 1e-4f) + slack)};
-    find(&scene->tree, within_reach, &around, work->desk);
-    mark_planes(work->desk, scene);
-    v->count = take_marked(work->desk, scene, v->list);
+    v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
     for (int k = 0; k < v->count; k++) {
         const struct placed *s = &scene->placed[v->list[k]];
         if (s->way == LINEAR) {
@@ -318,44 +326,112 @@ void crowd_about(const struct rays *r, real t, real h, mask last, struct near *n
     }
 }
 
-// Rays ahead of t of which nothing comes nearer than q·t: `ahead` are those of which it is not known.
-struct cones {
-    const struct rays *rays;
-    real t, q, narrow;
-    mask asked, blocked;
-    real until; // where the last that blocks them is left
-    const struct prepared *scene;
+// A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
+struct cone_of_one {
+    struct vec point, to_light;
+    real q, narrow, ahead; // narrow: 1 − q²; ahead: narrow·t
 };
 
-static inline mask cone_meets(const float centre[3], float radius, const struct cones *c,
-                              real *leaves) {
-    COUNT(cone_meets, call);
-    COUNT(cone_meets, scalar);
-    struct vec v = {set(centre[0]) - c->rays->point.x, set(centre[1]) - c->rays->point.y,
-                    set(centre[2]) - c->rays->point.z};
-    real zero = set(0.0f), square = vec_dot(v, v);
-    real need = mul_sub(square, set(1 - 2e-6f), set(radius * radius * (1 + 1e-5f)));
-    real lean = mul_add(c->q, set(radius), vec_dot(v, c->rays->to_light));
-    real rest = mul_sub(lean, lean, c->narrow * need);
-    mask meets = either(less(need, zero), both(greater(lean, zero), not_less(rest, zero)));
-    *leaves = (lean + root(most_of(rest, zero))) / c->narrow;
-    return both(meets, not_less(*leaves, c->t));
+static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, real radius,
+                              real *lean, real *rest) {
+    COUNT(in_its_way, call);
+    real zero = set(0.0f);
+    struct vec v = {centre.x - c->point.x, centre.y - c->point.y, centre.z - c->point.z};
+    real square = vec_dot(v, v);
+    real need = mul_sub(square, set(1 - 2e-6f), radius * radius * set(1 + 1e-5f));
+    *lean = mul_add(c->q, radius, vec_dot(v, c->to_light));
+    *rest = mul_sub(*lean, *lean, c->narrow * need);
+    mask meets = either(less(need, zero), both(greater(*lean, zero), not_less(*rest, zero)));
+    real over = c->ahead - *lean; // it is left at (lean + √rest)/narrow
+    return both(meets, either(less(over, zero), not_less(*rest, over * over)));
 }
 
-static inline bool in_a_cone(const float centre[3], float radius, void *with) {
-    struct cones *c = with;
-    real leaves;
-    return any(but_not(c->blocked, both(c->asked, cone_meets(centre, radius, c, &leaves))));
+// Leaves of the tree other than the shape `own`.
+static mask of_others(const struct tree *tree, int first, mask which, int own) {
+    unsigned others = bits(which);
+    for (unsigned rest = others; rest; rest &= rest - 1)
+        if (tree->shape[first + __builtin_ctz(rest)] == own)
+            others &= ~(rest & (0u - rest));
+    return lanes_of(others);
 }
 
-static inline void block(int shape, void *with) {
-    COUNT(block, call);
-    struct cones *c = with;
-    const struct placed *s = &c->scene->placed[shape];
-    real leaves;
-    mask meets = cone_meets(s->position, s->bound, c, &leaves);
-    c->until = choose(meets, most_of(c->until, leaves), c->until);
-    c->blocked = either(c->blocked, meets);
+// Which of the entries from `first` on the cone meets.
+static inline mask met_in_node(const struct tree *tree, const struct cone_of_one *cone, int level,
+                               int first, int end, int own, real *lean, real *rest) {
+    ACTIVE(lesser(LANES, end - first));
+    COUNT(met_in_node, call);
+    const struct spheres *s = &tree->level[level];
+    struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
+    mask meets = both(in_its_way(cone, centre, load(s->radius + first), lean, rest),
+                      first_lanes(end - first));
+    return level == 0 && own >= 0 && any(meets) ? of_others(tree, first, meets, own) : meets;
+}
+
+static float last_left(mask meets, real lean, real rest, const struct cone_of_one *cone) {
+    COUNT(last_left, call);
+    real leaves = (lean + root(most_of(rest, set(0.0f)))) / cone->narrow;
+    return -least_lane(choose(meets, set(0.0f) - leaves, set(INFINITY)));
+}
+
+// Where the last of some that the cone meets is left: those of one row of lanes, the furthest it happens upon. −1: it meets
+// nothing. *row: what the ray before it met, which is likely to be in this one's way too.
+static float way_ends(const struct tree *tree, const struct cone_of_one *cone, int own, int *row) {
+    COUNT(way_ends, call);
+    real lean, rest;
+    int leaves = tree->level[0].count;
+    if (*row >= 0) {
+        COUNT(way_ends, row);
+        mask meets = met_in_node(tree, cone, 0, *row, leaves, own, &lean, &rest);
+        if (any(meets))
+            return last_left(meets, lean, rest, cone);
+    }
+    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
+    for (int count = 1; count > 0;) {
+        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        int end = lesser(tree->level[level].count, (node + 1) * TREE_WIDTH);
+        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
+            mask meets = met_in_node(tree, cone, level, first, end, own, &lean, &rest);
+            unsigned which = bits(meets);
+            if (!which)
+                continue;
+            if (level == 0) {
+                *row = first;
+                return last_left(meets, lean, rest, cone);
+            }
+            // The furthest is looked into first: what is in the way there is so for long.
+            COUNT(way_ends, nodes);
+            real order = choose(meets, set(0.0f) - lean, set(INFINITY));
+            unsigned last = bits(not_less(set(least_lane(order)), order)) & which;
+            last &= 0u - last;
+            for (which &= ~last; which; which &= which - 1)
+                waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(which));
+            waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(last));
+        }
+    }
+    return -1;
+}
+
+// Of each lane asked, for its own cone; −1 where nothing is met. own: shapes that do not count, or −1.
+static real ways_end(const struct tree *tree, struct vec point, struct vec to_light, real t, real q,
+                     real own, mask asked) {
+    COUNT(ways_end, call);
+    float lanes[9][LANES], until[LANES] = {0};
+    const real of[9] = {point.x, point.y, point.z, to_light.x, to_light.y, to_light.z, t, q, own};
+    for (int i = 0; i < 9; i++)
+        unload(of[i], lanes[i]);
+    int row = -1;
+    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
+        COUNT(ways_end, ray);
+        int i = __builtin_ctz(rest);
+        float narrow = 1 - lanes[7][i] * lanes[7][i];
+        struct cone_of_one cone = {{set(lanes[0][i]), set(lanes[1][i]), set(lanes[2][i])},
+                                   {set(lanes[3][i]), set(lanes[4][i]), set(lanes[5][i])},
+                                   set(lanes[7][i]),
+                                   set(narrow),
+                                   set(narrow * lanes[6][i])};
+        until[i] = way_ends(tree, &cone, (int)lanes[8][i], &row);
+    }
+    return load(until);
 }
 
 mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
@@ -363,18 +439,48 @@ mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
     COUNT(crowd_behind, call);
     const struct prepared *scene = work->scene;
     q = least_of(q, set(0.99f));
-    struct cones c = {r, t, q, neg_mul_add(q, q, set(1.0f)), asked, no_lane(), set(0.0f), scene};
+    mask blocked = no_lane();
     for (int k = 0; k < scene->plane_count; k++) {
         const struct placed *s = &scene->placed[scene->planes[k]];
         COUNT(crowd_behind, plane);
         real slope = vec_dot(vec_set(s->normal), r->to_light);
-        c.blocked = either(c.blocked, less(slope, q));
+        blocked = either(blocked, less(slope, q));
     }
-    c.until = choose(c.blocked, set(INFINITY), c.until);
-    if (any(but_not(c.blocked, c.asked)))
-        follow(&scene->tree, in_a_cone, block, &c);
-    *until = c.until;
-    return but_not(c.blocked, c.asked);
+    asked = but_not(blocked, asked);
+    real ends = ways_end(&scene->tree, r->point, r->to_light, t, q, set(-1.0f), asked);
+    *until = choose(blocked, set(INFINITY), ends);
+    return both(asked, less(ends, set(0.0f)));
+}
+
+mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+                  mask active, const struct convex *work) {
+    ACTIVE(count_of(active));
+    COUNT(crowd_clears, call);
+    const struct prepared *scene = work->scene;
+    float q = scene->lit_slope;
+    mask clear = active;
+    for (int k = 0; k < scene->plane_count; k++) {
+        int i = scene->planes[k];
+        COUNT(crowd_clears, plane);
+        mask here = plane_clears(height_over(&scene->placed[i], point),
+                                 vec_dot(vec_set(scene->placed[i].normal), to_light), q, scene);
+        clear = both(clear, either(same_shape(shape, i), here));
+    }
+    float id[LANES];
+    unload(shape, id);
+    for (unsigned rest = bits(clear); rest;) { // once for each shape that they are on
+        int i = (int)id[__builtin_ctz(rest)];
+        mask same = both(lanes_of(rest), same_shape(shape, i));
+        COUNT(crowd_clears, shape);
+        rest &= ~bits(same);
+        if (scene->placed[i].way != LINEAR)
+            clear = but_not(but_not(bulges(&scene->placed[i], local, facing, scene), same), clear);
+    }
+    if (!any(clear) || q >= 0.99f)
+        return no_lane();
+    COUNT(crowd_clears, asked);
+    real ends = ways_end(&scene->tree, point, to_light, set(0.0f), set(q), shape, clear);
+    return both(clear, less(ends, set(0.0f)));
 }
 
 enum { PLACE_BITS = 5 }; // of each coordinate, in the box of all rays

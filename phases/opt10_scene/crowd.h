@@ -1,5 +1,5 @@
 // Scenes of more shapes than can be asked one by one: which of them matter, from the tree of their bounding spheres.
-// Every answer is a list by ascending number, so that of equals the first wins, as in a small scene.
+// The lists for camera and mirror rays are by ascending number, so that of equals the first wins, as in a small scene.
 #ifndef OPT10_CROWD_H
 #define OPT10_CROWD_H
 
@@ -24,6 +24,10 @@ int crowd_towards_light(const float centre[3], float radius, const float to_ligh
 // Those whose bounding spheres any of the rays starts in or meets.
 int crowd_along(struct vec origin, struct vec direction, mask active, const struct convex *work,
                 int *list);
+
+// What cleared() tells of a small scene, ray by ray.
+mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
+                  mask active, const struct convex *work);
 
 // What a packet of shadow rays knows of the shapes near it: all that are within `within` of the centre.
 static inline real distance_between(struct vec a, struct vec b) {

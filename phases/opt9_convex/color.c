@@ -207,13 +207,22 @@ static inline void stage_light(struct stage *at, const struct view *view,
                              set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
 }
 
+// In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
+// scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
+static inline bool asked_one_by_one(const struct prepared *scene) {
+    return scene->model.shadows == SHADOWS_SOFT && scene->tree.levels == TREE_LEVELS;
+}
+
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
     COUNT(stage_shadow, call);
     const struct model *model = &work->scene->model;
     at->open = at->lit;
     if (!any(at->lit))
         return;
-    if (model->shadows == SHADOWS_SOFT)
+    if (asked_one_by_one(work->scene))
+        at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                                at->lit, work);
+    else if (model->shadows == SHADOWS_SOFT)
         at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                            at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
@@ -346,7 +355,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
             stage_light(&stage[i], work->view, model);
-    if (model->shadows != SHADOWS_NONE)
+    if (model->shadows != SHADOWS_NONE && !asked_one_by_one(work->scene))
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))

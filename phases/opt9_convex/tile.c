@@ -115,9 +115,14 @@ static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
 
+// What packets of shadow rays in work know of every shape: two by turns, or as many as a Mandelbulb's streams have.
+static size_t nears(const struct model *model) {
+    return (size_t)model->shape_count * (model->features.count[SHAPE_MANDELBULB] ? POOLS : 2);
+}
+
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + POOLS * shapes * sizeof(struct near) +
+    size_t desk = whole_lines(sizeof(struct desk)) + nears(model) * sizeof(struct near) +
                   6 * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
@@ -136,7 +141,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     struct desk *desk = own;
     char *behind = (char *)own + whole_lines(sizeof *desk);
     desk->near = (struct near *)behind;
-    behind += POOLS * shapes * sizeof(struct near);
+    behind += nears(&job->prepared->model) * sizeof(struct near);
     desk->list = (int *)behind;
     desk->shading = (int *)(behind + whole_lines(shapes * sizeof(int)));
     desk->casters = (int *)(behind + 2 * whole_lines(shapes * sizeof(int)));
