@@ -25,26 +25,20 @@ that it is compared with: every program once a round, in random order, one frame
 is the step's: the time without it over the time with it."""
 
 
-def at_least_1(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
-    return int(text)
-
-
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     statuses = {1: "an ablation does not apply, build or run, or is outside its tolerance"}
     parser = cli.parser(DESCRIPTION, statuses | {3: "nothing could run on this CPU"})
     add = parser.add_argument
     add("--phase", nargs="+", metavar="NAME", help="opt2, or an ablation like opt2+horizontal; default: all")
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="default: %(default)s")
-    add("-n", type=at_least_1, default=120, help="height in pixels; default: 120")
-    add("--launches", type=at_least_1, default=6, help="process launches of each; default: 6")
+    add("-n", type=cli.at_least(1), default=120, help="height in pixels; default: 120")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")
     add("--run", type=Path, metavar="DIR", help="for ablations.json; default: build/ablations")
     cores = len(os.sched_getaffinity(0))
-    add("--jobs", type=at_least_1, default=cores, help=f"built and verified at a time; default: {cores}")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"built and verified at a time; default: {cores}")
     return parser.parse_args(argv)
 
 

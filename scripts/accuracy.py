@@ -31,12 +31,6 @@ FLOAT = Spec("opt4", "opt4")  # where truth is converged only, rungs behind it m
 FAMILY = "truth"  # of the phases that are what the others are held against
 
 
-def at_least_1(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
-    return int(text)
-
-
 def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     about = "a gated phase is further from truth than baseline, or a picture is not finite or not there"
@@ -44,12 +38,12 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
     add("--scene", nargs="+", metavar="NAME", help="default: all")
-    add("-n", type=at_least_1, default=720, help="height in pixels; default: 720")
-    add("-w", type=at_least_1, help="width in pixels; default: 16:9, two_spheres square")
+    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
+    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
     add("--run", type=Path, metavar="DIR", help="for accuracy.json and images/; default: build/accuracy")
-    add("--jobs", type=at_least_1, default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
     add("--convergence", action="store_true", help="the Mandelbulb's table too: precision × hit distance")
-    add("--convergence-n", type=at_least_1, default=90, metavar="N", help="its height in pixels; default: 90")
+    add("--convergence-n", type=cli.at_least(1), default=90, metavar="N", help="its height; default: 90")
     return parser.parse_args()
 
 
@@ -62,7 +56,7 @@ class Subject:
         self.mirrors = accuracy.mirrors(scene)
         self.where = where.classes(self.truth, self.mirrors)
         self.base, made = self.measure(BASE)
-        self.base_hits = len(accuracy.right_distances(self.truth, made))
+        self.base_distances = accuracy.right_distances(self.truth, made)
         self.references = {
             "baseline": self.base,
             "the exact estimator": accuracy.estimator(self.truth, scene.fractal),
@@ -80,7 +74,7 @@ class Subject:
         phase = registry.find_phase(spec.phase)
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
-        as_many = accuracy.dt_p99_of(self.base_hits, self.truth, made)
+        as_many = accuracy.dt_p99_of(self.base_distances, self.truth, made)
         worse = gate.inferior(found | {"dt_p99": as_many}, self.references, granted)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size

@@ -25,24 +25,15 @@ those. Dr.Jit is installed into build/drjit unless --python names a Python that 
 looked for in DRJIT_LIBLLVM_PATH and among the system's libraries. Neither is needed for anything else."""
 
 
-def at_least(lowest: int) -> object:
-    def check(text: str) -> int:
-        if text.isdecimal() and int(text) >= lowest:
-            return int(text)
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least {lowest}")
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {3: "drjit or LLVM is missing, or cannot run here"})
     add = parser.add_argument
     every = list(drjit_measure.GOALS)
     add("--phase", nargs="+", metavar="SPEC", help="default: every phase with threads")
     add("--scene", nargs="+", default=every, choices=every, help="default: both")
-    add("-n", type=at_least(16), default=720, help="height; default: 720")
-    add("--launches", type=at_least(1), default=6, help="process launches of each; default: 6")
-    add("--threads", type=at_least(1), nargs="+", help="default: 1 and all CPUs")
+    add("-n", type=cli.at_least(16), default=720, help="height; default: 720")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
     add("--python", type=Path, metavar="FILE", help="a Python with drjit; default: one in build/drjit")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="first CPU to pin to; default: the last")

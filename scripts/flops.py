@@ -107,6 +107,8 @@ def run() -> int:
     stated = in_parallel(
         [lambda p=p: flops.declared(p[0], p[1], *reversed(p[1].size(args.n))) for p in chosen], args.jobs
     )
+    for name in dict.fromkeys(one["phase"] for one in stated if one is not None and one.get("kernel")):
+        cli.say(f"{name}: its general code is counted, no kernel is generated for a scene (STEPWISE_CC=none)")
     functions = args.backend in flops.WITH_FUNCTIONS
     variants = (
         ("shipped", "calls")[: 1 + functions] if args.validate else ("shipped",) if args.measure else ()

@@ -24,27 +24,15 @@ second. The newest phases come first; what does not fit the time is said."""
 SECONDS = 60
 
 
-def at_least(lowest: float, kind: type = int) -> object:
-    def check(text: str) -> float:
-        try:
-            if lowest <= (value := kind(text)) < float("inf"):
-                return value
-        except ValueError:
-            pass
-        raise argparse.ArgumentTypeError(f"'{text}': must be a number of at least {lowest}")
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
     add("--phase", nargs="+", metavar="SPEC", help="default: every phase with threads")
     add("--scene", nargs="+", default=list(frames.GOALS), metavar="NAME", help="default: %(default)s")
-    add("-n", type=at_least(16), help="height; default: 1080 and 720, which the goals are for")
-    add("--launches", type=at_least(1), default=6, help="process launches of each; default: 6")
-    add("--threads", type=at_least(1), default=len(run.USABLE), help="default: all CPUs, %(default)s")
-    add("--seconds", type=at_least(1, float), default=SECONDS, help="for everything; default: %(default)s")
+    add("-n", type=cli.at_least(16), help="height; default: 1080 and 720, which the goals are for")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--threads", type=cli.at_least(1), default=len(run.USABLE), help="default: all CPUs, %(default)s")
+    add("--seconds", type=cli.at_least(1, float), default=SECONDS, help="for all; default: %(default)s")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--run", type=Path, metavar="DIR", help="for frames.json and figures/; default: build/frames")
     args = parser.parse_args()

@@ -31,16 +31,6 @@ are in random order, one frame each, on one thread, whatever the phase could use
 no other point is both faster and nearer to truth."""
 
 
-def positive(kind: type) -> object:
-    def check(text: str) -> float:
-        value = kind(text)
-        if not value > 0:
-            raise argparse.ArgumentTypeError(f"'{text}': must be greater than 0")
-        return value
-
-    return check
-
-
 def length(text: str) -> float:
     """What the loader takes as a hit distance, in scene units."""
     try:
@@ -62,14 +52,14 @@ def arguments() -> argparse.Namespace:
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: every scene")
     about = "besides the scene's own; default: %(default)s"
     add("--hit-distance", nargs="+", type=length, default=list(measuring.HIT_DISTANCES), help=about)
-    add("--max-steps", nargs="+", type=positive(int), default=list(measuring.STEPS), help=about)
+    add("--max-steps", nargs="+", type=cli.at_least(1), default=list(measuring.STEPS), help=about)
     sizes = ", ".join(map(str, measuring.HEIGHTS))
     about = f"height in pixels; default: the first of {sizes} that the budget has time for"
-    add("-n", type=positive(int), help=about)
+    add("-n", type=cli.at_least(1), help=about)
     about = "height of the 4x4 averaged pictures that fractals are judged by; default: half of -n"
-    add("--antialias-n", type=positive(int), help=about)
-    add("--budget", type=positive(float), default=600, metavar="S", help="seconds; default: %(default)s")
-    add("--launches", type=positive(int), default=6, help="process launches of each; default: 6")
+    add("--antialias-n", type=cli.at_least(1), help=about)
+    add("--budget", type=cli.at_least(1, float), default=600, metavar="S", help="seconds; default: 600")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--run", type=Path, metavar="DIR", help="for pareto.json and figures/; default: build/pareto")

@@ -218,6 +218,12 @@ def frames(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("frames", "--seconds", seconds, "--run", str(run))
 
 
+def breakeven(run: Path, options: argparse.Namespace, height: int) -> bool:
+    """When compiling for a scene has paid; a CPU or a tree that lacks the phase goes on without."""
+    done = script("breakeven", "--run", str(run), capture=True, accepted=(*CHECKED, cli.CANNOT_RUN))
+    return done.returncode != cli.FAILED
+
+
 def drjit(run: Path, options: argparse.Namespace, height: int) -> bool:
     accepted = (*CHECKED, cli.CANNOT_RUN)  # without Dr.Jit or LLVM the study goes on; the script has said so
     done = script("drjit", "--run", str(run), capture=True, accepted=accepted)
@@ -245,6 +251,7 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "functions": ("functions: speed against ulp", functions),
     "views": ("views that nothing was tuned on", views),
     "frames": ("frames a second", frames),
+    "breakeven": ("when code generated for a scene has paid", breakeven),
     "scaling": ("how cost grows", scaling),
     "drjit": ("our phases beside Dr.Jit", drjit),
     "toolchains": ("compilers and flags", toolchains),

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import secrets
 import tempfile
 import time
@@ -39,29 +38,15 @@ HEIGHT, FULL_HEIGHT = 90, 360
 MEMORY_SHARE = 0.1
 
 
-def least(kind: type, lowest: float, what: str) -> object:
-    def check(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = math.nan
-        if not (value >= lowest and math.isfinite(value)):
-            raise argparse.ArgumentTypeError(f"'{text}': must be {what} of at least {lowest}")
-        return value
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
-    whole = "a whole number"
     about = "all, or by name or its beginning: n, shapes, shapes-scattered, steps, bounces, threads, memory"
     add("--series", nargs="+", metavar="NAME", help=about)
     add("--phase", nargs="+", default=list(registry.ladder()), metavar="SPEC", help="default: the ladder")
-    add("-n", type=least(int, 16, whole), help=f"height where it is not what varies; default: {HEIGHT}")
-    add("--launches", type=least(int, 1, whole), default=6, help="process launches of each; default: 6")
-    add("--seconds", type=least(float, 1, "a number"), help=f"for everything; default: {SECONDS}")
+    add("-n", type=cli.at_least(16), help=f"height where it is not what varies; default: {HEIGHT}")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
     add("--full", action="store_true", help=f"n = {FULL_HEIGHT} and {FULL_SECONDS} s: nearly every point")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--scene-seed", type=int, default=1, help="of the generated scenes; default: 1")

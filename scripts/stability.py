@@ -12,6 +12,7 @@ from pathlib import Path
 
 from study import cli, hard, hard_page, registry, store
 from study.hard import curves, measure, phase
+from study.run import GENERAL
 
 
 def positive(text: str) -> float:
@@ -24,12 +25,6 @@ def positive(text: str) -> float:
     return value
 
 
-def at_least_1(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
-    return int(text)
-
-
 def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     parser = cli.parser(__doc__, {1: "a phase wrote NaN, crashed or hung, or a case cannot run"})
@@ -38,7 +33,7 @@ def arguments() -> argparse.Namespace:
     add("--case", nargs="+", metavar="NAME", help="names or numbers; default: all")
     add("--strengths", choices=("few", "all"), default="all", help="few: the first, the middle, the last")
     add("--run", type=Path, metavar="DIR", help="for stability.json and curves; default: build/stability")
-    add("--jobs", type=at_least_1, default=cores, help=f"programs running at a time; default: {cores}")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"programs running at a time; default: {cores}")
     limit = phase.TIME_LIMIT
     add("--time-limit", type=positive, default=limit, metavar="S", help=f"of a picture; default: {limit:g} s")
     add("--list", action="store_true", help="say which cases there are, and run none")
@@ -86,6 +81,11 @@ def run() -> int:
         cli.say(f"skipped {item['phase']}: {item['reason']}")
     if not names:
         return cli.CANNOT_RUN
+    # Hundreds of scenes: a kernel for each would take longer than all of them by all phases.
+    if os.environ.setdefault("STEPWISE_CC", GENERAL["STEPWISE_CC"]) == "none":
+        for name in names:
+            if registry.find_phase(name.partition("@")[0]).embedded:
+                cli.say(f"{name}: its general code; STEPWISE_CC=gcc holds kernels to the cases, in minutes")
     phases = [
         {"name": name, "precision": phase.Phase(name).precision, "sha256": measure.binary_sha256(name)}
         for name in names

@@ -13,7 +13,6 @@ import re
 import secrets
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -55,24 +54,12 @@ def size(text: str) -> tuple[int | None, int]:
     return width, height
 
 
-def at_least(least: float, kind: type = int) -> Callable[[str], Any]:
-    """An argparse type: a finite number of `kind` that is `least` or more."""
-
-    def parse(text: str) -> Any:
-        with contextlib.suppress(ValueError):
-            if least <= (value := kind(text)) < float("inf"):
-                return value
-        raise argparse.ArgumentTypeError(f"'{text}': must be a number of at least {least}")
-
-    return parse
-
-
 def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     parser = cli.parser(
         DESCRIPTION,
         {0: "measured (what the budget did not reach is said)", 1: "a driver crashed; the rest is measured"},
     )
-    whole, natural = at_least(1), at_least(0)
+    whole, natural = cli.at_least(1), cli.at_least(0)
     plan = parser.add_argument_group("plan")
     plan.add_argument("--phase", nargs="+", metavar="SPEC", help="like opt3 or opt2@opt4; default: all")
     plan.add_argument("--scene", nargs="+", metavar="NAME", help="default: scene0 mandelbulb")
@@ -83,18 +70,18 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     plan.add_argument("--warmup", type=natural, metavar="K", help="frames before those; default: 1")
     plan.add_argument(
         "--long",
-        type=at_least(0, float),
+        type=cli.at_least(0, float),
         metavar="SECONDS",
         help="a frame longer than that warms itself up: one per launch, no warm-up",
     )
     plan.add_argument("--seed", type=natural, metavar="S", help="of order and padding; default: random")
     plan.add_argument("--cpu", type=natural, metavar="C", help="CPU to pin to; default: the last one")
-    plan.add_argument("--hit-distance", type=at_least(1e-300, float), metavar="X", help="in scene units")
+    plan.add_argument("--hit-distance", type=cli.at_least(1e-300, float), metavar="X", help="in scene units")
     plan.add_argument("--max-steps", type=whole, metavar="K", help="evaluations per ray")
     plan.add_argument("--no-second-base", action="store_true", default=None, help="add no opt2@PHASE")
     plan.add_argument("--results", type=Path, metavar="DIR", help="parent of the run's folder")
     parser.add_argument("--run", type=Path, metavar="DIR", help="go on with this run, by its own plan")
-    parser.add_argument("--budget", type=at_least(0, float), metavar="SECONDS", help="stop after that")
+    parser.add_argument("--budget", type=cli.at_least(0, float), metavar="SECONDS", help="stop after that")
     parser.add_argument("--dry-run", action="store_true", help="print plan and duration, measure nothing")
     options = parser.parse_args(argv)
     defaults: dict[str, Any] = {

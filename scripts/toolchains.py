@@ -35,16 +35,13 @@ def arguments() -> argparse.Namespace:
         "--compiler", nargs="+", default=list(toolchains.COMPILERS), metavar="CC", help="default: %(default)s"
     )
     add("--flags", nargs="+", default=list(SETS), choices=SETS, metavar="SET", help="default: all four")
-    add("-n", type=int, default=90, help="height in pixels; default: 90")
-    add("--launches", type=int, default=6, help="process launches of each; default: 6")
+    add("-n", type=cli.at_least(1), default=90, help="height in pixels; default: 90")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--no-truth", action="store_true", help="do not compare with truth (saves rendering it)")
     add("--run", type=Path, metavar="DIR", help="for toolchains.json; default: build/toolchains")
-    args = parser.parse_args()
-    if args.n < 1 or args.launches < 1:
-        parser.error("-n and --launches must be at least 1")
-    return args
+    return parser.parse_args()
 
 
 def study(args: argparse.Namespace) -> dict:

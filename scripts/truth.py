@@ -3,16 +3,9 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 
 from study import cli, registry, truth
-
-
-def at_least_1(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
-    return int(text)
 
 
 def table(found: list[truth.Summary]) -> str:
@@ -31,8 +24,8 @@ def table(found: list[truth.Summary]) -> str:
 def run() -> int:
     parser = cli.parser(__doc__, {1: "a ray of a scene without a Mandelbulb stayed undecided"})
     parser.add_argument("scene", nargs="*", metavar="SCENE", help="default: all")
-    parser.add_argument("-n", type=at_least_1, default=720, help="height in pixels; default: 720")
-    parser.add_argument("-w", type=at_least_1, help="width in pixels; default: 16:9, two_spheres square")
+    parser.add_argument("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
+    parser.add_argument("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
     args = parser.parse_args()
     scenes = [registry.find_scene(name) for name in dict.fromkeys(args.scene or registry.scenes())]
     found = []

@@ -105,12 +105,6 @@ def table(pairs: list[dict]) -> str:
     return "\n".join(form.format(*row).rstrip() for row in zip(*columns, strict=True))
 
 
-def at_least_1(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least 1")
-    return int(text)
-
-
 def arguments() -> argparse.Namespace:
     cores = len(os.sched_getaffinity(0))
     parser = cli.parser(__doc__, {1: "a pair is outside its tolerance", 3: "no phase could run on this CPU"})
@@ -118,12 +112,12 @@ def arguments() -> argparse.Namespace:
     add("--reference", default="baseline", metavar="SPEC", help="default: baseline")
     add("--phase", nargs="+", metavar="SPEC", help="e.g. opt4, or opt2@opt4; default: all")
     add("--scene", nargs="+", metavar="NAME", help="default: all")
-    add("-n", type=at_least_1, default=720, help="height in pixels; default: 720")
-    add("-w", type=at_least_1, help="width in pixels; default: 16:9, two_spheres square")
+    add("-n", type=cli.at_least(1), default=720, help="height in pixels; default: 720")
+    add("-w", type=cli.at_least(1), help="width in pixels; default: 16:9, two_spheres square")
     about = f"height of fractal scenes' means of {FACTOR}x{FACTOR} pixels; default: 180"
-    add("--antialias-n", type=at_least_1, default=180, metavar="N", help=about)
+    add("--antialias-n", type=cli.at_least(1), default=180, metavar="N", help=about)
     add("--run", type=Path, metavar="DIR", help="for verify.json and images/; default: build/verify")
-    add("--jobs", type=at_least_1, default=cores, help=f"pictures rendered at a time; default: {cores}")
+    add("--jobs", type=cli.at_least(1), default=cores, help=f"pictures rendered at a time; default: {cores}")
     add("--heatmaps", action="store_true", help="of every pair, not only of failing ones")
     return parser.parse_args()
 

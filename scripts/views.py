@@ -41,28 +41,16 @@ was tuned and not elsewhere is said to be. The newest rungs come first; what doe
 SECONDS = 90
 
 
-def at_least(lowest: float, kind: type = int) -> object:
-    def check(text: str) -> float:
-        try:
-            if lowest <= (value := kind(text)) < float("inf"):
-                return value
-        except ValueError:
-            pass
-        raise argparse.ArgumentTypeError(f"'{text}': must be a number of at least {lowest}")
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a program crashed, or a picture has samples that are not finite"})
     add = parser.add_argument
     add("--phase", nargs="+", default=list(registry.ladder()), metavar="NAME", help="rungs; default: all")
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=at_least(8), default=90, help="height of what is timed; default: 90")
-    add("--error-n", type=at_least(8), default=45, metavar="N", help="of what is held against truth: 45")
-    add("--launches", type=at_least(1), default=6, help="process launches of each; default: 6")
-    add("--reps", type=at_least(1), default=1, help="timed frames of a launch; default: 1")
-    add("--seconds", type=at_least(1, float), help=f"for everything; default: {SECONDS}")
+    add("-n", type=cli.at_least(8), default=90, help="height of what is timed; default: 90")
+    add("--error-n", type=cli.at_least(8), default=45, metavar="N", help="of what is held against truth: 45")
+    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--reps", type=cli.at_least(1), default=1, help="timed frames of a launch; default: 1")
+    add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
     add("--full", action="store_true", help="every rung, however long that takes")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")

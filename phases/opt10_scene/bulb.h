@@ -36,6 +36,7 @@ struct half_vec {
 // The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
 // float ends: later iterations' errors count an eighth and less of the one before.
 static inline struct half_vec bulb_first(half x, half y, half z) {
+    COUNT(bulb_first, call);
     half one = half_set(1.0), two = half_set(2.0);
     half k3 = half_mul_add(x, x, half_mul_add(z, z, half_set(1e-30)));
     half k4 = half_neg_mul_add(y, y, k3);

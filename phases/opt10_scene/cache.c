@@ -1,10 +1,12 @@
 // Where kernels are kept, and whether what lies there is what was put there.
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "kernel.h"
@@ -48,11 +50,25 @@ bool cache_folder(char path[4096], char reason[256]) {
         snprintf(reason, 256, "%.120s is no folder", path);
     else if (found.st_uid != geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)))
         snprintf(reason, 256, "%.120s is open to others: a folder of one's own is required", path);
-    else if (access(path, W_OK | X_OK) != 0)
-        snprintf(reason, 256, "%.120s cannot be written", path);
     else
         return true;
     return false;
+}
+
+void cache_sweep(const char *folder) {
+    DIR *all = opendir(folder);
+    time_t now = time(NULL);
+    struct stat found;
+    for (struct dirent *one; all && (one = readdir(all));) {
+        char tag[17];
+        long pid;
+        if (sscanf(one->d_name, ".%16[0-9a-f]-%ld.", tag, &pid) == 2 &&
+            fstatat(dirfd(all), one->d_name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
+            now - found.st_mtim.tv_sec > 3600)
+            unlinkat(dirfd(all), one->d_name, 0);
+    }
+    if (all)
+        closedir(all);
 }
 
 struct seal {

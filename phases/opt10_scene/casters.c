@@ -14,6 +14,7 @@ CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
+    r->many = either(r->many, not_in(clear));
     if (any(but_not(clear, r->active))) {
         COUNT(look_at_plane, met);
         real t = height / (set(0.0f) - slope);
@@ -33,7 +34,7 @@ CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r
     if (any(in)) {
         COUNT(enter_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 
@@ -131,6 +132,8 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     if (!any(met))
         return;
     COUNT(look_from_plane, met);
+    r->many = either(r->many, s->convex ? both(r->some, met) : met);
+    r->some = either(r->some, met);
     float wide = 1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f;
     real leaves =
         (c.lean + root(most_of(mul_sub(c.lean, c.lean, set(wide) * c.need), zero))) / set(wide);
@@ -142,7 +145,7 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     if (any(in)) {
         COUNT(look_from_plane, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, zero - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 

@@ -97,7 +97,8 @@ INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_lig
     if (!any(same))
         return;
     ACTIVE(count_of(grazes));
-    COUNT(grazed, shape);
+    COUNT(graze, call);
+    COUNT(stage_end, grazes);
     real lit = own_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
     *light = vec_choose(same, vec_scale(*light, lit), *light);
 }
@@ -146,6 +147,24 @@ static inline mask in_bounds(const struct stage *at, const struct prepared *scen
     return either(in_bounds_nearly(at, asked, scene), but_not(asked, not_less(set(bound), square)));
 }
 
+// Whether the packet's hits are all on the scene's first plane, from above: most packets' are.
+INLINE bool all_on_plane(const struct stage *at, const struct prepared *scene) {
+    COUNT(all_on_plane, call);
+    if (scene->plane < 0)
+        return false;
+    COUNT(all_on_plane, plane);
+    real slope = dot_with(scene->placed[scene->plane].normal, at->ray.direction);
+    mask on = but_not(greater(slope, set(0.0f)), same_shape(at->hit.shape, scene->plane));
+    return !any(but_not(on, at->hit.found));
+}
+
+INLINE struct surface surface_of_plane(const struct prepared *scene) {
+    COUNT(surface_of_plane, call);
+    const struct placed *s = &scene->placed[scene->plane];
+    return (struct surface){vec_set(s->normal), vec_set(s->color), set(s->share), set(s->shininess),
+                            set(s->shine_from)};
+}
+
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
     struct ray *ray = &at->ray;
     ACTIVE(count_of(at->hit.found));
@@ -154,7 +173,13 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
     at->hit.found = both(at->hit.found, in_bounds(at, KNOWN(scene)));
     at->lit = no_lane();
-    if (any(at->hit.found))
+    at->flat = false;
+    if (!any(at->hit.found))
+        return;
+    at->flat = all_on_plane(at, KNOWN(scene));
+    if (at->flat)
+        at->surface = surface_of_plane(KNOWN(scene));
+    else
         at->surface = surface_at(&at->hit, ray->direction, scene);
 }
 
@@ -174,10 +199,9 @@ static inline real shine_of(real a, real shininess) {
 }
 #endif
 
-static inline void stage_light(struct stage *at, const struct view *view,
-                               const struct model *model) {
+INLINE void stage_light(struct stage *at, const struct surface *surface, const struct view *view,
+                        const struct model *model) {
     const struct ray *ray = &at->ray;
-    const struct surface *surface = &at->surface;
     ACTIVE(count_of(at->hit.found));
     COUNT(stage_light, call);
     struct vec p = at->point, n = surface->normal, base = surface->color;
@@ -211,6 +235,17 @@ static inline void stage_light(struct stage *at, const struct view *view,
     at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
                              set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
                              set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+}
+
+// Twice, so that a generated kernel knows the plane's material in the first.
+static inline void light_stage(struct stage *at, const struct view *view,
+                               const struct prepared *scene) {
+    COUNT(light_stage, call);
+    if (at->flat) {
+        struct surface plane = surface_of_plane(scene);
+        stage_light(at, &plane, view, &scene->model);
+    } else
+        stage_light(at, &at->surface, view, &scene->model);
 }
 
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
@@ -248,7 +283,6 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
             queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
         if (any(grazes)) {
-            COUNT(grazed, call);
             EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
                      at->facing, work->scene, &at->light);
         }
@@ -356,7 +390,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         stage_surface(&stage[i], work->scene);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
-            stage_light(&stage[i], work->view, model);
+            light_stage(&stage[i], work->view, KNOWN(work->scene));
     if (model->shadows != SHADOWS_NONE)
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)

@@ -60,10 +60,16 @@ void find_compiler(char path[4096], char reason[256]) {
         *path = '\0';
 }
 
-// Waits for the process, but not longer than the time limit: false then.
-static bool wait_for(pid_t pid, int *status) {
+// In seconds; 0: what the environment says is no such number.
+static double time_limit(void) {
     const char *limit = getenv("STEPWISE_CC_SECONDS");
-    double seconds = limit ? strtod(limit, NULL) : SECONDS;
+    char *end;
+    double seconds = limit && *limit ? strtod(limit, &end) : SECONDS;
+    return limit && *limit && (*end || !(seconds > 0)) ? 0 : seconds;
+}
+
+// Waits for the process, but not longer than that: false then.
+static bool wait_for(pid_t pid, int *status, double seconds) {
     struct timespec pause = {0, 2000000}, begin, now;
     clock_gettime(CLOCK_MONOTONIC, &begin);
     for (;;) {
@@ -144,12 +150,20 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
     for (size_t i = 0; i < sizeof rest / sizeof *rest; i++)
         arguments[count++] = rest[i];
     pid_t pid;
+    double seconds = time_limit();
+    if (seconds == 0) {
+        snprintf(reason, 256, "STEPWISE_CC_SECONDS is %.60s: a number above 0 is required",
+                 getenv("STEPWISE_CC_SECONDS"));
+        return false;
+    }
     int status = 0, error = spawn(arguments, log, &pid);
     char said[128] = "";
     if (error)
         snprintf(reason, 256, "%.80s cannot be run: %s", compiler, strerror(error));
-    else if (!wait_for(pid, &status))
-        snprintf(reason, 256, "%.80s took longer than its time limit", compiler);
+    else if (!wait_for(pid, &status, seconds))
+        snprintf(reason, 256, "%.80s took longer than its time limit, %g s", compiler, seconds);
+    else if (WIFSIGNALED(status))
+        snprintf(reason, 256, "%.80s was killed: %.60s", compiler, strsignal(WTERMSIG(status)));
     else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
         first_error(log, said);
         snprintf(reason, 256, "%.80s failed%s", compiler, said);

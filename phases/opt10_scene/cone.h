@@ -25,6 +25,44 @@ INLINE struct vec to_centre(const struct placed *s, struct vec p) {
                         set(s->position[2]) - p.z};
 }
 
+// How far a solid reaches in the direction n of its frame: no point p of it has a product p·n above. Of a torus its hull.
+INLINE real reach_of(struct vec n, real length, const struct placed *s) {
+    COUNT(reach_of, call);
+    switch (s->type) {
+    case SHAPE_BOX:
+        COUNT(reach_of, box);
+        return mul_add(set(s->size[0]), absolute(n.x),
+                       mul_add(set(s->size[1]), absolute(n.y), set(s->size[2]) * absolute(n.z)));
+    case SHAPE_OCTAHEDRON:
+        COUNT(reach_of, octahedron);
+        return set(s->a) * most_of(absolute(n.x), most_of(absolute(n.y), absolute(n.z)));
+    case SHAPE_CONE: {
+        COUNT(reach_of, cone);
+        real round = root(mul_add(n.x, n.x, n.z * n.z)), up = set(s->c) * n.y;
+        return most_of(mul_sub(set(s->a), round, up), mul_add(set(s->b), round, up));
+    }
+    default:
+        COUNT(reach_of, torus);
+        return mul_add(set(s->a), root(mul_add(n.x, n.x, n.z * n.z)), set(s->b) * length);
+    }
+}
+
+// Rays that leave a plane at slope q on whose other side the solid is: h(t) ≥ q·t too, and what lies flat, or is
+// slim, is told by it where its bounding sphere is in the way. The plane leans away from the solid's position, and by 2^-12
+// more than q: so much for rounding.
+INLINE mask plane_between(struct vec to, struct vec l, const struct placed *s, float q) {
+    COUNT(plane_between, call);
+    COUNT(plane_between, scalar);
+    float lean = q * (1 + 0x1p-12f);
+    real along = vec_dot(to, l);
+    struct vec away = {mul_sub(l.x, along, to.x), mul_sub(l.y, along, to.y),
+                       mul_sub(l.z, along, to.z)};
+    real beside = root(most_of(vec_dot(away, away), set(1e-20f)));
+    struct vec n = vec_along(vec_scale(l, set(lean) * beside), away, set(sqrtf(1 - lean * lean)));
+    real height = set(0.0f) - vec_dot(to, n);
+    return greater(height - beside * set(1e-5f * s->bound), reach_of(turned(s, n), beside, s));
+}
+
 // The slope that the cone to a shape needs.
 INLINE float slope_to(const struct placed *s, float q) {
     if (s->type != SHAPE_MANDELBULB)
@@ -107,8 +145,20 @@ struct rays {
     real alone; // before it nothing is nearer than the plane that the ray is from
     mask on_plane;
     bool floor;         // all are from one
-    real first, cosine; // the first entry into a solid, of those that can be met
+    real first, cosine; // the first entry into a solid, of those that can be met; 0: not told
+    real sharp;         // see slant_at()
+    mask some, many;    // of rays from a plane: one shape can be met; not one convex one alone
 };
+
+// The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
+// them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
+// e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
+INLINE real slant_at(struct vec at, struct vec d, const struct placed *s, const struct rays *r) {
+    COUNT(slant_at, call);
+    real cosine = set(0.0f) - vec_dot(normal_on(at, s), d), rest = set(1.0f) - cosine;
+    mask flat = not_less(flat_within(at, s) * cosine * (rest * rest), r->sharp);
+    return keep(flat, cosine);
+}
 
 CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
                                 const struct convex *work, struct near *near);

@@ -12,8 +12,9 @@ enum {
     BLOCK_WIDTH = 4,
     BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
-    GROUP = TILE_WIDTH / BLOCK_WIDTH,            // packets that are shaded together
-    QUEUE = 5120,                                // rays; a full one is worked off
+    COLOR_ROOM = TILE_PIXELS + 3 * LANES, // so that no two of a pixel's colours are 4 KiB apart
+    GROUP = TILE_WIDTH / BLOCK_WIDTH,     // packets that are shaded together
+    QUEUE = 5120,                         // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES,
     CASTS = 4 // packets of shadow rays in work
 };
@@ -59,7 +60,7 @@ enum { BULB_ROOM = TILE_PIXELS + LANES };
 
 // A worker's own.
 struct desk {
-    float color[3 * TILE_PIXELS]; // blocks one behind the other, their lanes in a row
+    float color[3 * COLOR_ROOM]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     float bulb[B_BORN][BULB_ROOM];
     float met[TILE_PIXELS],
@@ -144,6 +145,15 @@ static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
     COUNT(add_light, call);
+    float *first = &desk->color[(int)first_of(pixel)];
+    mask apart = greater(absolute(pixel - set(first_of(pixel)) - lane_numbers()), set(0.5f));
+    if (!any(both(m, apart))) { // neighbours, as most are
+        COUNT(add_light, row);
+        unload(load(first) + keep(m, light.x), first);
+        unload(load(first + COLOR_ROOM) + keep(m, light.y), first + COLOR_ROOM);
+        unload(load(first + 2 * COLOR_ROOM) + keep(m, light.z), first + 2 * COLOR_ROOM);
+        return;
+    }
     float red[LANES], green[LANES], blue[LANES], at[LANES];
     unload(light.x, red);
     unload(light.y, green);
@@ -153,8 +163,8 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
         COUNT(add_light, lane);
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         desk->color[i] += red[lane];
-        desk->color[TILE_PIXELS + i] += green[lane];
-        desk->color[2 * TILE_PIXELS + i] += blue[lane];
+        desk->color[COLOR_ROOM + i] += green[lane];
+        desk->color[2 * COLOR_ROOM + i] += blue[lane];
     }
 }
 

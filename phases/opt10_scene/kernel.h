@@ -41,6 +41,8 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
 
 // cache.c. The folder, made if it is not there; false and why not.
 bool cache_folder(char path[4096], char reason[256]);
+// Removes what processes that were killed while they compiled have left there an hour ago or longer.
+void cache_sweep(const char *folder);
 // Behind what was compiled: a checksum, so that a file cut short or written over is not loaded.
 bool cache_seal(const char *path, const char *tag);
 bool cache_sealed(const char *path, const char *tag);

@@ -1,5 +1,6 @@
 // A scene's kernel: found in the cache or made, checked, loaded.
 #include <dlfcn.h>
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,17 +40,24 @@ static bool make_object(const char *source, const char *folder, const char *comp
     snprintf(text, sizeof text, "%s/.%s-%ld.c", folder, tag, (long)getpid());
     snprintf(made, sizeof made, "%s/.%s-%ld.so", folder, tag, (long)getpid());
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
+    cache_sweep(folder);
+    unlink(text); // of a process of that number that was killed
+    unlink(made);
     FILE *file = fopen(text, "wx");
     bool done = file && fputs(source, file) >= 0;
     done = file && fclose(file) == 0 && done;
     if (!done)
-        snprintf(reason, 256, "%.120s cannot be written", text);
-    else if (compile_kernel(compiler, flags, lanes, tag, text, made, reason)) {
+        snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
+    else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
+        done = false;
+    else if (access(made, R_OK) != 0) {
+        snprintf(reason, 256, "%.160s wrote no object", compiler);
+        done = false;
+    } else {
         done = cache_seal(made, tag) && rename(made, object) == 0 && rename(text, kept) == 0;
         if (!done)
-            snprintf(reason, 256, "%.120s cannot be written", object);
-    } else
-        done = false;
+            snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
+    }
     unlink(text);
     unlink(made);
     return done;
@@ -81,13 +89,17 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
     uint64_t begin = now_ns();
     if (!open_object(object, loaded->hash, loaded)) {
         uint64_t compile = now_ns();
-        if (!make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
-                         loaded->reason))
-            return;
+        bool made = make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
+                                loaded->reason);
         begin = now_ns();
-        loaded->facts.compile_ns = begin - compile;
-        if (!open_object(object, loaded->hash, loaded))
-            snprintf(loaded->reason, sizeof loaded->reason, "%.160s cannot be loaded", object);
+        loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
+        if (!made)
+            return;
+        if (!open_object(object, loaded->hash, loaded)) {
+            const char *why = dlerror(); // begins with the file's name
+            snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s",
+                     why ? why : object);
+        }
     }
     loaded->facts.load_ns = now_ns() - begin;
 }

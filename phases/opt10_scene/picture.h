@@ -31,7 +31,7 @@ static void store_hit(struct frame *frame, struct block block, const struct foun
 }
 
 static void store_colors(struct frame *frame, struct block block, const float *color) {
-    real red = load(color), green = load(color + TILE_PIXELS), blue = load(color + 2 * TILE_PIXELS);
+    real red = load(color), green = load(color + COLOR_ROOM), blue = load(color + 2 * COLOR_ROOM);
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
         store_block(rgb, 3 * (size_t)frame->width, red, green, blue);

@@ -331,12 +331,18 @@ void phase_release(struct prepared *prepared) {
 // Apart from what the caller writes on its stack: all workers read it.
 struct frame_job {
     alignas(APART) struct job job;
-    void (*tile)(const struct job *job, int tile, void *own);
+    const struct scene_kernel *kernel; // NULL: the general ones
+    bool sixteen;
 };
 
 void render_tile(const void *data, int tile, void *own) {
     const struct frame_job *job = data;
-    job->tile(&job->job, tile, own);
+    if (job->kernel)
+        job->kernel->tile(&job->job, tile, own);
+    else if (job->sixteen)
+        lanes16_tile(&job->job, tile, own);
+    else
+        lanes8_tile(&job->job, tile, own);
 }
 
 static double dot(const double a[3], const double b[3]) {
@@ -401,12 +407,12 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {{prepared, view, frame, prepared->eyes, tile_height(prepared, frame),
                              prepared->solids && set_eyes(prepared, view)},
-                            kept->sixteen ? lanes16_tile : lanes8_tile};
-    const struct scene_kernel *kernel = job.job.solids ? kept->loaded.kernel : NULL;
-    if (kernel)
-        job.tile = kernel->tile;
+                            NULL,
+                            kept->sixteen};
+    if (job.job.solids)
+        job.kernel = kept->loaded.kernel;
     team_run(kept->team, &job,
-             kernel          ? kernel->tiles(&job.job)
+             job.kernel      ? job.kernel->tiles(&job.job)
              : kept->sixteen ? lanes16_tiles(&job.job)
                              : lanes8_tiles(&job.job));
     return true;

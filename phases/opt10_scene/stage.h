@@ -32,6 +32,7 @@ struct stage {
     struct surface surface;
     real weight, facing;
     mask lit, open;
+    bool flat; // all its hits are on the scene's first plane
 };
 
 static inline struct vec background(real weight, const struct model *model) {

@@ -74,13 +74,18 @@ static void draw_tiles(struct team *team, void *own) {
             render_tile(team->job, tile, own);
         return;
     }
-    // The lock has published what a tile needs; the counter only has to count. Some at a time, and at the least 64 times.
-    int some = team->tiles / (64 * team->count);
-    some = some < 1 ? 1 : some > 16 ? 16 : some;
-    for (int tile;
-         (tile = atomic_fetch_add_explicit(&team->next, some, memory_order_relaxed)) < team->tiles;)
+    // The lock has published what a tile needs; the counter only has to count. Some at a time, fewer towards the end, so that
+    // no worker waits long for the last.
+    for (;;) {
+        int left = team->tiles - atomic_load_explicit(&team->next, memory_order_relaxed);
+        int some = left / (16 * team->count);
+        some = some < 1 ? 1 : some > 16 ? 16 : some;
+        int tile = atomic_fetch_add_explicit(&team->next, some, memory_order_relaxed);
+        if (tile >= team->tiles)
+            return;
         for (int i = tile; i < tile + some && i < team->tiles; i++)
             render_tile(team->job, i, own);
+    }
 }
 
 static void *live(void *argument) {

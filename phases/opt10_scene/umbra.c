@@ -56,8 +56,9 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
-static inline real leap(const struct rays *r, real start, real strength, real hit_distance,
-                        real *previous, real *square) {
+#define STEEP 0.5f
+static inline real leap(const struct rays *r, const struct prepared *scene, real start,
+                        real strength, real hit_distance, real *previous, real *square) {
     COUNT(leap, call);
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
@@ -66,8 +67,23 @@ static inline real leap(const struct rays *r, real start, real strength, real hi
     if (!any(can))
         return start;
     ACTIVE(count_of(can));
+    COUNT(leap, asked);
+    COUNT(leap, scalar);
+    real c = r->facing;
+    if (!any(both(can, less(c, set(STEEP > scene->lit_slope ? STEEP : scene->lit_slope))))) {
+        // As towards a high light: no term of these steps is below 1, and they are few.
+        COUNT(leap, steep);
+        real t = start, before = start, grown = one + c;
+        for (mask on = can; any(on); on = both(on, not_less(until, t))) {
+            COUNT(leap, step);
+            before = choose(on, t, before);
+            t = choose(on, t * grown, t);
+        }
+        *previous = choose(can, before * c, *previous);
+        return t;
+    }
     COUNT(leap, can);
-    real c = r->facing, grow = log_of(one + c);
+    real grow = log_of(one + c);
     real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
     real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
     real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
@@ -86,6 +102,7 @@ struct march {
     real t, from, previous, end; // MARCH_REALS from here on
     real square, divisor;        // least² = square/divisor; no root or quotient until the end
     real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
+    mask one;                    // one convex solid alone can bring a term below 1
 };
 enum { MARCH_REALS = 8, NEAR_REALS = 8 };
 enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
@@ -100,6 +117,7 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .divisor = set(1.0f)};
     COUNT(begin, call);
     COUNT(begin, scalar);
+    r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
     if (IS_CROWD(work->scene))
         crowd_ahead(r, nears, work);
     else
@@ -107,12 +125,12 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
                                        : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
-    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-5 here, and 0 is written for it. If it has the
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
     // cap may end it on the way.
     real room = r->first * (set(1.0f) - r->cosine);
     const struct limits *march = &work->scene->model.march;
-    float least_room = (float)(1e5 * march->hit_distance * model->shadow_strength);
+    float least_room = (float)(1e4 * march->hit_distance * model->shadow_strength);
     real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
     mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
     float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
@@ -123,7 +141,13 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     real strength = set((float)model->shadow_strength);
     m->t = offset;
     if (march->max_steps >= MANY_STEPS)
-        m->t = leap(r, offset, strength, hit, &m->previous, &m->square);
+        m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
+    m->one = no_lane();
+    if (r->floor && !KNOWN(work->scene)->bulbs) {
+        COUNT(begin, floor);
+        m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
+                         r->active);
+    }
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
@@ -234,6 +258,8 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
+                         .some = no_lane(),
+                         .many = no_lane(),
                          .first = set(INFINITY),
                          .cosine = set(1.0f)};
 }
@@ -262,6 +288,8 @@ static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
+                         .some = no_lane(),
+                         .many = no_lane(),
                          .first = set(INFINITY),
                          .cosine = set(1.0f)};
 }
@@ -271,14 +299,15 @@ static void add_lane(int i, float lit, struct desk *desk) {
     float (*field)[QUEUE_ROOM] = desk->shadow;
     int pixel = (int)field[S_PIXEL][i];
     for (int k = 0; k < 3; k++)
-        desk->color[k * TILE_PIXELS + pixel] += lit * field[S_LIGHT + k][i];
+        desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
 }
 
 // A packet whose lanes hold rays of different age.
 struct pool {
     struct march march;
     struct near *nears;
-    int ray[LANES]; // which of the queue
+    int ray[LANES];    // which of the queue
+    float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
     unsigned live, leaving;
 };
 
@@ -294,11 +323,12 @@ static void copy_lane(struct pool *to, int here, const struct pool *from, int th
             a[i * LANES + here] = b[i * LANES + there];
     }
     to->ray[here] = from->ray[there];
+    to->born[here] = from->born[there];
     to->live |= 1u << here;
 }
 
 // Takes rays from `ready`, which is made anew from the queue whenever it is empty.
-static int refill_shadows(struct pool *to, struct pool *ready, int next,
+static int refill_shadows(struct pool *to, struct pool *ready, int next, int steps,
                           const struct convex *work) {
     struct desk *desk = work->desk;
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
@@ -314,6 +344,7 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next,
             break;
         int lane = __builtin_ctz(ready->live);
         copy_lane(to, __builtin_ctz(ended), ready, lane, KNOWN(work->scene)->model.shape_count);
+        to->born[__builtin_ctz(ended)] = (float)steps;
         ready->live &= ready->live - 1;
     }
     to->march.done = lanes_of(~to->live);
@@ -381,13 +412,15 @@ static void see_off(struct pools *pools, const struct convex *work) {
         pools->out[k].march.done = lanes_of(~pools->out[k].live);
         m[k] = pools->out[k].march;
     }
-    for (int i = 0; i < work->scene->model.march.max_steps && ended < ABREAST * LANES; i++) {
+    for (int i = 1; ended < ABREAST * LANES; i++) {
+        real oldest = set((float)i - (float)work->scene->model.march.max_steps);
         real h[ABREAST];
         nearest_bulbs(m, work->scene, true, h);
         ended = 0;
         for (int k = 0; k < ABREAST; k++) {
             step(&m[k], h[k], strength, hit, 0.0f);
             m[k].done = either(m[k].done, over(&m[k], work->scene));
+            m[k].done = either(m[k].done, not_less(oldest, load(pools->out[k].born)));
             ended += count_of(m[k].done);
         }
     }
@@ -414,21 +447,29 @@ static void retire_shadows(struct pool *from, struct pools *pools, const struct 
 }
 
 // One step of each packet. How many lanes have ended.
-static inline int step_all(struct march *m, struct pool *pool, bool look,
+static inline int step_all(struct march *m, struct pool *pool, int steps,
                            const struct convex *work) {
     const struct model *model = &KNOWN(work->scene)->model;
     real strength = set((float)model->shadow_strength),
          hit = set((float)work->scene->model.march.hit_distance);
+    // Rays that old have had their steps.
+    real oldest = set((float)steps - (float)work->scene->model.march.max_steps);
     real h[ABREAST];
     int ended = 0;
     nearest_bulbs(m, work->scene, false, h);
     for (int k = 0; k < ABREAST; k++) {
         mask behind = no_lane();
-        if (look)
+        if (steps % LOOK_EVERY == 0)
             behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
         step(&m[k], h[k], strength, hit, DARK * DARK);
-        pool[k].leaving |= bits(but_not(m[k].done, behind));
-        m[k].done = either(m[k].done, behind);
+        m[k].done = either(m[k].done, not_less(oldest, load(pool[k].born)));
+        behind = but_not(m[k].done, behind);
+        if (any(behind)) {
+            real born = load(pool[k].born);
+            unload(choose(behind, born - set((float)steps), born), pool[k].born);
+            pool[k].leaving |= bits(behind);
+            m[k].done = either(m[k].done, behind);
+        }
         ended += count_of(m[k].done);
     }
     return ended;
@@ -443,14 +484,13 @@ static void cast_streams(const struct convex *work) {
     for (int k = 0; k < POOLS; k++)
         all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
     struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
-    long left = (long)work->scene->model.march.max_steps * (desk->shadows / LANES + ABREAST);
-    unsigned steps = 0;
-    for (int next = 0; left > 0;) {
+    int steps = 0;
+    for (int next = 0;;) {
         struct march m[ABREAST];
         unsigned live = pools.ready->live;
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill_shadows(&pools.work[k], pools.ready, next, work);
+            next = refill_shadows(&pools.work[k], pools.ready, next, steps, work);
             live |= pools.work[k].live;
             m[k] = pools.work[k].march;
             ended += count_of(m[k].done);
@@ -459,8 +499,8 @@ static void cast_streams(const struct convex *work) {
             break;
         bool more = next < desk->shadows || pools.ready->live;
         int enough = more ? ended + LANES / 4 : ABREAST * LANES;
-        while (ended < enough && left-- > 0)
-            ended = step_all(m, pools.work, ++steps % LOOK_EVERY == 0, work);
+        while (ended < enough)
+            ended = step_all(m, pools.work, ++steps, work);
         for (int k = 0; k < ABREAST; k++) {
             pools.work[k].march = m[k];
             retire_shadows(&pools.work[k], &pools, work);
@@ -592,6 +632,20 @@ static void begin_cast(struct cast *c, int slot, int first, const struct convex 
     c->steps = work->scene->model.march.max_steps;
 }
 
+// A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
+// convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
+// and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
+// strength·√¾·r (opt9_convex's NOTES.md, 5.). Ends the rays that have less than that.
+static inline void end_risen(struct march *m, real from, real before, float q, real enough) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(end_risen, call);
+    real h = m->previous, t = m->from;
+    mask risen = both(less(before, set(q) * from), not_less(h * from, before * t));
+    real least = m->square * (t * t), now = m->divisor * (h * h);
+    mask darker = less(least, now * enough);
+    m->done = either(m->done, both(m->one, both(risen, darker)));
+}
+
 static void end_cast(struct cast *c, struct desk *desk) {
     ACTIVE(LANES);
     COUNT(end_cast, call);
@@ -608,6 +662,8 @@ static void cast_packets(const struct convex *work) {
     const struct prepared *scene = work->scene;
     real strength = set((float)KNOWN(scene)->model.shadow_strength),
          hit = set((float)scene->model.march.hit_distance);
+    real enough = strength * strength * set(0.7499f);
+    COUNT(cast_packets, call);
     struct cast cast[CASTS];
     int next = 0, live = 0;
     for (; live < CASTS && next < desk->shadows; live++, next += LANES)
@@ -621,7 +677,9 @@ static void cast_packets(const struct convex *work) {
                 continue;
             struct march *m = &c->march;
             if (c->steps-- > 0 && !all(m->done)) {
+                real from = m->from, before = m->previous;
                 step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit, 0.0f);
+                end_risen(m, from, before, KNOWN(scene)->lit_slope, enough);
                 continue;
             }
             end_cast(c, desk);

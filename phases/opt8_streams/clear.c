@@ -99,7 +99,8 @@ mask cleared(const struct hit *hit, const struct lighting *light, const struct b
             COUNT(cleared, solid);
             here = cone_misses(cone_to(to_centre(s, point), light->to_light, s), s);
             if (any(both(own, but_not(here, clear))))
-                here = either(here, both(own, bulges(s, beam->approach[i].origin)));
+                here = either(here,
+                              both(own, bulges(s, beam->approach[i].origin, light->facing, scene)));
         }
         clear = both(clear, here);
     }

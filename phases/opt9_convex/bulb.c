@@ -7,6 +7,8 @@
 #include "stage.h"
 
 enum { REFILL = LANES / 4 }; // ended lanes
+// Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
+#define COARSE 1e-4f
 
 struct lanes {
     real field[B_FIELDS];
@@ -31,6 +33,7 @@ struct packet {
     struct wide_vec origin, direction;
     struct vec near_origin, near_direction;
     wide t;
+    real at; // t, as a float
     real to, born;
     real height, slope; // of the plane
     mask done, met;
@@ -50,17 +53,12 @@ static inline struct vec fields(const struct lanes *from, int first) {
 }
 
 static inline struct packet packet_of(const struct lanes *from) {
-    return (struct packet){wide_fields(from, B_ORIGIN),
-                           wide_fields(from, B_DIRECTION),
-                           fields(from, B_ORIGIN),
-                           fields(from, B_DIRECTION),
-                           wide_field(from, B_T),
-                           from->field[B_TO],
-                           from->field[B_BORN],
-                           from->field[B_HEIGHT],
-                           from->field[B_SLOPE],
-                           lanes_of(~from->live),
-                           no_lane()};
+    return (struct packet){wide_fields(from, B_ORIGIN), wide_fields(from, B_DIRECTION),
+                           fields(from, B_ORIGIN),      fields(from, B_DIRECTION),
+                           wide_field(from, B_T),       from->field[B_T],
+                           from->field[B_TO],           from->field[B_BORN],
+                           from->field[B_HEIGHT],       from->field[B_SLOPE],
+                           lanes_of(~from->live),       no_lane()};
 }
 
 static inline wide wide_along(wide origin, wide direction, wide t) {
@@ -75,34 +73,48 @@ static inline struct wide_vec place_of(const struct packet *p) {
                              wide_along(p->origin.z, p->direction.z, p->t)};
 }
 
-// t: before the step, as a float. `oldest`: rays that old have had their steps.
-static inline void advance(struct packet *p, real t, real h, real hit_distance, real oldest) {
+// `oldest`: rays that old have had their steps.
+static inline void advance(struct packet *p, bool exact, real h, real hit_distance, real oldest) {
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance, call);
+    real t = p->at;
     real height = mul_add(t, p->slope, p->height), least = least_of(h, height);
     mask reached = but_not(p->done, less(least, hit_distance));
     real step = drop(p->done, least);
-    p->t.low += half_low(step);
-    p->t.high += half_high(step);
+    p->at = t + step;
+    if (exact) {
+        COUNT(advance, exact);
+        p->t.low += half_low(step);
+        p->t.high += half_high(step);
+        p->at = narrow(p->t);
+    }
     p->met = either(p->met, both(reached, not_less(height, h)));
     mask over = either(greater(t + step, p->to), not_less(oldest, p->born));
     p->done = either(p->done, either(reached, over));
 }
 
 // What has ended gives its answer and is no longer live.
-static void retire_bulb(const struct packet *p, struct lanes *from, struct desk *desk) {
+__attribute__((always_inline)) static inline void
+retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk *desk) {
     ACTIVE(count_of(lanes_of(from->live)));
     COUNT(retire_bulb, call);
-    real t = narrow(p->t);
-    struct wide_vec at = place_of(p);
+    real t = p->at;
+    struct vec at = vec_along(p->near_origin, p->near_direction, t);
+    from->field[B_T + B_REST] = set(0.0f);
+    if (exact) {
+        COUNT(retire_bulb, exact);
+        struct wide_vec place = place_of(p);
+        at = (struct vec){narrow(place.x), narrow(place.y), narrow(place.z)};
+        from->field[B_T + B_REST] =
+            narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
+    }
     float place[3][LANES], way[LANES], slots[LANES];
-    unload(narrow(at.x), place[0]);
-    unload(narrow(at.y), place[1]);
-    unload(narrow(at.z), place[2]);
+    unload(at.x, place[0]);
+    unload(at.y, place[1]);
+    unload(at.z, place[2]);
     unload(from->field[B_BEFORE] + t, way);
     unload(from->field[B_SLOT], slots);
     from->field[B_T] = t;
-    from->field[B_T + B_REST] = narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), slot = (int)slots[lane];
@@ -117,33 +129,36 @@ static void retire_bulb(const struct packet *p, struct lanes *from, struct desk 
 }
 
 // A step of all packets. How many lanes have ended.
-static inline int step_bulbs(const struct placed *s, struct packet *p, real hit_distance,
-                             real oldest) {
-    struct wide_vec exact[ABREAST];
+__attribute__((always_inline)) static inline int
+step_bulbs(const struct placed *s, bool exact, struct packet *p, real hit_distance, real oldest) {
+    struct wide_vec place[ABREAST];
     struct vec at[ABREAST];
     mask done[ABREAST];
-    real t[ABREAST], h[ABREAST];
+    real h[ABREAST];
     COUNT(step_bulbs, call);
     for (int k = 0; k < ABREAST; k++) {
         ACTIVE(LANES - count_of(p[k].done));
         COUNT(step_bulbs, packet);
-        t[k] = narrow(p[k].t);
-        exact[k] = place_of(&p[k]);
-        at[k] = vec_along(p[k].near_origin, p[k].near_direction, t[k]);
+        if (exact)
+            place[k] = place_of(&p[k]);
+        at[k] = vec_along(p[k].near_origin, p[k].near_direction, p[k].at);
         done[k] = p[k].done;
     }
-    exact_bulbs(s, exact, at, done, h);
+    if (exact)
+        exact_bulbs(s, place, at, done, h);
+    else
+        bulbs(s, at, done, false, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
-        advance(&p[k], t[k], h[k], hit_distance, oldest);
+        advance(&p[k], exact, h[k], hit_distance, oldest);
         ended += count_of(p[k].done);
     }
     return ended;
 }
 
-void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
-    COUNT(march_bulb, call);
-    desk->shape = s->index;
+__attribute__((always_inline)) static inline void march_all(const struct placed *s, bool exact,
+                                                            int count, const struct limits *limits,
+                                                            struct desk *desk) {
     struct lanes lanes[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         lanes[k].live = 0;
@@ -169,14 +184,23 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
         while (ended < enough) {
             COUNT(march_bulb, step);
             steps += 1.0f;
-            ended = step_bulbs(s, p, hit_distance, set(steps - most));
+            ended = step_bulbs(s, exact, p, hit_distance, set(steps - most));
         }
         live = 0;
         for (int k = 0; k < ABREAST; k++) {
-            retire_bulb(&p[k], &lanes[k], desk);
+            retire_bulb(&p[k], exact, &lanes[k], desk);
             live |= lanes[k].live;
         }
     } while (next < count || live);
+}
+
+void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
+    COUNT(march_bulb, call);
+    desk->shape = s->index;
+    if ((float)limits->hit_distance < COARSE)
+        march_all(s, true, count, limits, desk);
+    else
+        march_all(s, false, count, limits, desk);
 }
 
 static inline wide wide_times(wide a, wide b) {

@@ -15,6 +15,7 @@ void look_at_plane(const struct placed *s, int i, struct rays *r, const struct c
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
+    r->many = either(r->many, not_in(clear));
     if (any(but_not(clear, r->active))) {
         COUNT(look_at_plane, met);
         real t = height / (set(0.0f) - slope);
@@ -34,7 +35,7 @@ void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     if (any(in)) {
         COUNT(enter_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine = choose(in, set(0.0f) - vec_dot(normal_on(at, s), d), r->cosine);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
     }
 }
 
@@ -52,6 +53,8 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
     real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
     r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->many = either(r->many, s->convex ? both(r->some, met) : met);
+    r->some = either(r->some, met);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)),

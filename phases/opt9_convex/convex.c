@@ -357,8 +357,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
                 store_hit(frame, block_at(&tile, row, i), &stage[i].hit, stage[i].surface.normal);
             float *to = &desk->color[pixel];
             unload(stage[i].color.x, to);
-            unload(stage[i].color.y, to + TILE_PIXELS);
-            unload(stage[i].color.z, to + 2 * TILE_PIXELS);
+            unload(stage[i].color.y, to + COLOR_ROOM);
+            unload(stage[i].color.z, to + 2 * COLOR_ROOM);
         }
         if (desk->mirrors > QUEUE / 2)
             follow_mirrors(&work);

@@ -10,7 +10,7 @@ static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
 }
 
-static struct place place_of(const double a[3]) {
+static struct place split_place(const double a[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
         split(a[i], &hi[i], &lo[i]);
@@ -90,7 +90,7 @@ static void draw_tile(const struct job *job, int tile, struct approach *own) {
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {job->prepared, job->view, own};
-    struct place origin = place_of(job->view->position);
+    struct place origin = split_place(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
@@ -154,7 +154,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);
-        approach_origins(place_of(points + 3 * i), prepared, approach);
+        approach_origins(split_place(points + 3 * i), prepared, approach);
         approach_directions(nowhere, prepared, approach);
         distance[i] = first_of(sdf(approach, set(0.0f), prepared, no_lane(), &shape));
         nearest[i] = (int)first_of(shape);

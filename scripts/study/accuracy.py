@@ -91,14 +91,18 @@ def right_distances(truth: Picture, image: Picture) -> np.ndarray:
     return np.sort(np.abs(truth["Z"][right].astype(np.float64) - image["Z"][right]))
 
 
-def dt_p99_of(count: int, truth: Picture, image: Picture) -> float:
-    """dt_p99 over the `count` nearest of the picture's right hits, or all of fewer; NaN for none.
+def dt_p99_of(others: np.ndarray, truth: Picture, image: Picture) -> float:
+    """dt_p99 over as many of the picture's right hits as another picture has, or all of fewer; NaN for none.
 
-    What a gate may compare: of as many of the true hits as the other picture has. A picture that hits more of
-    them is not further from truth for the grazing ones that it won.
+    What a gate may compare; `others`: the other one's right_distances. A picture that hits more of the true
+    hits is not further from truth for the grazing ones that it won, so its worst are left out; but none that
+    is further off than every hit of the other's, for those it would hide.
     """
-    nearest = right_distances(truth, image)[:count]
-    return float(np.percentile(nearest, 99)) if nearest.size else math.nan
+    mine = right_distances(truth, image)
+    spare = max(len(mine) - len(others), 0)
+    alike = int(np.searchsorted(mine, others[-1], "right")) if len(others) else 0
+    kept = np.delete(mine, slice(max(alike - spare, 0), alike))
+    return float(np.percentile(kept, 99)) if kept.size else math.nan
 
 
 def _geometry(truth: Picture, image: Picture, where: np.ndarray) -> dict[str, float]:
@@ -222,13 +226,8 @@ def read(run: Path) -> dict[str, Any]:
     path = Path(run) / FILE
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(isinstance(r, dict) and "false_hits_ppm" in r for r in listed):
-        raise StudyError(
-            f"{path}: not what scripts/accuracy.py writes; make it again with scripts/accuracy.py"
-        )
-    for row in (*listed, *((result.get("convergence") or {}).get("rows") or ())):
+    result = store.read_rows(path, "accuracy.py", {"false_hits_ppm"}, empty=True)
+    for row in (*result["rows"], *((result.get("convergence") or {}).get("rows") or ())):
         _restore(row)
     return result
 

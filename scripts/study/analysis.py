@@ -19,7 +19,8 @@ SHARE_BESIDE = {
     "psnr_display_db": "fraction_over_1_255_display",
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
-FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps")
+FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
+GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
 NEEDED = {
     *("config", "launch", "frame", "warmup", "spec", "phase", "flags_from", "scene", "scene_hash"),
     *("width", "height", "threads", "isa", "precision", "flags", "compiler", "libc", "ns", "tsc_cycles"),
@@ -142,7 +143,7 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         core_hz=(frames["core_hz_before"] + frames["core_hz_after"]) / 2,
         presented_ns=frames["ns"] + frames["present_ns"],
     )
-    optional = tuple(name for name in ("core_hz_load",) if name in frames)
+    optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns") if name in frames)
     columns = (
         *optional,
         "ns",

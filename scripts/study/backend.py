@@ -21,7 +21,9 @@ def header(said: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises KeyError for what is no picture's.
     """
-    about = {key: said[key] for key in _PICTURE} | {key: said.get(key) for key in ("compiler", "flags")}
+    about = {key: said[key] for key in _PICTURE} | {
+        key: said.get(key) for key in ("compiler", "flags", "kernel")
+    }
     return about | {"cpu": machine.cpu().get("model")}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study import negative, sections, truth_sections
+from study import breakeven_page, negative, sections, truth_sections
 from study.analysis import Data
 from study.sections import Section
 
@@ -23,6 +23,7 @@ def all_of(data: Data) -> list[Section]:
         truth_sections.approximations(path),
         truth_sections.elsewhere(path),
         truth_sections.rates(path),
+        breakeven_page.section(path),
         truth_sections.rival(path),
         truth_sections.growth(path),
         truth_sections.compilers(path),

@@ -7,6 +7,7 @@ starts the script again with the Python of ROOT/.venv, or says how to make it.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import importlib.util
 import json
@@ -59,6 +60,19 @@ def parser(description: str, statuses: dict[int, str] | None = None) -> argparse
     )
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")
     return made
+
+
+def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
+    """An argparse type: a finite number of `kind` that is `lowest` or more."""
+    what = "a whole number" if kind is int else "a number"
+
+    def parse(text: str) -> Any:
+        with contextlib.suppress(ValueError):
+            if lowest <= (value := kind(text)) < math.inf:
+                return value
+        raise argparse.ArgumentTypeError(f"'{text}': must be {what} of at least {lowest:g}")
+
+    return parse
 
 
 def main(run: Callable[[], int | None]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pandas as pd
 
+from study.analysis import GENERATED
 from study.show import (
     NOTHING,
     Column,
@@ -29,6 +30,18 @@ from study.show import (
 )
 
 TO_TRUTH = "to truth"  # in a head: this column is of accuracy.json
+
+
+def _phase(row: Row) -> str:
+    """Of a phase that generates code for scenes: whether general code ran or was counted in its place."""
+    kernel = row.get("kernel")
+    general = isinstance(kernel, str) and kernel != GENERATED
+    return word("phase")(row) + (" (general code)" if general else "")
+
+
+def _code(row: Row) -> str:
+    kernel = row.get("kernel")
+    return NOTHING if not isinstance(kernel, str) else "for the scene" if kernel == GENERATED else kernel
 
 
 def _load(row: Row) -> str:
@@ -87,7 +100,7 @@ def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
 
 
 LADDER = [
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "precision", word("precision")),
     Column("", "threads", whole("threads")),
     Column("time of a steady frame", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
@@ -105,7 +118,7 @@ LADDER = [
     Column("error below the picture", "depth agrees", _fractal_depth),
 ]
 README = [
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "precision", word("precision")),
     Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
     Column("", "ns/pixel", plain("ns_per_pixel", 4)),
@@ -119,7 +132,7 @@ README = [
     Column("", "tolerance", gate, gate_mark),
 ]
 BESIDE = [
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),
     Column("here, over baseline", "PSNR display, dB", lambda r: psnr(r, "psnr_display_db")),
     Column("the paper, over its baseline", "by its tables", lambda r: times(r.get("implied"))),
@@ -127,10 +140,11 @@ BESIDE = [
     Column("the paper, over its baseline", "its program, run again (PSNR display)", rerun),
 ]
 WHOLE = [
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "threads", whole("threads")),
     Column("", "launches", whole("launches")),
     Column("first frame, ms", "set-up", plain("setup_ms")),
+    Column("first frame, ms", "compiling, once (0: found in the cache)", plain("compile_ms")),
     Column("first frame, ms", "set-up + first frame [95\u00a0%]", lambda r: interval(r, "setup_first_ms")),
     Column("steady frame, ms", "render [95\u00a0%]", lambda r: interval(r, "ms")),
     Column("steady frame, ms", "present", plain("present_ms")),
@@ -142,12 +156,13 @@ WHOLE = [
     Column("clocks, GHz", "core under its vector load", _load),
 ]
 BUILT = [
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "precision", word("precision")),
     Column("", "lanes", whole("lanes")),
     Column("", "ISA", word("isa")),
     Column("", "threads", whole("threads")),
     Column("", "algorithm", word("algorithm")),
+    Column("", "code", _code),
     Column("", "flags", word("flags")),
     Column("", "compiler", word("compiler")),
     Column("", "libc", word("libc")),
@@ -163,7 +178,7 @@ RUNTIME = [
     Column("", "scene", word("scene")),
     Column("", "n", whole("height")),
     Column("", "width", whole("width")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "threads", whole("threads")),
     Column("", "launches", whole("launches")),
     Column("", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
@@ -175,7 +190,7 @@ RUNTIME = [
 ]
 VERIFICATION = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "tolerance", gate, gate_mark),
     Column("", "reference", lambda r: NOTHING if r["reference"] == "baseline" else r["reference"]),
     Column("", "size", lambda r: f"{r.get('width')}×{r.get('height')}"),
@@ -192,7 +207,7 @@ VERIFICATION = [
 ]
 PAPER = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("the paper, i7-7700 at 3.6 GHz", "cycles/pixel by its tables", plain("cycles_per_pixel", 4)),
     Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its tables", lambda r: times(r["implied"])),
     Column("the paper, i7-7700 at 3.6 GHz", "speed-up by its text", lambda r: times(r["stated"])),
@@ -241,7 +256,7 @@ def _backend(row: Row) -> str:
 # FLOPs: all lanes are counted; the useful share is that of the active ones.
 TABLE1 = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
     Column("GFLOP of a picture", "paper's convention", plain("paper_convention_gflop", 4)),
     Column("GFLOP of a picture", "the paper's own", plain("paper_gflop", 4)),
@@ -255,7 +270,7 @@ TABLE1 = [
 ]
 TERMS = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "term", word("term")),
     Column("", "GFLOP, paper's convention", plain("gflop", 4)),
     Column("", "share", lambda r: percent(r.get("share"))),
@@ -271,7 +286,7 @@ READINGS = [
 ]
 MEASURED = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "size", lambda r: f"{r['width']}×{r['height']}"),
     Column("", "by", _backend),
     Column("measured, shipped build", "GFLOP, machine's convention", plain("machine_gflop", 4)),
@@ -281,7 +296,7 @@ MEASURED = [
 ]
 VALIDATION = [
     Column("", "scene", word("scene")),
-    Column("", "phase", word("phase")),
+    Column("", "phase", _phase),
     Column("", "build", lambda r: {"shipped": "shipped", "calls": "without inlining"}[r["variant"]]),
     Column("", "what", word("scope")),
     Column("FLOP, machine's convention", "declared × counted", lambda r: f"{r['counted']:,}"),

@@ -133,7 +133,8 @@ class Measured:
     `variant`: "shipped" (the very code that is timed) or "calls" (the same source without inlining).
     `calibrated`: whether the back end gave the calibration program's known counts on this machine; None:
     it was never run on the real thing. `edges`: caller to callee (of the phase or a library) to the number
-    of direct calls, where the back end sees them. `compiler`, `flags`: of the program; `cpu`: it ran on.
+    of direct calls, where the back end sees them. `compiler`, `flags`: of the program; `cpu`: it ran on;
+    `kernel`: of a phase that generates code for a scene, that it did not (study.run.GENERAL).
     """
 
     backend: str
@@ -152,6 +153,7 @@ class Measured:
     compiler: str | None = None
     flags: str | None = None
     cpu: str | None = None
+    kernel: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         data = {k: v for k, v in vars(self).items() if k not in ("total", "functions", "outside")}

@@ -252,13 +252,7 @@ def read(path: Path) -> Row:
     """A run's drjit.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": []}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(
-        isinstance(row, dict) and {"program", "published_ms", "ratio"} <= row.keys() for row in listed
-    ):
-        raise StudyError(f"{path}: not what scripts/drjit.py writes; make it again with scripts/drjit.py")
-    return result
+    return store.read_rows(path, "drjit.py", {"program", "published_ms", "ratio"})
 
 
 def say_versions(path: Path) -> str:

@@ -56,7 +56,7 @@ def declared(spec: Spec, scene: Scene, height: int, width: int | None = None, th
     wide, high = scene.size(height, width)
     made = run.render(spec, scene.path, high, wide, threads=threads, target="render-count", timed=False)
     about = {key: made[key] for key in ("phase", "flags_from", "scene", "scene_hash", "width", "height")}
-    about |= {key: made.get(key) for key in ("compiler", "flags", "lanes")}
+    about |= {key: made.get(key) for key in ("compiler", "flags", "lanes", "kernel")}
     return {**about, "threads": threads, **{key: made[key] for key in KEYS}}
 
 

@@ -283,10 +283,4 @@ def read(path: Path) -> Row:
     """A run's frames.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": []}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(
-        isinstance(one, dict) and {"phase", "hit", "frames_per_s"} <= one.keys() for one in listed
-    ):
-        raise StudyError(f"{path}: not what scripts/frames.py writes; make it again with scripts/frames.py")
-    return result
+    return store.read_rows(path, "frames.py", {"phase", "hit", "frames_per_s"})

@@ -253,6 +253,7 @@ class Profile:
     functions: dict[str, dict[str, int]]
     left_out: dict[str, int]
     addresses: dict[int, int] = field(default_factory=dict, repr=False)
+    kernel: str | None = None  # of a phase that generates code for a scene: that it did not
 
     @property
     def spec(self) -> str:
@@ -360,6 +361,7 @@ def profile(
         functions=functions,
         left_out=dict(left_out.most_common()),
         addresses=dict(addresses),
+        kernel=made.get("kernel"),
     )
 
 
@@ -572,8 +574,9 @@ def notes(record: Row) -> list[str]:
         out = sum(p.left_out.values())
         most = ", ".join(list(p.left_out)[:3])
         lines.append(
-            f"{p.scene} {p.spec}, {'without inlining' if p.variant == 'calls' else 'shipped'}: "
-            f"{p.samples} samples ({p.event}) of {p.frames} frames of {p.cpu_ns / 1e6:.4g} ms"
+            f"{p.scene} {p.spec}, {'without inlining' if p.variant == 'calls' else 'shipped'}"
+            + (", its general code, no kernel generated for the scene: " if p.kernel else ": ")
+            + f"{p.samples} samples ({p.event}) of {p.frames} frames of {p.cpu_ns / 1e6:.4g} ms"
             + (f" (in {p.frame_ns / 1e6:.4g} ms: the CPU was shared); " if p.covered < 0.9 else "; ")
             + f"{out} ({100 * out / (p.samples + out):.1f} %) left out as not of a frame"
             + (f" ({most}{' …' if len(p.left_out) > 3 else ''})" if out else "")

@@ -97,6 +97,11 @@ def _flags(data: Data, cell: Cell) -> str:
     return arithmetic_flags(cell.facts["flags"] or "", about.get("variants") or ())
 
 
+def _compiling(cell: Cell) -> float:
+    """ms of the launch that compiled longest, 0: the kernel was found; NaN: nothing is generated."""
+    return cell.values.get("kernel_compile_ns", pd.Series([math.nan], dtype=float)).max() / 1e6
+
+
 def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
     alike = (cell.scene, cell.height, cell.width)
     base = data.cell(alike[0], BASE, *alike[1:])
@@ -134,6 +139,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "same_flags_base": same.spec if same else None,
         **_spread("speedup_same_flags", same and cell.over(same)),
         "setup_ms": cell.median("prepare_ns").value / 1e6,
+        "compile_ms": _compiling(cell),
         **_spread("setup_first_ms", cell.median("setup_first_ns"), 1e6),
         "present_ms": cell.median("present_ns").value / 1e6,
         "frames_per_s": 1e9 / cell.median("presented_ns").value,

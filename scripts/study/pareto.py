@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from study import cli, store
-from study.cli import StudyError
 
 FILE = "pareto.json"
 TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
@@ -195,12 +194,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's pareto.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "skipped": []}
-    result = store.read_json(path)
-    rows = result.get("rows") if isinstance(result, dict) else None
-    sound = isinstance(rows, list) and all(isinstance(r, dict) and "ns_per_pixel" in r for r in rows)
-    if not sound or (not rows and result.get("winners")):
-        raise StudyError(f"{path}: not what scripts/pareto.py writes; make it again with scripts/pareto.py")
-    return result
+    return store.read_rows(path, "pareto.py", {"ns_per_pixel"})
 
 
 def shown(rows: Sequence[Row]) -> list[Row]:

@@ -30,7 +30,7 @@ from study import backend, machine, perf, store
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
 from study.registry import ROOT, Spec, cpu_flags
-from study.run import _arguments, cpu_set, render
+from study.run import GENERAL, _arguments, cpu_set, render
 
 FOLDER = ROOT / "scripts" / "study" / "events"
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
@@ -220,7 +220,7 @@ def _stat(
                 capture_output=True,
                 text=True,
                 errors="replace",
-                env={**os.environ, "LC_ALL": "C"},
+                env={**os.environ, **GENERAL, "LC_ALL": "C"},
                 preexec_fn=(lambda: os.sched_setaffinity(0, cpus)) if cpus else None,
             )
         except OSError as error:
@@ -295,7 +295,7 @@ def read_frame(
         frame, driver = per_frame
         for name in names:
             values.setdefault(name, max(frame[name] - driver[name], 0))
-    header = render(spec, scene, height, width, target=target)
+    header = render(spec, scene, height, width, target=target, general=True)
     return _reading(events, values, list(scaled), header, target)
 
 

@@ -28,7 +28,7 @@ from study.counts import Counts, Measured
 from study.decode import Decoded, Disassembler
 from study.elf import Program, exported
 from study.registry import Spec, find_phase
-from study.run import UNTIMED, _arguments
+from study.run import GENERAL, UNTIMED, _arguments
 
 EMULATOR = "qemu-x86_64"
 REGION = "phase_render"
@@ -328,7 +328,7 @@ def record(arguments: list[str], region: str = REGION, *, callback: bool = False
                 text=True,
                 errors="replace",
                 cwd=folder,
-                env=os.environ | {UNTIMED: "1"},
+                env=os.environ | GENERAL | {UNTIMED: "1"},
                 stdin=subprocess.DEVNULL,
             )
         except OSError as error:

@@ -32,7 +32,7 @@ from typing import Any
 import pandas as pd
 
 from study import ceilings, paper, show, store
-from study.analysis import Cell, Data
+from study.analysis import GENERATED, Cell, Data
 from study.ceilings import LEVELS, Ceilings
 from study.cli import StudyError
 from study.counts import Counts, Measured
@@ -198,6 +198,8 @@ def _origin(one: Mapping[str, Any], cell: Cell, cpu: str | None) -> str | None:
         for name, there in timed.items()
         if one.get(name) and there and one[name] != there
     ]
+    if one.get("kernel") and cell.facts.get("kernel") == GENERATED:
+        other.append("of its general code instead of the kernel generated for the scene")
     return "; ".join(other) or None
 
 

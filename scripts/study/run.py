@@ -10,7 +10,7 @@ import random
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +25,9 @@ _LIBC = ctypes.CDLL(None)  # loaded here: between fork and exec nothing may be i
 _PR_SET_PDEATHSIG = 1
 USABLE = sorted(os.sched_getaffinity(0))  # CPUs, before a script moves itself out of the way
 UNTIMED = "STEPWISE_UNTIMED"  # in a driver's environment: it does not measure the clocks' rates, 25 ms
+# Every program but "render" counts, or tells code by its functions: that of costs.def, so that a phase that
+# generates kernels for scenes makes none there.
+GENERAL = {"STEPWISE_CC": "none"}
 NO_ISA, UNSUPPORTED, NO_MEMORY = 3, 4, 5  # exit statuses of the driver
 
 
@@ -86,7 +89,13 @@ def _options(
     return arguments + ["--aov"] * aov
 
 
-def _lines(arguments: list[str], cpus: set[int] | None, env_bytes: int, timed: bool = True) -> Iterator[str]:
+def _lines(
+    arguments: list[str],
+    cpus: set[int] | None,
+    env_bytes: int,
+    timed: bool = True,
+    more: Mapping[str, str] | None = None,
+) -> Iterator[str]:
     """Whole lines of a child's standard output as they come. DriverError at its end if it failed.
 
     The child dies with its reader: killed when the generator is closed, and by the kernel's
@@ -95,6 +104,7 @@ def _lines(arguments: list[str], cpus: set[int] | None, env_bytes: int, timed: b
     environment = {key: value for key, value in os.environ.items() if key != UNTIMED}
     if not timed:
         environment[UNTIMED] = "1"
+    environment |= more or {}
     if env_bytes:
         environment["STEPWISE_PADDING"] = "x" * env_bytes
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
@@ -143,15 +153,19 @@ def render(
     cpu: int | None = None,
     threads: int = 1,
     timed: bool = True,
+    general: bool | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
     Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …). Not `timed`: for a
-    picture or counts alone; the clocks' rates are 0. Raises DriverError(status, message).
+    picture or counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run
+    all other targets than render. Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
-    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed))
+    if general is None:
+        general = options.get("target", "render") != "render"
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed, GENERAL if general else None))
     return _parse(text, arguments[0])
 
 
@@ -180,11 +194,14 @@ def execute(
     *,
     cpu: int | None = None,
     env_bytes: int = 0,
+    compiler: str | None = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """As `render`, of a driver that was built elsewhere: another compiler's, or other flags'."""
+    """As `render`, of a driver that was built elsewhere, by another `compiler` or other flags. What it
+    compiles for a scene is by that compiler, too."""
+    more = {"STEPWISE_CC": compiler} if compiler and os.environ.get("STEPWISE_CC") != "none" else None
     arguments = [str(program), *_options(scene_path, height, width, **options), "--json"]
-    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes)), arguments[0])
+    return _parse("".join(_lines(arguments, cpu_set(cpu, 1), env_bytes, more=more)), arguments[0])
 
 
 def interleaved(

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from study import cli, images, registry, run, stats, store
-from study.cli import StudyError
 from study.registry import Spec
 from study.run import DriverError
 from study.scaling_errors import Judge, seen
@@ -243,13 +242,7 @@ def read(path: Path) -> dict[str, Any]:
     """A run's scaling.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "fits": [], "memory": [], "goals": []}
-    result = store.read_json(path)
-    rows = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(rows, list) or not all(
-        isinstance(r, dict) and {"series", "ns"} <= r.keys() for r in rows
-    ):
-        raise StudyError(f"{path}: not what scripts/scaling.py writes; make it again with scripts/scaling.py")
-    return result
+    return store.read_rows(path, "scaling.py", {"series", "ns"})
 
 
 def say_left_out(left_out: Sequence[Row]) -> None:

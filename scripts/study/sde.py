@@ -26,7 +26,7 @@ from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
 from study.elf import Program
 from study.registry import Spec
-from study.run import _arguments
+from study.run import GENERAL, _arguments
 
 TOOL = "sde64"
 REGION = "phase_render"
@@ -204,7 +204,12 @@ def count(arguments: list[str], region: str = REGION) -> tuple[Counts, str]:
         command += ["-dyn_mask_profile", "-odyn_mask_profile", str(masks), "-control", control, "--"]
         try:
             done = subprocess.run(
-                [*command, *arguments], capture_output=True, text=True, errors="replace", cwd=folder
+                [*command, *arguments],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                cwd=folder,
+                env=os.environ | GENERAL,
             )
         except OSError as error:
             raise StudyError(f"{command[0]}: {error.strerror}", CANNOT_RUN) from None

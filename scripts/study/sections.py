@@ -103,6 +103,11 @@ VALIDATION = (
     "of math.h that the paper's adds are held against the calls into libm. fabs and floor are instructions "
     "there: they, and the comparisons, are as the source has them and not measured."
 )
+GENERAL = (
+    "{phases}: counted is the general code, with no kernel generated for the scene (STEPWISE_CC=none). A "
+    "kernel does the same operations but for products with 0 and 1, and for highlights, where it has no "
+    "logarithm."
+)
 # How each back end comes by its figure, beside its name.
 MEANS = {
     "blocks": "every basic block that was executed, decoded",
@@ -151,6 +156,8 @@ def counted(path: Path) -> Section:
     with reading(file, f"scripts/flops.py --run {path}"):
         first = _pictures(flops.read(file)[0])
         remarks += [CONVENTIONS] if first else []
+        general = dict.fromkeys(one["phase"] for one in first if one.get("kernel"))
+        remarks += [GENERAL.format(phases=", ".join(general))] if general else []
         parts += part("table1", "Table 1: FLOPs of a picture", table1.rows(first), columns.TABLE1)
         parts += part(
             "table1-readings",

@@ -65,6 +65,17 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(cli.plain(value), indent=2, allow_nan=False) + "\n")
 
 
+def read_rows(path: Path, script: str, keys: set[str], empty: bool = False) -> dict[str, Any]:
+    """What scripts/`script` has written: an object whose `rows` are objects with these keys, at least one of
+    them unless it may be `empty`. Raises StudyError for anything else."""
+    result = read_json(path)
+    rows = result.get("rows") if isinstance(result, dict) else None
+    whole = isinstance(rows, list) and all(isinstance(row, dict) and keys <= row.keys() for row in rows)
+    if not whole or not (rows or empty):
+        raise StudyError(f"{path}: not what scripts/{script} writes; make it again with scripts/{script}")
+    return result
+
+
 def read_json(path: Path) -> Any:
     """Raises StudyError with file, line and column."""
     try:

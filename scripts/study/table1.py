@@ -57,6 +57,7 @@ def rows(declared: Iterable[Row]) -> list[Row]:
                 "scene": one["scene"],
                 "phase": one["phase"],
                 "flags_from": one["flags_from"],
+                "kernel": one.get("kernel"),
                 "width": one["width"],
                 "height": one["height"],
                 "paper_convention_gflop": flops / 1e9,

@@ -279,10 +279,4 @@ def read(path: Path) -> Row:
     """A run's views.json; without that file no row. Raises StudyError for another thing's JSON."""
     if not path.exists():
         return {"rows": [], "left_out": [], "failures": []}
-    result = store.read_json(path)
-    listed = result.get("rows") if isinstance(result, dict) else None
-    if not isinstance(listed, list) or not all(
-        isinstance(row, dict) and {"phase", "view", "ratio"} <= row.keys() for row in listed
-    ):
-        raise StudyError(f"{path}: not what scripts/views.py writes; make it again with scripts/views.py")
-    return result
+    return store.read_rows(path, "views.py", {"phase", "view", "ratio"})

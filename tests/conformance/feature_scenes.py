@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from study.hard import scenes
+
 SIZES: dict[str, dict[str, Any]] = {
     "sphere": {"radius": 1.3},
     "box": {"half_size": [1.2, 0.7, 0.9]},
@@ -27,30 +29,9 @@ MATERIALS = {
 
 def scene(shapes: list[dict], **changes: Any) -> dict:
     """A whole scene around the shapes; a dict among the changes is merged into that section."""
-    whole = {
-        "camera": {
-            "position": [0.4, 1.1, -5],
-            "look_at": [0, 0, 0],
-            "up": [0, 1, 0],
-            "vertical_fov_degrees": 60,
-        },
-        "light": {"position": [3, 6, -5], "emission": [5, 5, 4], "shadows": "none", "shadow_strength": 3},
-        "background": [0, 0, 0],
-        "fog": 0,
-        "march": {
-            "max_steps": 3000,
-            "hit_distance": 1e-6,
-            "bounds_radius": 100,
-            "max_bounces": 3,
-            "normal_step": 1e-4,
-            "surface_offset": 1e-3,
-        },
-        "materials": MATERIALS,
-        "shapes": shapes,
-    }
-    for key, value in changes.items():
-        whole[key] = whole[key] | value if isinstance(value, dict) else value
-    return whole
+    camera, light = {"position": [0.4, 1.1, -5], "vertical_fov_degrees": 60}, {"emission": [5, 5, 4]}
+    usual = scenes.scene(shapes, camera=camera, light=light) | {"materials": MATERIALS}
+    return scenes.changed(usual, changes)
 
 
 def shape(kind: str, **keys: Any) -> dict:

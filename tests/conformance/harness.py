@@ -10,7 +10,7 @@ import functools
 import json
 import os
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,8 @@ import numpy as np
 
 from conformance import geometry
 from study import images, registry
+from study.accuracy import PROVED
+from study.images import Picture
 from study.registry import ROOT
 from study.run import UNTIMED
 
@@ -27,6 +29,7 @@ KEPT = ROOT / BUILD / "test-scenes"  # scenes stay here, so that a failure can b
 OPINIONS = ROOT / "build" / "test-opinions"  # pictures by NumPy, the same for every build
 PHASES = list(registry.phases())
 REFERENCE = next(name for name, phase in registry.phases().items() if phase.parent is None)
+HITS = ("Z", "id", "N.x", "N.y", "N.z")
 TRUTH = next(name for name, phase in registry.phases().items() if phase.family == registry.TRUTH)
 
 
@@ -161,6 +164,27 @@ def same_bits(a: Run, b: Run, channels: Iterable[str] | None = None) -> None:
         assert np.array_equal(a.picture[name].view(np.uint32), b.picture[name].view(np.uint32)), (
             f"{a}: channel {name} differs from {b}"
         )
+
+
+def within_reach(expected: Picture, run: Run, proved: Callable[[], Picture]) -> Picture:
+    """What is expected where the reference's rays ran out of steps and the phase's begin nearer to the hit.
+
+    There a hit on the shape that truth has is right, its depth and normal are truth's, and its colour is not
+    judged; of any other the reference's miss is expected. One where truth proves that there is none fails.
+    """
+    picture = run.picture
+    if "start" not in picture:
+        return expected
+    spent = (expected["id"] < 0) & (expected["evals"] >= run.record["max_steps"]) & (picture["start"] > 0)
+    found = spent & (picture["id"] >= 0)
+    if not found.any():
+        return expected
+    truth = proved()
+    false = found & (truth["id"] < 0) & (truth["status"] == PROVED)
+    assert not false.any(), f"{run}: {false.sum()} hits where truth has no surface and the reference no steps"
+    right = found & (truth["id"] == picture["id"])
+    planes = {**picture, **{name: truth[name] for name in HITS}}
+    return {name: np.where(right, planes[name], plane) for name, plane in expected.items()}
 
 
 def distances(phase: str, scene: Path, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

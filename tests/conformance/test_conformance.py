@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from conformance import geometry, harness, shading
 from conformance.feature_scenes import CELL, FEATURES, MATERIALS, SIZES, is_fractal, scene, shape
 from conformance.harness import (
+    HITS,
     PHASES,
     REDUCED,
     Run,
@@ -32,6 +33,7 @@ from conformance.harness import (
     keep,
     render,
     same_bits,
+    within_reach,
 )
 from study import images, registry
 from study.registry import ROOT
@@ -81,9 +83,6 @@ UNLIKE += ENDED
 UNLIKE += ["camera_within_a_shape", "camera_under_the_floor", "camera_at_a_centre"]
 
 
-HITS = ("Z", "id", "N.x", "N.y", "N.z")
-
-
 def precision(phase: str) -> str:
     """Which of the bounds hold for the phase."""
     found = registry.phases()[phase]
@@ -123,14 +122,6 @@ def compare(run: Run, expected: dict[str, np.ndarray], bounds: Bounds) -> None:
     assert off <= 1 + bounds.off * pixels, f"{run}: {off} of {pixels} pixels off by more than 1/255"
 
 
-def within_reach(expected: dict[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
-    """What is expected but for rays that ran out of steps, where the phase's begin nearer to the hit."""
-    if "start" not in run.picture:
-        return expected
-    spent = (expected["id"] < 0) & (expected["evals"] >= run.record["max_steps"]) & (run.picture["start"] > 0)
-    return {name: np.where(spent, run.picture[name], plane) for name, plane in expected.items()}
-
-
 def check(run: Run, *options: str | int) -> None:
     """The picture in itself, and beside the reference's."""
     check_picture(run)
@@ -140,12 +131,13 @@ def check(run: Run, *options: str | int) -> None:
     height, width = run.picture["R"].shape
     by_truth = exact_hits(run.record["phase"]) and (options or run.record["scene"] in ENDED)
     beside = harness.TRUTH if by_truth else harness.REFERENCE
-    reference = harness.reference(ROOT / run.command[1], width, height, *options, phase=beside)
+    drawn = functools.partial(harness.reference, ROOT / run.command[1], width, height, *options)
+    reference = drawn(phase=beside)
     fractal = is_fractal(run.scene)
     bounds = (FRACTAL if fractal else SMOOTH)[precision(run.record["phase"])]
     if "start" in run.picture:  # from elsewhere a march ends elsewhere within the hit distance
         bounds = replace(bounds, depth=bounds.depth + run.record["hit_distance"])
-    compare(run, within_reach(reference.picture, run), bounds)
+    compare(run, within_reach(reference.picture, run, lambda: drawn(phase=harness.TRUTH).picture), bounds)
     phase, original = (registry.phases()[name] for name in (run.record["phase"], harness.REFERENCE))
     if phase.tolerance.get("fractal" if fractal else "smooth", {}).get("identical"):
         same_bits(run, reference)

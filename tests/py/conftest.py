@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from discs import HEIGHT, RADIUS, WIDTH
+
+from study import cli
 
 Picture = dict[str, np.ndarray]
 
@@ -74,3 +77,25 @@ def write_exr() -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch, capsys) -> Callable[..., None]:
+    """Runs a script's main in this process with bad input: status 2, the last line says why, nothing is left.
+
+    `{tmp}` in a word is the test's folder, which has a file named `file`.
+    """
+
+    def check(main: Callable[[], int | None], script: str, words: list[str], said: str) -> None:
+        (tmp_path / "file").write_text("")
+        words = [word.format(tmp=tmp_path) for word in words]
+        monkeypatch.setattr(sys, "argv", [script, *words])
+        with pytest.raises(SystemExit) as ended:
+            cli.main(main)
+        out, errors = capsys.readouterr()
+        assert ended.value.code == cli.BAD_INPUT and out == "" and "Traceback" not in errors
+        last = errors.splitlines()[-1]
+        assert last.startswith(f"{script}: ") and said in last
+        assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["file"]
+
+    return check

@@ -93,18 +93,23 @@ def test_distances_are_compared_over_as_many_hits(blank):
     truth = made_truth(truth)
     base["Z"][:] += 0.25  # everywhere but in the row that it misses
     base["Z"][0], base["id"][0] = np.inf, -1
+    base["Z"][1, 0] += 4
     more["Z"][:] += 0.125
     more["Z"][0] += 4
-    count = len(accuracy.right_distances(truth, base))
-    assert count == 180
+    others = accuracy.right_distances(truth, base)
+    assert len(others) == 180 and others[-1] == 4.25
     assert accuracy.metrics(truth, more)["dt_p99"] > 4
-    assert accuracy.dt_p99_of(count, truth, more) == 0.125
-    assert accuracy.dt_p99_of(count, truth, base) == accuracy.metrics(truth, base)["dt_p99"] == 0.25
-    assert accuracy.dt_p99_of(1000, truth, more) == accuracy.metrics(truth, more)["dt_p99"]  # of fewer: all
+    assert accuracy.dt_p99_of(others, truth, more) == 0.125
+    assert accuracy.dt_p99_of(others, truth, base) == accuracy.metrics(truth, base)["dt_p99"] == 0.25
+    all_of_fewer = np.full(1000, 0.25)
+    assert accuracy.dt_p99_of(all_of_fewer, truth, more) == accuracy.metrics(truth, more)["dt_p99"]
+    more["Z"][3, :4] += 8  # what is further off than all of the other's hides behind nothing
+    assert accuracy.dt_p99_of(others, truth, more) == 8.125
     more["id"][:, 5:] = 7  # another shape is no right hit
     assert len(accuracy.right_distances(truth, more)) == 50
+    assert math.isnan(accuracy.dt_p99_of(others[:0], truth, base | {"id": base["id"] * 0 + 7}))
     more["Z"][:, :] = np.nan
-    assert math.isnan(accuracy.dt_p99_of(count, truth, more))
+    assert math.isnan(accuracy.dt_p99_of(others, truth, more))
 
 
 # --- colours

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import started
 
-from study import truth_sections
+from study import negative, truth_sections
 from study.cli import StudyError
 from study.registry import ROOT
 from study.sections import Section
@@ -41,19 +41,62 @@ TOOLCHAINS = {
     "skipped": [],
     "failures": [],
 }
+ERRORS = {"psnr_db": 50.0, "rmse": 0.003, "wrong_ppm": 3.0, "depth_agree_fraction": 1.0, "non_finite": 0}
+OWN = {**ERRORS, "averaged": False, "fraction_over_1_255": 0.01}
+MEASURED = {
+    "toolchains": TOOLCHAINS,
+    "drjit": {
+        **{"schema": 1, "n": 720, "launches": 6, "drjit": "1.5.0", "llvm": "libLLVM.so.19.1 (19)"},
+        "rows": [
+            {
+                **{"program": "opt4", "scene": "mandelbulb", "limits": "own limits", "threads": 1},
+                **{"ms": INTERVAL, "ratio": INTERVAL, "goal": 3.0, "verdict": "missed", "published_ms": None},
+                **{"reference": "opt3", **OWN, "to_own": OWN},
+            }
+        ],
+    },
+    "frames": {
+        **{"schema": 1, "launches": 6, "threads": 2, "left_out": []},
+        "rows": [
+            {
+                **{"phase": "opt4", "scene": "scene0", "width": 1920, "n": 1080, "hit": "the scene's own"},
+                **{"hit_distance": 1e-6, "threads": 2, "goal": 60.0, "verdict": "missed", "present_ms": 1.0},
+                **{"ms": [[20.0, 21.0]], "frames_per_s": INTERVAL, "frames": 2, "median_ms": 20.5},
+                **{"worst_ms": 21.0, "p99_ms": None, "reference": "truth", **OWN, "to_own": None},
+            }
+        ],
+    },
+    "views": {
+        **{"schema": 1, "n": 90, "error_n": 45, "launches": 6, "left_out": [], "failures": []},
+        "rungs": [],
+        "thumbnails": [],
+        "rows": [
+            {
+                **{"phase": "opt1", "parent": "baseline", "scene": "trio", "view": "own", "change": ""},
+                **{"tuned": False, "width": 160, "n": 90, "ns": [1e6], "ms": INTERVAL, "ratio": INTERVAL},
+                **{"reference": "truth", **ERRORS},
+            }
+        ],
+    },
+}
 SECTIONS: dict[str, Callable[[Path], Section]] = {
+    "ablations": lambda path: negative.section(path, {}),
     "accuracy": truth_sections.errors,
+    "drjit": truth_sections.rival,
+    "frames": truth_sections.rates,
     "functions": truth_sections.approximations,
     "pareto": truth_sections.headline,
+    "scaling": truth_sections.growth,
     "stability": truth_sections.hard,
     "toolchains": truth_sections.compilers,
+    "views": truth_sections.elsewhere,
 }
 
 
 def whole(name: str) -> str:
-    """A sound file: the published run's, which has no toolchains.json; of the hard cases the first."""
-    if name == "toolchains":
-        return json.dumps(TOOLCHAINS)
+    """A sound file: made here, or the published run's; of the hard cases the first."""
+    if name in MEASURED:
+        return json.dumps(MEASURED[name])
     text = (PUBLISHED / f"{name}.json").read_text()
     if name == "stability":
         data = json.loads(text)
@@ -103,7 +146,7 @@ def test_cut_off(tmp_path: Path, name: str) -> None:
 def test_of_another(tmp_path: Path, name: str) -> None:
     other = {"toolchains": "stability"}.get(name, "toolchains")
     texts = ["{}", "[]", "[1]", "null", "5", '{"schema": 1}', '{"schema": 1, "rows": 3}']
-    for text in [*texts, *[whole(other)] * (name not in ("pareto", "accuracy"))]:
+    for text in [*texts, *[whole(other)] * (name not in ("pareto", "accuracy", "ablations"))]:
         refused(tmp_path, name, text)
 
 
@@ -127,6 +170,25 @@ LOST = [  # part of what was measured is gone, or is no measurement
     ("functions", ("entries",), []),
     ("functions", ("entries", 0, "function"), "del"),
     ("accuracy", ("rows", 0, "false_hits_ppm"), "del"),
+    ("ablations", ("rows", 0, "gain"), "del"),
+    ("ablations", ("rows", 0, "gain", "low"), "x"),
+    ("ablations", ("skipped",), 5),
+    ("drjit", ("rows",), []),
+    ("drjit", ("rows", 0, "ms"), "del"),
+    ("drjit", ("rows", 0, "psnr_db"), "x"),
+    ("drjit", ("llvm",), "del"),
+    ("frames", ("rows",), []),
+    ("frames", ("rows", 0, "frames_per_s", "value"), "del"),
+    ("frames", ("rows", 0, "p99_ms"), "del"),
+    ("frames", ("rows", 0, "goal"), "del"),
+    ("scaling", ("rows",), []),
+    ("scaling", ("rows", 0, "ns"), "del"),
+    ("scaling", ("fits", 0, "time"), "del"),
+    ("scaling", ("goals",), "del"),
+    ("views", ("rows",), []),
+    ("views", ("rows", 0, "ratio", "high"), "del"),
+    ("views", ("rows", 0, "ms"), 5),
+    ("views", ("rungs",), "del"),
 ]
 
 

@@ -15,12 +15,14 @@ from flint import arb
 from study.registry import ROOT
 
 FAR = 1000.0
-SOURCES = ROOT / "phases" / "opt9_convex"
+PHASES = ("opt9_convex", "opt10_scene")  # with the same bound
 
 
 def constant(file: str, pattern: str) -> arb:
-    """A number of the phase's source, exactly as written."""
-    return arb(re.search(pattern, (SOURCES / file).read_text())[1])
+    """A number of the phases' source, exactly as written."""
+    texts = [(ROOT / "phases" / name / file).read_text() for name in PHASES]
+    (number,) = {re.search(pattern, text)[1] for text in texts}
+    return arb(number)
 
 
 def between(low: arb, high: arb) -> arb:

@@ -155,3 +155,28 @@ def test_every_script_refuses_an_unknown_option(path):
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("lowest", "kind", "text", "value"),
+    [
+        *((1, int, text, None) for text in ("0", "-1", "1.5", "1e3", "x", "", "nan", "inf", "9" * 5000)),
+        *((0.5, float, text, None) for text in ("0.4", "-1", "x", "", "nan", "inf", "-inf", "1e999")),
+        *((1, int, "1", 1), (0, int, "0", 0), (0.5, float, "0.5", 0.5), (0, float, "1e3", 1000.0)),
+    ],
+)
+def test_a_number_that_is_too_small_or_none_is_said_with_what_would_be_right(
+    lowest, kind, text, value, capsys
+):
+    made = cli.parser("what it does")
+    made.add_argument("-n", type=cli.at_least(lowest, kind))
+    if value is not None:
+        assert made.parse_args(["-n", text]).n == value
+        return
+    with pytest.raises(SystemExit) as end:
+        made.parse_args([f"-n={text}"])
+    what = "a whole number" if kind is int else "a number"
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert end.value.code == 2 and said.endswith(
+        f"argument -n: '{text}': must be {what} of at least {lowest}"
+    )

@@ -22,7 +22,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
-from study import images, registry, run, store
+from study import build, images, registry, run, store
 from study.registry import ROOT
 
 DECLARED = {name: p for name, p in registry.phases().items() if (p.path / "costs.def").exists()}
@@ -366,7 +366,8 @@ def disassembly(folder: Path, phase: str) -> dict[str, str]:
         flags = DECLARED[phase].cflags.split()
         for one in DECLARED[phase].variants[:1]:
             flags += [*one["flags"].split(), f"-DLANES={one['lanes']}", "-DVARIANT(a)=variant_##a"]
-        command = ["gcc", "-std=c11", "-D_GNU_SOURCE", *flags, f"-I{ROOT / 'common'}", "-c"]
+        includes = [f"-I{ROOT / 'common'}", "-iquote", build.build(phase).parent]  # there is embedded.h
+        command = ["gcc", "-std=c11", "-D_GNU_SOURCE", *flags, *includes, "-c"]
         subprocess.run([*command, f"{phase}/{source.name}", "-o", "a.o"], cwd=folder, check=True)
         found[source.name] = subprocess.check_output(["objdump", "-dr", "a.o"], cwd=folder, text=True)
     return found

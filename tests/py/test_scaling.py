@@ -430,17 +430,8 @@ def test_labels_keep_apart_and_inside() -> None:
         (["--series", "memory", "--run", "{tmp}"], "nothing was measured"),
     ],
 )
-def test_bad_input_is_one_line(words: list[str], said: str, tmp_path: Path, monkeypatch, capsys) -> None:
-    (tmp_path / "file").write_text("")
-    arguments = [word.format(tmp=tmp_path) for word in words]
-    if "--run" not in words:
-        arguments += ["--run", str(tmp_path / "out")]
-    monkeypatch.setattr(sys, "argv", ["scaling.py", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        cli.main(command.main)
-    errors = capsys.readouterr().err
-    assert ended.value.code == cli.BAD_INPUT and said in errors and "Traceback" not in errors
-    assert not list(tmp_path.rglob("scaling.json"))
+def test_bad_input_is_one_line(words: list[str], said: str, refused) -> None:
+    refused(command.main, "scaling.py", ["--run", "{tmp}/out", *words], said)
 
 
 def test_from_end_to_end(tmp_path: Path) -> None:

@@ -168,17 +168,21 @@ def test_camera_inside_a_shape_has_the_general_code(shop: Workshop, tmp_path: Pa
     same(general, picture)
 
 
-@pytest.mark.parametrize("what", ["missing", "silent", "hanging", "path", "file", "unwritable", "no folder"])
+@pytest.mark.parametrize(
+    "what", ["missing", "silent", "idle", "hanging", "no number", "path", "file", "unwritable", "no folder"]
+)
 def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("")
     changes = {
         "missing": ({"STEPWISE_CC": "/nowhere/cc"}, "there is no compiler"),
         "silent": ({"STEPWISE_CC": str(shop.script("silent", "exit 1"))}, "failed"),
+        "idle": ({"STEPWISE_CC": str(shop.script("idle", "exit 0"))}, "wrote no object"),
         "hanging": (
             {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
             "time limit",
         ),
+        "no number": ({"STEPWISE_CC_SECONDS": "1 h"}, "STEPWISE_CC_SECONDS is 1 h: a number above 0"),
         "path": ({"STEPWISE_CC": "", "CC": "", "PATH": str(tmp_path / "empty")}, "on PATH"),
         "file": ({"STEPWISE_CACHE": str(tmp_path / "file")}, "no folder"),
         "unwritable": ({"STEPWISE_CACHE": "/proc/kernels"}, "cannot be made"),
@@ -241,3 +245,34 @@ def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
 def test_a_scene_of_repeated_shapes_is_said_to_be_general(shop: Workshop) -> None:
     facts, said, _ = shop.run("cubes")
     assert not facts["generated"] and "repeated" in facts["reason"] and not said
+
+
+def test_read_only_cache_serves_what_it_has(shop: Workshop, tmp_path: Path) -> None:
+    """Who may not write there still has the kernels that are there."""
+    folder = tmp_path / "cache"
+    facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    folder.chmod(0o500)
+    again, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert again["cached"] and again["hash"] == facts["hash"] and not said
+
+
+def test_leftovers_of_killed_processes_go(shop: Workshop, tmp_path: Path) -> None:
+    """Of an hour ago and older: younger ones may be of a process that compiles."""
+    folder = tmp_path / "cache"
+    folder.mkdir(0o700)
+    old, young, other = (folder / n for n in (".00ff-7.so", ".00ff-8.c.log", ".keep"))
+    for path in (old, young, other):
+        path.write_text("")
+    for path in (old, other):
+        os.utime(path, (1e9, 1e9))
+    facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert facts["generated"]
+    assert not old.exists() and young.exists() and other.exists()
+
+
+def test_killed_compiler_is_said(shop: Workshop, tmp_path: Path) -> None:
+    crashing = shop.script("crashing", "kill -SEGV $$")
+    fresh = {"STEPWISE_CACHE": str(tmp_path / "cache"), "STEPWISE_CC": str(crashing)}
+    facts, said, _ = shop.run("two_spheres", **fresh)
+    assert not facts["generated"] and "was killed: Segmentation fault" in said
+    assert not list((tmp_path / "cache").iterdir())

@@ -93,12 +93,6 @@ def test_bad_sizes_are_refused(text):
         module.size(text)
 
 
-@pytest.mark.parametrize("text", ["-1", "nan", "inf", "1e999", "", "x"])
-def test_bad_numbers_are_refused(text):
-    with pytest.raises(argparse.ArgumentTypeError, match="at least 0"):
-        module.at_least(0, float)(text)
-
-
 @pytest.mark.parametrize(
     ("names", "second_base", "specs"),
     [
@@ -495,7 +489,7 @@ def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
         (["--phase", "opt1", "--scene", "scene9"], "no scene 'scene9'; did you mean scene0"),
         (["-n", "0"], "argument -n: '0': a height like 720"),
         (["-n", "100000"], "sides of 1 to 32768 pixels"),
-        (["--reps", "0"], "argument --reps: '0': must be a number of at least 1"),
+        (["--reps", "0"], "argument --reps: '0': must be a whole number of at least 1"),
         (["--budget", "nan"], "argument --budget: 'nan': must be a number of at least 0"),
         (["--hit-distance", "0"], "argument --hit-distance: '0'"),
         (["--run", "somewhere", "--seed", "1"], "--run goes on by the run's own plan, which --seed cannot"),

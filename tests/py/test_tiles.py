@@ -125,7 +125,6 @@ def crowd(seed: int, count: int, shadows: str) -> dict:
     whole = copy.deepcopy(registry.scenes()["scene0"].data)
     whole["light"] |= {"shadows": shadows, "position": [6, 20, -8], "emission": [20, 20, 20]}
     whole["materials"]["plain"] = {"color": [0.5, 0.6, 0.4], "reflectivity": 0, "shininess": 15}
-    mirror = whole["shapes"][0]["material"]
     kinds = ["sphere", "box", "torus", "cone", "octahedron"]
     shapes = [{"type": "plane", "normal": [0, 1, 0], "offset": -5, "material": "plain"}]
     for _ in range(count):
@@ -135,7 +134,7 @@ def crowd(seed: int, count: int, shadows: str) -> dict:
         }
         place = random.uniform([-6, -4, 8], [6, 4, 18]).tolist()
         angles = random.uniform(-180, 180, 3).tolist()
-        material = mirror if random.uniform() < 0.2 else "plain"
+        material = "mirror_red" if random.uniform() < 0.2 else "plain"
         placed = {"position": place, "rotation_degrees": angles, "material": material}
         shapes.append({"type": kind, **sizes, **placed})
     return whole | {"shapes": shapes}

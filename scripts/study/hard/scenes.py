@@ -46,9 +46,13 @@ def scene(shapes: list[dict], **changes: Any) -> dict:
         "materials": MATERIALS,
         "shapes": shapes,
     }
-    for key, value in changes.items():
-        whole[key] = whole[key] | value if isinstance(value, dict) else value
-    return whole
+    return changed(whole, changes)
+
+
+def changed(whole: dict, changes: dict) -> dict:
+    """The scene with other sections; a dict is merged into the section that is there."""
+    merged = {key: whole[key] | value if isinstance(value, dict) else value for key, value in changes.items()}
+    return whole | merged
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
