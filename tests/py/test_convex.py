@@ -188,7 +188,7 @@ REPEATED = {
     ),
     "along walls of cells": scene(
         [shape("box", repeat=GRID, rotation_degrees=[90, 0, 0])],
-        camera=looks([2.2, 2.5, -2.1], [2.2, 2.5, 9]),
+        camera=looks([2.2, 2.43, -2.17], [2.2, 1.31, 9]),
     ),
     "from within the lattice, along an axis": scene(
         [shape("sphere", repeat=GRID)], camera=looks([0, 0, -2.5], [0, 0, 9])
