@@ -189,8 +189,7 @@ void cells_on_the_way(const struct placed *s, int i, struct rays *r, const struc
     if (any(in)) {
         COUNT(cells_on_the_way, in);
         r->first = choose(in, t, r->first);
-        r->cosine =
-            choose(in, set(0.0f) - vec_dot(normal_on(at, s), turned(s, r->to_light)), r->cosine);
+        r->cosine = choose(in, slant_at(at, turned(s, r->to_light), s, r), r->cosine);
     }
 }
 
