@@ -143,7 +143,8 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     if (march->max_steps >= MANY_STEPS)
         m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
     m->one = no_lane();
-    if (r->floor && !KNOWN(work->scene)->bulbs) {
+    if (r->floor && !KNOWN(work->scene)->bulbs &&
+        !KNOWN(work->scene)->repeats) { // copies may come nearer again
         COUNT(begin, floor);
         m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
                          r->active);

@@ -137,7 +137,7 @@ static void begin(struct rays *r, struct near *nears, int *casters, const struct
     if (model->march.max_steps >= MANY_STEPS)
         m->t = leap(r, work->scene, offset, strength, hit, &m->previous, &m->square);
     m->one = no_lane();
-    if (!work->scene->bulbs) {
+    if (!work->scene->bulbs && !work->scene->repeats) { // copies may come nearer again
         COUNT(begin, solids);
         m->one = but_not(either(r->many, less(r->facing, set(work->scene->lit_slope))),
                          both(r->on_plane, r->active));
