@@ -284,7 +284,7 @@ def test_repeated_shapes_where_a_march_is_the_picture(name: str, tmp_path: Path)
     assert (off > 1 / 255).sum() <= 2, f"{(off > 1 / 255).sum()} pixels"
 
 
-# Rays along which a ring's inner side hardly bends, whose steps by its distance are hundreds: 20 pixels of each
+# Rays along which a ring's inner side hardly bends, and steps by the distance are hundreds: 20 pixels of each
 # view were lost.
 ALONG_A_RING = {
     "all hit": ([2.3, -2.49, -4.21], [0.86, -0.21, 0]),
