@@ -7,7 +7,6 @@
 //     mul_add(a, b, c)              a·b + c, once rounded; neg_mul_add: c − a·b; mul_sub: a·b − c
 //     root_below(a)                 some number between √a·(1 − 2^-10) and √a, not the same for each width: only for
 //                                   what no lane's result depends on; NaN at 0
-//     inverse_root_near(a)          1/√a to 12 bits, not the same for each width: for stepped_root() alone
 //     root  absolute  floor_of      whole_near: the nearest whole number, ties to even
 //     least_of(a, b)  most_of(a, b) b where either is NaN
 //     with_sign_of(from, a)         the magnitude of a with the sign of from

@@ -132,10 +132,6 @@ static inline real root(real a) {
     return _mm256_sqrt_ps(a);
 }
 
-static inline real inverse_root_near(real a) {
-    return _mm256_rsqrt_ps(a);
-}
-
 static inline real root_below(real a) {
     return a * _mm256_rsqrt_ps(a) * set(1.0f - 0x1p-11f);
 }

@@ -237,8 +237,7 @@ static inline void bulb_iterate(struct bulb *b, real bailout) {
     x = mul_add(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
     z = mul_add(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
     y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, b->p.y));
-    real side = stepped_root(most_of(m, set(1e-30f)));
-    real slope = mul_add(set(8.0f) * (m * m * m * side), b->dz, set(1.0f));
+    real slope = mul_add(set(8.0f) * (m * m * m * root(m)), b->dz, set(1.0f));
     real grown = mul_add(x, x, mul_add(y, y, z * z));
     b->w = (struct vec){x, y, z};
     b->m = choose(b->inside, grown, m);

@@ -178,16 +178,4 @@ static inline real power_of(real a, real b) {
     return exp_of(b * log_of(a));
 }
 
-// √a as root() has it, to the bit (every float tried, on both widths), for normal a: of products alone, where the unit for
-// roots and quotients is what all waits for. Once Newton's step on both of √a and ½/√a, then the rest that √a leaves
-// (P. Markstein, "Computation of elementary functions on the IBM RISC System/6000 processor", IBM J. R&D 34 (1990)).
-static inline real stepped_root(real a) {
-    COUNT(stepped_root, call);
-    real near = inverse_root_near(a), half = near * set(0.5f), side = a * near;
-    real off = neg_mul_add(side, half, set(0.5f));
-    half = mul_add(half, off, half);
-    side = mul_add(side, off, side);
-    return mul_add(neg_mul_add(side, side, a), half, side);
-}
-
 #endif

@@ -285,10 +285,11 @@ def test_repeated_shapes_where_a_march_is_the_picture(name: str, tmp_path: Path)
     assert (off > 1 / 255).sum() <= 3, f"{(off > 1 / 255).sum()} pixels"
 
 
-# Rays that graze a ring's inner side, whose steps by its distance are hundreds: 17 and 15 pixels were lost.
+# Rays along which a ring's inner side hardly bends, and steps by the distance are hundreds: 20 pixels of each
+# view were lost.
 ALONG_A_RING = {
-    "all hit": ([1.89, -1.88, -4.6], [0.86, -0.21, 0]),
-    "at its outline": ([2.47, 2.81, -3.96], [0.86, 0.21, 0]),
+    "all hit": ([2.3, -2.49, -4.21], [0.86, -0.21, 0]),
+    "at its outline": ([1.88, -2.66, -4.2], [0.83, -0.15, 0]),
 }
 
 
