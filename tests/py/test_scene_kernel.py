@@ -242,9 +242,9 @@ def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
     assert not list((tmp_path / "cache").glob(".*"))
 
 
-def test_marched_scene_is_said_to_be_general(shop: Workshop) -> None:
+def test_repeated_shapes_are_said_to_be_general(shop: Workshop) -> None:
     facts, said, _ = shop.run("cubes")
-    assert not facts["generated"] and "marched" in facts["reason"] and not said
+    assert not facts["generated"] and "repeated" in facts["reason"] and not said
 
 
 def test_read_only_cache_serves_what_it_has(shop: Workshop, tmp_path: Path) -> None:
