@@ -27,7 +27,7 @@ from study.stats import Interval
 
 FILE = "breakeven.json"
 PHASE, AGAINST = "opt10_scene", "opt9_convex"
-# Those that have a kernel, then one of each kind that has none: marched, a crowd.
+# Those that have a kernel, then one of each kind that has none: repeated shapes, a crowd.
 SCENES = ("scene0", "trio", "two_spheres", "mandelbulb", "cubes", "spheres40")
 WARMUP, MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 1, 10, 2, 0.5  # frames; s that a launch's may take
 SMALL = 180  # height of the pictures that are compared
