@@ -251,7 +251,8 @@ static inline void light_stage(struct stage *at, const struct view *view,
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
 // scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
 static inline bool asked_one_by_one(const struct prepared *scene) {
-    return scene->model.shadows == SHADOWS_SOFT && scene->tree.levels == TREE_LEVELS;
+    return IS_CROWD(scene) && scene->model.shadows == SHADOWS_SOFT &&
+           scene->tree.levels == TREE_LEVELS;
 }
 
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
