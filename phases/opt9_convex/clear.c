@@ -24,9 +24,10 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real facin
             COUNT(cleared, solid);
             COUNT(cleared, solid_scalar);
             float slope = slope_to(s, q);
-            here = cone_misses(cone_to(to_centre(s, point), to_light, s, slope), slope);
+            struct vec to = to_centre(s, point);
+            here = cone_misses(cone_to(to, to_light, s, slope), slope);
             if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && any(but_not(here, clear)))
-                here = either(here, plane_between(to_centre(s, point), to_light, s, q));
+                here = either(here, plane_between(to, to_light, s, q));
             if (any(but_not(here, clear))) {
                 COUNT(cleared, own);
                 here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
