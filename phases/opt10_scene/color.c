@@ -261,7 +261,8 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
     at->open = at->lit;
     if (!any(at->lit))
         return;
-    if (asked_one_by_one(work->scene))
+    // IS_CROWD once more: without optimization too, a kernel must not refer to what is called here.
+    if (IS_CROWD(work->scene) && asked_one_by_one(work->scene))
         at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                                 at->lit, work);
     else if (model->shadows == SHADOWS_SOFT)
