@@ -27,6 +27,13 @@ from study.run import DriverError
 
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
 PHASES = list(registry.ladder())
+# By clang too, but for a phase that compiles itself where it runs: what is counted is its parent's code again.
+PROGRAMS = [
+    (compiler, phase)
+    for phase in PHASES
+    for compiler in COMPILERS
+    if compiler == "gcc" or not registry.find_phase(phase).embedded
+]
 VARIANTS = list(blocks.TARGETS)
 REPEATS = 3
 
@@ -153,8 +160,7 @@ def joined(name: str, plain: Path, folder: Path) -> Path:
     return out
 
 
-@pytest.mark.parametrize("phase", PHASES)
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(("compiler", "phase"), PROGRAMS)
 def test_the_code_counted_is_the_code_shipped(compiler, phase, tmp_path):
     folder = make(compiler, f"{phase}/phase.o", f"{phase}/blocks/phase.o") / phase
     shipped = sorted((folder / "objects").glob("*.o"))
@@ -177,9 +183,8 @@ def drawn(program: Path, scene: str, folder: Path) -> bytes:
     return out.read_bytes()
 
 
-@pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize(("compiler", "phase"), PROGRAMS)
 def test_the_picture_is_the_timing_builds(tmp_path_factory, phase, variant, compiler):
     needs_cpu(phase)
     counting = blocks.TARGETS[variant]

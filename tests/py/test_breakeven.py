@@ -150,7 +150,7 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
 
 
 @lacking
-@pytest.mark.parametrize("target", ["render-count", "render-lines"])
+@pytest.mark.parametrize("target", ["render-count", "render-blocks"])
 def test_what_counts_runs_the_general_code(target: str, tmp_path: Path, monkeypatch) -> None:
     """Declared costs are those of the general code: no kernel is made for a count or a profile."""
     monkeypatch.setenv("STEPWISE_CC", "gcc")
