@@ -27,7 +27,7 @@ from study.run import DriverError
 
 COMPILERS = {"gcc": "build", "clang": "build/clang"}
 PHASES = list(registry.ladder())
-# By clang too, but for a phase that compiles itself where it runs: what is counted is its parent's code again.
+# By clang too, but for a phase that compiles itself where it runs: its parent's code is counted there again.
 PROGRAMS = [
     (compiler, phase)
     for phase in PHASES
