@@ -223,12 +223,11 @@ def compare(stated: Row, shipped: Measured, calls: Measured | None = None) -> li
 
     def total(by: Measured, measured: Mapping[str, int], doublings: int) -> Row:
         known = _sum_ranges(explained(stated, by.variant).values())
-        lanes = registry.find_phase(stated["phase"]).lanes
-        if by is shipped and calls is not None and lanes == 1:  # lanes are masked, not branched about
+        if by is shipped and calls is not None and lanes_of(stated) == 1:  # lanes are masked
             one, other = (m.total.by_kind().get("compare", 0) for m in (shipped, calls))
             known = _in_branches(known, one - other)
         # A scalar phase calls libm: what is in there is not declared, so such a total cannot be judged.
-        judged = by.backend not in LIBM_INSIDE or lanes > 1
+        judged = by.backend not in LIBM_INSIDE or registry.find_phase(stated["phase"]).lanes > 1
         return row(stated, "total", whole, measured, by, judged, known, doublings)
 
     rows = [total(shipped, measured_kinds(shipped.total), shipped.total.doublings)]

@@ -46,6 +46,7 @@ def stated(machine: int, **functions: int) -> dict:
     return {
         "phase": "p",
         "flags_from": "p",
+        "lanes": 1,
         "scene": "s",
         "width": 4,
         "height": 2,
@@ -151,6 +152,17 @@ def test_a_minimum_less_is_a_comparison_more(monkeypatch, minima, compares, low,
     assert row["unexplained"] == pytest.approx(left / (9000 + minima)) and row["explained_to"] == 0
     alone = flops.compare(stated(10000, a=10000), both[0])[0]
     assert alone["explained_to"] == pytest.approx(-low / (9000 + minima))  # without evidence: a range
+
+
+def test_a_masked_minimum_is_no_branch(monkeypatch):
+    """Of a phase of 16 lanes: 600 minima fewer, no comparison more; 50 beyond what its residue allows."""
+    for low, left in ((-1000, 0), (-550, 50)):
+        allowed = {"shipped": {"a": {"minmax": (low, 0)}}, "calls": {}}
+        monkeypatch.setattr(flops, "explained", lambda stated, variant, of=allowed: of[variant])
+        monkeypatch.setattr(flops, "by_kind", lambda one: {"a": {"add": 9000, "minmax": 1000}})
+        both = compared(400, 100, "shipped"), compared(1000, 100, "calls")
+        row = flops.compare(stated(10000, a=10000) | {"lanes": 16}, *both)[0]
+        assert row["unexplained"] == pytest.approx(left / 9400), low
 
 
 def test_a_raw_pass_needs_no_explanation(monkeypatch):
