@@ -4,7 +4,8 @@ include common/rules.mk
 -include tests/tests.mk
 
 PY := .venv/bin/python
-PHASE ?= $(filter-out truth,$(PHASES))
+# The ladder: what is of family truth or systems is asked for by name.
+PHASE ?= $(patsubst phases/%/phase.json,%,$(shell grep -L '"family": "\(truth\|systems\)"' phases/*/phase.json))
 N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=
