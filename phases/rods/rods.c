@@ -58,12 +58,13 @@ static struct stop march_rod(const struct rod *rod, const struct world *world,
         COUNT(march_rod, on);
         at.t += clear;
         vec_along(world->view->position, axis, at.t, p);
-        double bounds = limits->bounds_radius;
+        double bounds_sq = scene->bounds_sq;
         if (safe) {
             COUNT(march_rod, wide);
-            bounds += at.spread * at.t;
+            double bounds = limits->bounds_radius + at.spread * at.t;
+            bounds_sq = bounds * bounds;
         }
-        if (vec_norm_sq(p) > bounds * bounds)
+        if (vec_norm_sq(p) > bounds_sq)
             break;
     }
     return at;
