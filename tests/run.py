@@ -40,6 +40,8 @@ HARD_BUILDS = {
 }
 
 
+SYSTEMS = '"family": "systems"'  # in a phase.json: alternatives to the ladder
+
 # Where a step's output goes; None: to the terminal, as it comes.
 OUTPUT: contextvars.ContextVar[IO[str] | None] = contextvars.ContextVar("output", default=None)
 
@@ -176,7 +178,12 @@ def prepare_step() -> Iterator[Tally]:
 
     What does not build is told by the test that wants it.
     """
-    ladder = phases_with("costs.def")
+    systems = [
+        path.parent.name for path in (ROOT / "phases").glob("*/phase.json") if SYSTEMS in path.read_text()
+    ]
+    ladder = [
+        name for name in phases_with("costs.def") if name not in systems
+    ]  # those have tests of their own
     patches = [
         f"{path.parts[-3]}+{path.stem}" for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
     ]

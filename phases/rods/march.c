@@ -2,6 +2,20 @@
 // of implicit surfaces", The Visual Computer 12 (1996).
 #include "trace.h"
 
+double sdf(const double *p, const struct prepared *scene, int *nearest) {
+    COUNT(sdf, call);
+    double least = INFINITY;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
+        double distance = distance_to_shape(p, &scene->placed[i]);
+        if (distance < least) {
+            least = distance;
+            *nearest = i;
+        }
+    }
+    return least;
+}
+
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
                struct hit *hit) {
     COUNT(ray_march, call);

@@ -184,19 +184,7 @@ static inline double distance_to_shape(const double *point, const struct placed 
     }
 }
 
-// Distance to the nearest shape, and which one it is (the first of equals).
-static inline double sdf(const double *p, const struct prepared *scene, int *nearest) {
-    COUNT(sdf, call);
-    double least = INFINITY;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &scene->placed[i]);
-        if (distance < least) {
-            least = distance;
-            *nearest = i;
-        }
-    }
-    return least;
-}
+// Distance to the nearest shape, and which one it is (the first of equals). In march.c.
+double sdf(const double *p, const struct prepared *scene, int *nearest);
 
 #endif

@@ -110,6 +110,7 @@ static void land_rods(int first, int count, int across, int down, const struct s
     unload(t, at);
     unload(rods->steps, steps);
     for (int lane = 0; lane < count; lane++) {
+        COUNT(land_rods, rod);
         int i = first + lane, x = survey->now.x[i], y = survey->now.y[i];
         survey->share[y * TILE + x] += steps[lane] - survey->now.steps[i];
         bool gone = bits(rods->gone) >> lane & 1;

@@ -71,6 +71,7 @@ static void store(struct frame *frame, struct block block, const struct shaded *
     store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
     if (!frame->depth)
         return;
+    COUNT(store, evals);
     const struct hit *hit = &seen->hit;
     store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);

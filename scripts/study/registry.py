@@ -27,7 +27,9 @@ OPTIONAL = {
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
-SYSTEMS = "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
+SYSTEMS = (
+    "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
+)
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
 
@@ -146,9 +148,7 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
 
 def ladder(root: Path = ROOT) -> dict[str, Phase]:
     """The phases that are timed, verified and counted: all but those of families truth and systems."""
-    return {
-        name: phase for name, phase in phases(root).items() if phase.family not in (TRUTH, SYSTEMS)
-    }
+    return {name: phase for name, phase in phases(root).items() if phase.family not in (TRUTH, SYSTEMS)}
 
 
 @functools.cache
