@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Rod marching against per-pixel marching: the article's pictures, time, evaluations and error on every scene."""
+"""Rod marching against per-pixel marching: the article's pictures, time, evaluations, error on all scenes."""
 
 from __future__ import annotations
 

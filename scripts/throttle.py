@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The article's throttle: rod size, rod steps and finishing steps for the best frame time at a stated error."""
+"""The article's throttle: rod size, rod steps, finishing steps for the best frame time at a stated error."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from study.run import USABLE
 
 DESCRIPTION = """\
 Phase rods_simd hands each pixel's ray over to packets where its rods end. Every choice of starting size,
-smallest size, rod steps and finishing steps is rendered and held against truth; of those within the error that
-is asked for the fastest are timed again, interleaved with packets alone, and the best is the throttle's."""
+smallest size, rod steps and finishing steps is rendered and held against truth; of those within the error
+asked for, the fastest are timed again, interleaved with packets alone, and the best is the throttle's."""
 
 
 def number(text: str) -> float:

@@ -106,6 +106,7 @@ static void settle(int x, int y, int side, float start, float steps, struct surv
 
 static void land_rods(int first, int count, int across, int down, const struct size *size, real t,
                       const struct flight *rods, struct survey *survey, int least) {
+    COUNT(land_rods, call);
     float at[LANES], steps[LANES], cap = first_of(size->cap);
     unload(t, at);
     unload(rods->steps, steps);

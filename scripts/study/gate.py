@@ -114,8 +114,8 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
 
 
 def by_truth(phase: Phase) -> bool:
-    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own, and systems
-    beside the ladder.
+    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own; and
+    systems.
     """
     return phase.family == SYSTEMS or (phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE)
 

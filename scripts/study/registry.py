@@ -60,8 +60,8 @@ class Phase:
     # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
     # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
     exact_hits: bool = False
-    # Its picture is meant to be near, not the same: conformance asks of its form alone, and its errors are shown
-    # and held within `tolerance` by a script of its own.
+    # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
+    # how much further from truth than baseline it may be (scripts/accuracy.py).
     approximate: bool = False
     # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
     embedded: str | None = None

@@ -69,8 +69,8 @@ def picture(phase: str, words: str, scene: Scene, size: tuple[int, int], **more:
 
 
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
-    """How far a picture is from truth: wrong hits in ppm of the picture's pixels, |Δt| in scene units where the
-    shape is right, PSNR in dB of linear colours in [0, 1]. `known`: share of the pixels that truth knows.
+    """How far a picture is from truth: wrong hits in ppm of its pixels, |Δt| in scene units where the shape
+    is right, PSNR in dB of linear colours in [0, 1]. `known`: share of the pixels that truth knows.
     """
     known = exact["status"] >= truth.CONVERGED
     hit, there = made["id"] >= 0, exact["id"] >= 0
@@ -146,7 +146,7 @@ def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 3) -> Row
 
 
 def trade(n: int, launches: int, seed: int) -> list[Row]:
-    """The article's open question: starting rods × step cap (and its step, and the smallest rod) → time, error."""
+    """The article's open question: starting rods × step cap, its step, the smallest rod → time, error."""
     scene = find_scene(SCENE)
     size = scene.size(n)
     exact = truth.picture(scene, size)
@@ -212,8 +212,8 @@ def enough(found: Row, psnr_db: float, wrong_ppm: float) -> bool:
 def throttle(
     scene: Scene, n: int, psnr_db: float, wrong_ppm: float, launches: int, seed: int, best: int = 4
 ) -> Row:
-    """The fastest settings whose picture is within the error, of every one tried: a first look at each, then the
-    best of those within it timed again, interleaved with packets without rods.
+    """The fastest settings whose picture is within the error, of every one tried: a first look at each, then
+    the best of those within it timed again, interleaved with packets without rods.
 
     Raises StudyError.
     """

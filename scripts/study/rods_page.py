@@ -16,8 +16,10 @@ from study.rods import MARCHES, Row
 from study.show import Column
 
 PICTURES, TRADE = "rods-pictures", "rods-trade"
-CAPTION = "two_spheres by rays and by rods: coloured by march steps (white: one), by depth (white: near), and how far "
-CAPTION += "from truth (white: less than 1e-4, black: 0.1 and more; red: a wrong hit)"
+CAPTION = (
+    "two_spheres by rays and by rods: coloured by march steps (white: one), by depth (white: near), and "
+)
+CAPTION += "how far from truth (white: less than 1e-4, black: 0.1 and more; red: a wrong hit)"
 
 
 def grey_steps(steps: np.ndarray, cap: int) -> np.ndarray:
@@ -157,21 +159,24 @@ def words_of(row: Row | None) -> str:
 
 def sentence(row: Row) -> str:
     """For a terminal."""
+    wrong, theirs = (row[name]["wrong_ppm"] for name in ("rods", "pixels"))
     return (
-        f"{row['scene']}, {row['width']}×{row['n']}: per pixel {_ms(row['pixels'])} ms, rods {_ms(row['rods'])} ms, "
-        f"{_gain(row)}; {row['fewer']:.3g}× fewer evaluations; wrong hits {row['rods']['wrong_ppm']:.4g} ppm "
-        f"(per pixel {row['pixels']['wrong_ppm']:.4g}), |Δt| 99 % {show.number(row['rods']['dt_p99'], 2)}"
+        f"{row['scene']}, {row['width']}×{row['n']}: per pixel {_ms(row['pixels'])} ms, "
+        f"rods {_ms(row['rods'])} ms, {_gain(row)}; {row['fewer']:.3g}× fewer evaluations; "
+        f"wrong hits {wrong:.4g} ppm (per pixel {theirs:.4g}), "
+        f"|Δt| 99 % {show.number(row['rods']['dt_p99'], 2)}"
     )
 
 
 def choice(row: Row) -> str:
     """For a terminal."""
-    if row["chosen"] is None:
-        return f"{row['scene']}: none of {row['tried'] - 1} settings is within the error"
+    best, others = row["chosen"], row["tried"] - 1
+    if best is None:
+        return f"{row['scene']}: none of {others} settings is within the error"
     return (
-        f"{row['scene']}, {row['width']}×{row['n']}: {words_of(row['chosen'])}: {_ms(row['chosen'])} ms against "
-        f"{_ms(row['plain'])} ms of packets alone, {_gain(row)}; {show.number(row['chosen']['psnr_db'])} dB, "
-        f"{row['chosen']['wrong_ppm']:.4g} ppm wrong ({row['within']} of {row['tried'] - 1} settings within)"
+        f"{row['scene']}, {row['width']}×{row['n']}: {words_of(best)}: {_ms(best)} ms against "
+        f"{_ms(row['plain'])} ms of packets alone, {_gain(row)}; {show.number(best['psnr_db'])} dB, "
+        f"{best['wrong_ppm']:.4g} ppm wrong ({row['within']} of {others} settings within)"
     )
 
 
@@ -227,7 +232,8 @@ def system_rows(result: Row, throttled: Row) -> list[Row]:
             "article": "proposed, not measured",
             "ours": _ms(row["chosen"]),
             "ratio": f"{_gain(row)} over packets alone",
-            "error": f"{show.number(row['chosen']['psnr_db'])} dB, {row['chosen']['wrong_ppm']:,.0f} ppm wrong hits",
+            "error": f"{show.number(row['chosen']['psnr_db'])} dB, "
+            f"{row['chosen']['wrong_ppm']:,.0f} ppm wrong hits",
         }
         for row in throttled["rows"]
         if row["chosen"]
@@ -235,15 +241,14 @@ def system_rows(result: Row, throttled: Row) -> list[Row]:
 
 
 NOTE = (
-    "The article marches two spheres by hand-written code without perspective, and says neither its camera nor its "
-    "spheres' sizes: our scene has its size, its number of spheres and its step cap. Its two figures were one run on a "
-    "laptop of 2008. Times are of the march alone, which its pictures show; PSNR is of pictures shaded as every "
-    "phase's are."
+    "The article marches two spheres without perspective, and says neither its camera nor their sizes: our "
+    "scene has its size in pixels, its number of spheres and its step cap. Times are of the march alone, "
+    "which its pictures show; PSNR is of pictures shaded as every phase's are."
 )
 
 
 def draw(result: Row) -> Figure:
-    """Time against wrong hits and against |Δt|, a line for each number of starting rods along the step caps."""
+    """Time against wrong hits and |Δt|, a line for each number of starting rods along the step caps."""
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     panels = figure.subplots(1, 2)
     goals = {"wrong_ppm": "wrong hits to truth, ppm", "dt_p99": "|Δt| to truth, 99 %, scene units"}

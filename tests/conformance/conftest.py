@@ -11,7 +11,7 @@ import pytest
 from conformance.harness import Unsupported
 from study import registry
 
-# What an approximate phase (phase.json) is asked: its form. Its pictures have tests and a tolerance of their own.
+# What an approximate phase (phase.json) is asked: its form. Its pictures have tests of their own.
 FORM = (
     "test_same_call_same_bits",
     "test_threads",
