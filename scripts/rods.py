@@ -22,22 +22,13 @@ interleaved launches, evaluations and the error of both to truth; the same on ev
 that the article left open: starting rods × step cap → time and error."""
 
 
-def at_least(lowest: int) -> object:
-    def check(text: str) -> int:
-        if not text.isdecimal() or int(text) < lowest:
-            raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least {lowest}")
-        return int(text)
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=at_least(16), default=180, help="height of every scene's pictures; default: 180")
-    add("--article-n", type=at_least(16), default=rods.ARTICLE["size"], metavar="N", help="default: 800")
-    add("--launches", type=at_least(2), default=6, help="process launches of each; default: 6")
+    add("-n", type=cli.at_least(16), default=180, help="height of every scene's pictures; default: 180")
+    add("--article-n", type=cli.at_least(16), default=rods.ARTICLE["size"], metavar="N", help="default: 800")
+    add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for rods.json, images/, figures/; default: build/systems")
     args = parser.parse_args()

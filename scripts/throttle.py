@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import secrets
 import time
 from pathlib import Path
@@ -22,32 +21,26 @@ smallest size, rod steps and finishing steps is rendered and held against truth;
 asked for, the fastest are timed again, interleaved with packets alone, and the best is the throttle's."""
 
 
-def number(text: str) -> float:
-    try:
-        if 0 <= (value := float(text)) < math.inf:
-            return value
-    except ValueError:
-        pass
-    raise argparse.ArgumentTypeError(f"'{text}': must be a number of at least 0")
-
-
-def whole(lowest: int) -> object:
-    def check(text: str) -> int:
-        if not text.isdecimal() or int(text) < lowest:
-            raise argparse.ArgumentTypeError(f"'{text}': must be a whole number of at least {lowest}")
-        return int(text)
-
-    return check
-
-
 def arguments() -> argparse.Namespace:
     parser = cli.parser(DESCRIPTION, {1: "no setting is within the error", 3: "the CPU lacks what it needs"})
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=whole(16), default=180, help="height in pixels; default: 180")
-    add("--psnr", type=number, default=40.0, metavar="DB", help="to truth, at least; default: 40")
-    add("--wrong", type=number, default=1000.0, metavar="PPM", help="wrong hits, at most; default: 1000")
-    add("--launches", type=whole(2), default=6, help="of the finalists; default: 6")
+    add("-n", type=cli.at_least(16), default=180, help="height in pixels; default: 180")
+    add(
+        "--psnr",
+        type=cli.at_least(0, float),
+        default=40.0,
+        metavar="DB",
+        help="to truth, at least; default: 40",
+    )
+    add(
+        "--wrong",
+        type=cli.at_least(0, float),
+        default=1000.0,
+        metavar="PPM",
+        help="wrong hits, at most; default: 1000",
+    )
+    add("--launches", type=cli.at_least(2), default=6, help="of the finalists; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for throttle.json; default: build/systems")
     args = parser.parse_args()
