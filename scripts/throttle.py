@@ -22,7 +22,9 @@ asked for, the fastest are timed again, interleaved with packets alone, and the 
 
 
 def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "no setting is within the error", 3: "the CPU lacks what it needs"})
+    parser = cli.parser(
+        DESCRIPTION, {1: "no setting is within the error of a scene", 3: "the CPU lacks what it needs"}
+    )
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
     add("-n", type=cli.at_least(16), default=180, help="height in pixels; default: 180")

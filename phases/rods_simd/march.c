@@ -47,7 +47,8 @@ static inline real newton(real h, real slope, real way) {
 struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
-    real start, cap; // where the first march begins; evaluations in all
+    real start; // where the first march begins
+    int cap;    // of its evaluations
     mask found;
     struct exit exit;
     int left;  // steps that every ray has before its cap
@@ -63,14 +64,14 @@ int step_cap(const struct model *model) {
     return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
 }
 
-// Rays of rods, and those that march on from a hit, have had some of their evaluations.
+// Rays that march on from a hit have had some of their evaluations.
 static int steps_left(const struct progress *at, mask live) {
-    COUNT(steps_left, call);
-    float rest[LANES], least = MOST_STEPS;
-    unload(choose(live, at->cap - at->evals, set((float)MOST_STEPS)), rest);
+    float evals[LANES];
+    unload(keep(live, at->evals), evals);
+    int had = 0;
     for (int lane = 0; lane < LANES; lane++)
-        least = rest[lane] < least ? rest[lane] : least;
-    return (int)least;
+        had = (int)evals[lane] > had ? (int)evals[lane] : had;
+    return at->cap - had;
 }
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
@@ -84,7 +85,7 @@ __attribute__((noinline)) static void march_ends(struct progress *at, int step, 
     real evals = at->evals + set((float)step);
     if (step >= at->left) {
         COUNT(march_ends, cap);
-        inside = less_in(inside, evals, at->cap);
+        inside = less_in(inside, evals, set((float)at->cap));
     }
     at->evals = choose(but_not(inside, live), evals, at->evals);
     group->live[k] = inside;
@@ -193,7 +194,7 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam->approach);
     at->found = but_not(off, at->found);
-    *live = less_in(off, at->evals, at->cap);
+    *live = less_in(off, at->evals, set((float)at->cap));
     return any(*live);
 }
 
@@ -235,10 +236,9 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
         ACTIVE(count_of(rays->active[k]));
         real zero = set(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
-        packets[k].before = packets[k].t = packets[k].last = zero;
-        packets[k].evals = rays->had[k];
+        packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
         packets[k].start = rays->start[k];
-        packets[k].cap = rays->cap[k];
+        packets[k].cap = rays->cap;
         packets[k].found = packets[k].deep = no_lane();
         packets[k].inside = set(-1.0f);
         world->group.live[k] = rays->active[k];

@@ -9,7 +9,7 @@ struct settings {
     int size;    // pixels on a side of the starting rods: a power of two
     int least;   // of the smallest: a power of two, no more than size
     int steps;   // of the rods that a pixel is in, together; 0: the scene's cap
-    int finish;  // of the pixel's own ray behind them; 0: what the scene's cap leaves
+    int finish;  // of the pixel's own march behind them; 0: the scene's cap
 };
 
 // False, with one line in `error` (512 bytes), if the text is none. NULL: the phase's own settings.

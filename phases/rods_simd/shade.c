@@ -287,6 +287,7 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
                    const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
     COUNT(mirror, call);
     struct rays mirrored;
+    mirrored.cap = step_cap(&world->scene->model);
     bool one = false;
     for (int k = 0; k < GROUP; k++) {
         const struct hit *hit = &result[k].hit;
@@ -294,8 +295,7 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
         COUNT(mirror, packet);
         mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
         mirrored.active[k] = active;
-        mirrored.start[k] = mirrored.had[k] = set(0.0f);
-        mirrored.cap[k] = set((float)step_cap(&world->scene->model));
+        mirrored.start[k] = set(0.0f);
         if (!any(active))
             continue;
         one = true;

@@ -71,16 +71,16 @@ static void store(struct frame *frame, struct block block, const struct shaded *
     store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
     if (!frame->depth)
         return;
-    COUNT(store, evals);
     const struct hit *hit = &seen->hit;
     store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
     store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
-    store_plane(frame->evals, 1, frame, block, (hit->evals - began->steps) + began->share);
+    store_plane(frame->evals, 1, frame, block, hit->evals);
     store_plane(frame->planes[0], 1, frame, block, began->start);
     store_plane(frame->planes[1], 1, frame, block, began->steps);
+    store_plane(frame->planes[2], 1, frame, block, began->share);
 }
 
 static int tiles_across(const struct frame *frame) {
@@ -103,7 +103,7 @@ static struct survey *place_beams(struct group *group, void *own, int shapes) {
 }
 
 // What a block's rays begin with; the lanes that have one. Of the others start is −1.
-static mask begin(struct block block, int left, int top, const struct survey *survey, real cap,
+static mask begin(struct block block, int left, int top, const struct survey *survey,
                   struct beginning *began) {
     COUNT(begin, call);
     float start[LANES], steps[LANES], share[LANES];
@@ -116,22 +116,19 @@ static mask begin(struct block block, int left, int top, const struct survey *su
     }
     *began = (struct beginning){load(start), load(steps), load(share)};
     mask active = less_in(in_picture(block), began->start, set(INFINITY));
-    active =
-        less_in(active, began->steps, cap); // its rods have had all steps that the scene allows
     began->start = choose(active, began->start, set(-1.0f));
     return active;
 }
 
 // Of rays that were not marched: nothing.
-static void blank(mask active, const struct model *model, const struct beginning *began,
-                  struct shaded *seen) {
+static void blank(mask active, const struct model *model, struct shaded *seen) {
     struct hit *hit = &seen->hit;
     struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
     seen->color = vec_choose(active, seen->color, vec_doubles(model->background));
     hit->found = both(active, hit->found);
     hit->shape = choose(active, hit->shape, set(-1.0f));
     hit->normal = vec_choose(active, hit->normal, none);
-    hit->evals = choose(active, hit->evals, began->steps);
+    hit->evals = keep(active, hit->evals);
 }
 
 // Blocks that wait until a group of them is full.
@@ -150,7 +147,7 @@ static void draw_waiting(struct waiting *waiting, const struct job *job, struct 
     trace(&waiting->rays, 0, world, seen);
     for (int k = 0; k < waiting->count; k++) {
         ACTIVE(waiting->block[k].across * waiting->block[k].down);
-        blank(waiting->rays.active[k], &job->prepared->model, &waiting->began[k], &seen[k]);
+        blank(waiting->rays.active[k], &job->prepared->model, &seen[k]);
         store(job->frame, waiting->block[k], &seen[k], &waiting->began[k]);
     }
     waiting->count = 0;
@@ -163,17 +160,12 @@ static void draw_block(struct block block, struct place origin, struct beginning
     const struct settings *settings = &job->prepared->settings;
     struct rays *rays = &waiting->rays;
     int k = waiting->count++;
-    real cap = set((float)step_cap(&job->prepared->model));
+    int cap = step_cap(&job->prepared->model);
     rays->origin[k] = origin;
     rays->direction[k] = get_direction(block, job->frame, job->view);
     rays->active[k] = active;
     rays->start[k] = keep(active, began.start);
-    rays->had[k] = began.steps;
-    rays->cap[k] = cap;
-    if (settings->finish > 0) {
-        COUNT(draw_block, finish);
-        rays->cap[k] = least_of(cap, began.steps + set((float)settings->finish));
-    }
+    rays->cap = settings->finish > 0 ? lesser(cap, settings->finish) : cap;
     waiting->block[k] = block;
     waiting->began[k] = began;
     if (waiting->count == GROUP)
@@ -200,13 +192,13 @@ static void draw_tile(const struct job *job, int tile, void *own) {
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
             struct beginning began;
-            mask active = begin(block, left, top, survey, set((float)step_cap(model)), &began);
+            mask active = begin(block, left, top, survey, &began);
             if (any(active)) {
                 draw_block(block, origin, began, active, job, &world, &waiting);
                 continue;
             }
             struct shaded nothing = {0};
-            blank(active, model, &began, &nothing);
+            blank(active, model, &nothing);
             store(frame, block, &nothing, &began);
         }
     if (waiting.count > 0)

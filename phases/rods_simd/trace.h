@@ -15,8 +15,8 @@ struct rays {
     struct place origin[GROUP];
     struct vec direction[GROUP];
     mask active[GROUP];
-    // Where each begins, what evaluations it has had there, and how many it may have in all.
-    real start[GROUP], had[GROUP], cap[GROUP];
+    real start[GROUP]; // where each begins
+    int cap;           // evaluations that each may have
 };
 
 struct hit {

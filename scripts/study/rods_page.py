@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from study import images, rods, show, truth
-from study.draw import COLOURS, STYLE, Drawing, save
+from study.draw import COLOURS, STYLE, Drawing, plain_log, save
 from study.registry import find_scene
 from study.rods import MARCHES, Row
 from study.show import Column
@@ -133,7 +133,7 @@ def _chosen(key: str):
 
 THROTTLE = [
     Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
-    Column("", "error allowed", lambda r: f"≥ {r['psnr_db']:g} dB, ≤ {r['wrong_ppm']:g} ppm"),
+    Column("", "error allowed", lambda r: f"≥ {r['psnr_db']:.4g} dB, ≤ {r['wrong_ppm']:.4g} ppm"),
     Column("", "within it", lambda r: f"{r['within']} of {r['tried'] - 1}"),
     Column("", "the throttle's choice", lambda r: words_of(r["chosen"])),
     Column("ms a frame [95 %]", "rods first", lambda r: _ms(r["chosen"]) if r["chosen"] else show.NOTHING),
@@ -275,6 +275,7 @@ def draw(result: Row) -> Figure:
         own = result["own"]["pixels"]
         panel.plot([own["ms"]], [own[key]], "k*", markersize=11)
         panel.set(xscale="log", yscale="log", xlabel="ms, the march alone", ylabel=label)
+        plain_log(panel.xaxis)
     marks.append(
         Line2D(
             [], [], color="black", marker="*", linestyle="none", markersize=10, label="per pixel, 20 steps"

@@ -32,7 +32,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (left if near and item.originalname not in FORM else kept).append(item)
     items[:] = kept
     if left:
-        config.hook.pytest_deselected(left)
+        config.hook.pytest_deselected(items=left)
 
 
 @pytest.fixture(autouse=True)
