@@ -151,10 +151,11 @@ def words_of(row: Row | None) -> str:
     if row is None:
         return "none is within the error"
     one = dict(word.split("=") for word in row["settings"].split())
-    steps = {key: "to the scene's cap" if one[key] == "0" else f"≤ {one[key]}" for key in ("steps", "finish")}
-    return (
-        f"rods of {one['size']} to {one['least']} pixels, {steps['steps']} steps; finishing {steps['finish']}"
+    steps, finish = (
+        f"at most {one[key]} steps" if one[key] != "0" else "the scene's cap of steps"
+        for key in ("steps", "finish")
     )
+    return f"rods of {one['size']} to {one['least']} pixels by {steps}, each pixel finished by {finish}"
 
 
 def sentence(row: Row) -> str:
