@@ -13,7 +13,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import matplotlib
 
-from study import machine, registry, rods, rods_page, store
+from study import machine, registry, rods, rods_page, rods_pictures, store
 from study.draw import STYLE, save
 
 DESCRIPTION = """\
@@ -45,7 +45,7 @@ def main() -> int:
     about = {"launches": args.launches, "seed": args.seed, "took_s": time.monotonic() - begun}
     result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})
     store.write_json(folder / rods.FILE, result)
-    paths = rods_page.write_pictures(folder, args.article_n)
+    paths = rods_pictures.write_pictures(folder, args.article_n)
     with matplotlib.rc_context(STYLE):
         for name, drawing in rods_page.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import rods, rods_page
+from study import rods, rods_page, rods_pictures
 from study.sections import Section, part, reading
 from study.show import Column
 
@@ -34,7 +34,7 @@ def section(path: Path) -> Section:
             caption = "Rod marching: starting rods × step cap on two_spheres"
             parts += part("rods-trade", caption, result["trade"], rods_page.TRADES, folded=True)
             remarks.append(rods_page.NOTE)
-            pictures[path / "images" / f"{rods_page.PICTURES}.png"] = rods_page.CAPTION
+            pictures[path / "images" / f"{rods_pictures.PICTURES}.png"] = rods_pictures.CAPTION
     with reading(path / rods.THROTTLE, f"scripts/throttle.py --run {path}"):
         throttled = rods.read(path / rods.THROTTLE)
         if throttled["rows"]:

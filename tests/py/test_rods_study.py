@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import started
 
-from study import rods, rods_page, show, systems
+from study import rods, rods_page, rods_pictures, show, systems
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -116,6 +116,8 @@ def made_up() -> dict:
         for d in rods.DOWN
         for c in rods.CAPS
     ]
+    coarse = {"down": 16, "max_steps": 20, "least": 4, "step": "whole", **one, "evaluations": 0.1}
+    trade.append(coarse | {"ms": 25.0, "ms_low": 24.0, "ms_high": 26.0})
     return {"article": rods.ARTICLE, "own": own, "rows": [own], "trade": trade}
 
 
@@ -128,7 +130,12 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert by_what["two_spheres 800×800, rods, ms"]["ratio"] == "0.500×"  # 10 over 20
     assert by_what["rods over per pixel, time"]["ratio"] == "0.333× of it"  # 5 over 15
     assert by_what["evaluations, per pixel over rods"]["ratio"] == "0.120× of it"  # 12 over 100
-    assert section.title == "Other systems" and rods_page.PICTURES in str(list(section.images))
+    coarse = by_what["rods that end at 4×4 pixels: ms; evaluations, per pixel over rods"]
+    assert (
+        coarse["ours"].replace("\N{NO-BREAK SPACE}", " ") == "25.0 [24.0, 26.0]; 120×"
+        and coarse["ratio"] == "4.00× over per pixel"
+    )
+    assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
 
 
@@ -144,11 +151,11 @@ def test_a_broken_file_is_named(tmp_path):
 
 
 def test_greys_by_hand():
-    assert rods_page.grey_steps(np.array([1, 20, 10.5]), 20).tolist() == [1.0, 0.0, 0.5]
-    grey = rods_page.grey_depth(np.array([2.0, 4.0, np.inf]), 2, 4)
+    assert rods_pictures.grey_steps(np.array([1, 20, 10.5]), 20).tolist() == [1.0, 0.0, 0.5]
+    grey = rods_pictures.grey_depth(np.array([2.0, 4.0, np.inf]), 2, 4)
     assert grey == pytest.approx([1.0, 0.15, 0.0])
     exact = planes()
-    shown = rods_page.error_colours(exact, planes(id=[0, 0, 0, -1], Z=[1 + 1e-6, 2.1, 3, np.inf]))
+    shown = rods_pictures.error_colours(exact, planes(id=[0, 0, 0, -1], Z=[1 + 1e-6, 2.1, 3, np.inf]))
     assert shown[0, 0].tolist() == [1, 1, 1] and shown[0, 1] == pytest.approx([0, 0, 0], abs=0.01)
     assert shown[0, 2].tolist() == [0.84, 0.15, 0.15] and shown[0, 3].tolist() == [1, 1, 1]
 
