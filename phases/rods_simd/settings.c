@@ -38,7 +38,7 @@ static bool set_one(const char *key, const char *value, struct settings *setting
 }
 
 bool settings_read(const char *text, struct settings *settings, char *error) {
-    *settings = (struct settings){.size = 32, .least = 4};
+    *settings = (struct settings){.size = 32, .least = 8};
     while (text && *text) {
         char word[64];
         size_t length = strcspn(text, " ");

@@ -177,7 +177,7 @@ def study(scenes: Sequence[Scene], n: int, article_n: int, launches: int, seed: 
         "article": ARTICLE,
         "own": beside(find_scene(SCENE), article_n, launches, seed),
         "rows": [beside(scene, n, launches, seed, 1) for scene in scenes],
-        "trade": trade(article_n, max(launches // 2, 2), seed),
+        "trade": trade(article_n, launches, seed),
     }
 
 
