@@ -166,7 +166,7 @@ def trade(n: int, launches: int, seed: int) -> list[Row]:
         )
         name = f"{words} {cap}"
         rows[-1]["name"] = name
-        cases[name] = lambda w=words, m=more: milliseconds("rods", f"{w} picture=map", scene, size, 1, **m)
+        cases[name] = lambda w=words, m=more: milliseconds("rods", f"{w} picture=map", scene, size, 5, **m)
     times = interleaved(cases, launches, seed)
     return [row | timed(times[row.pop("name")]) for row in rows]
 
