@@ -117,7 +117,7 @@ def timed(times: Sequence[float]) -> Row:
 MARCHES = {"pixels": "march=pixels", "rods": "march=rods"}
 
 
-def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 3) -> Row:
+def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 7) -> Row:
     """Rods and per-pixel marching on a scene, the march alone: times, evaluations, errors of both."""
     size = scene.size(n)
     cases = {

@@ -73,6 +73,8 @@ THROTTLE = [
     Column("ms a frame [95 %]", "rods first", lambda r: _ms(r["chosen"]) if r["chosen"] else show.NOTHING),
     Column("ms a frame [95 %]", "packets alone", lambda r: _ms(r["plain"])),
     Column("", "gain [95 %]", lambda r: _gain(r) if r["chosen"] else show.NOTHING),
+    Column("evaluations a pixel", "rods first", _chosen("evaluations")),
+    Column("evaluations a pixel", "packets alone", lambda r: show.number(r["plain"]["evaluations"])),
     Column("rods first, to truth", "PSNR, dB", _chosen("psnr_db")),
     Column("rods first, to truth", "wrong hits, ppm", _chosen("wrong_ppm")),
     Column("packets alone, to truth", "PSNR, dB ", lambda r: show.number(r["plain"]["psnr_db"])),
