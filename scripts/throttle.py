@@ -27,7 +27,7 @@ def arguments() -> argparse.Namespace:
     )
     add = parser.add_argument
     add("--scene", nargs="+", default=list(registry.scenes()), metavar="NAME", help="default: all")
-    add("-n", type=cli.at_least(16), default=180, help="height in pixels; default: 180")
+    add("-n", type=cli.at_least(16), default=90, help="height in pixels; default: 90")
     add(
         "--psnr",
         type=cli.at_least(0, float),
