@@ -4,14 +4,15 @@ include common/rules.mk
 -include tests/tests.mk
 
 PY := .venv/bin/python
-PHASE ?= $(filter-out truth,$(PHASES))
+# The ladder: what is of family truth or systems is asked for by name.
+PHASE ?= $(patsubst phases/%/phase.json,%,$(shell grep -L '"family": "\(truth\|systems\)"' phases/*/phase.json))
 N ?= 360
 VALIDATION_N ?= 90
 ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains systems
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -82,6 +83,9 @@ drjit: setup ## our phases beside Dr.Jit (installed into build/drjit; needs LLVM
 
 toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
 	@$(PY) scripts/run_study.py --part toolchains $(ARGS)
+
+systems: setup ## what other articles built, beside the ladder: rod marching, its hybrid and throttle (10 minutes)
+	@$(PY) scripts/run_study.py --part systems $(ARGS)
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/report.py $(ARGS)

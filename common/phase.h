@@ -47,6 +47,10 @@ struct kernel_facts {
 };
 const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attribute__((weak));
 
+// Only of phases that can be told how to work, by a variable of the environment: what this one does, in words. The
+// record says it with every frame, so that what another setting gave cannot pass for the phase's own.
+const char *phase_settings(const struct prepared *prepared) __attribute__((weak));
+
 // Only of the phases of family "truth", for tests (rays.c): the first hit of each ray, origin xyz and
 // direction xyz, as status (2 proved, 1 converged only, 0 undecided), index of the shape (−1: none), and the
 // enclosure of s in p = origin + s·direction, s ≥ 0 (+inf on a proved miss), and what it cost in evaluations.

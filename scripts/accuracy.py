@@ -107,7 +107,7 @@ def about(spec: Spec, scene: Scene, size: Size) -> dict:
 
 def specs_of(names: list[str] | None) -> list[Spec]:
     """The specs asked for, or every phase but truth itself. Raises StudyError."""
-    wanted = names or [name for name, phase in registry.phases().items() if phase.family != FAMILY]
+    wanted = names or list(registry.ladder())
     specs = [Spec.parse(name) for name in dict.fromkeys(wanted)]
     for spec in specs:
         phase = registry.find_phase(spec.phase)

@@ -234,6 +234,16 @@ def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
     return judged("toolchains", "--run", str(run))
 
 
+# What other articles built: each script writes its own file and judges it.
+SYSTEMS = ("rods", "throttle")
+
+
+def systems(run: Path, options: argparse.Namespace, height: int) -> bool:
+    accepted = (*CHECKED, cli.CANNOT_RUN)  # a CPU that lacks what one of them needs: its script has said so
+    done = [script(name, "--run", str(run), capture=True, accepted=accepted) for name in SYSTEMS]
+    return all(one.returncode != cli.FAILED for one in done)
+
+
 def judged(name: str, *arguments: str) -> bool:
     """Runs a script that judges what it measures: whether all is well."""
     return script(name, *arguments, capture=True, accepted=CHECKED).returncode == cli.OK
@@ -255,9 +265,10 @@ PARTS: dict[str, tuple[str, Callable[[Path, argparse.Namespace, int], bool]]] = 
     "scaling": ("how cost grows", scaling),
     "drjit": ("our phases beside Dr.Jit", drjit),
     "toolchains": ("compilers and flags", toolchains),
+    "systems": ("systems of other articles", systems),
 }
 # Minutes of building, and what has to be installed: by make toolchains and make drjit, and with --full.
-ON_REQUEST = {"toolchains", "drjit"}
+ON_REQUEST = {"toolchains", "drjit", "systems"}
 
 
 def arguments() -> argparse.Namespace:

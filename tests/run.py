@@ -41,6 +41,8 @@ HARD_BUILDS = {
 }
 
 
+SYSTEMS = '"family": "systems"'  # in a phase.json: alternatives to the ladder
+
 # Where a step's output goes; None: to the terminal, as it comes.
 OUTPUT: contextvars.ContextVar[IO[str] | None] = contextvars.ContextVar("output", default=None)
 
@@ -155,8 +157,15 @@ def embeds(phase: str) -> bool:
     return "embedded" in json.loads((ROOT / "phases" / phase / "phase.json").read_text())
 
 
+def systems() -> set[str]:
+    """Names of the phases beside the ladder: counted with gcc alone, the rest by tests of their own."""
+    return {
+        path.parent.name for path in (ROOT / "phases").glob("*/phase.json") if SYSTEMS in path.read_text()
+    }
+
+
 def builds_step() -> Iterator[Tally]:
-    phases = phases_with("phase.json")
+    phases, beside = phases_with("phase.json"), systems()
     for folder, settings in BUILDS.items():
         yield one(
             f"{folder}/ceilings --check",
@@ -165,6 +174,7 @@ def builds_step() -> Iterator[Tally]:
         )
         make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
         counting = [] if "SANITIZE=1" in settings else phases_with("costs.def")  # none is run with sanitizers
+        counting = [name for name in counting if folder == "build" or name not in beside]
         targets = {
             phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"]
             + [f"{folder}/{phase}/render-count"] * (phase in counting)
@@ -182,7 +192,7 @@ def prepare_step() -> Iterator[Tally]:
 
     What does not build is told by the test that wants it.
     """
-    ladder = phases_with("costs.def")
+    ladder = [name for name in phases_with("costs.def") if name not in systems()]
     patches = [
         f"{path.parts[-3]}+{path.stem}" for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study import breakeven_page, negative, sections, truth_sections
+from study import breakeven_page, negative, sections, systems, truth_sections
 from study.analysis import Data
 from study.sections import Section
 
@@ -27,4 +27,5 @@ def all_of(data: Data) -> list[Section]:
         truth_sections.rival(path),
         truth_sections.growth(path),
         truth_sections.compilers(path),
+        systems.section(path),
     ]

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 
 from study.cli import StudyError
-from study.registry import Phase, Scene, scenes
+from study.registry import SYSTEMS, Phase, Scene, scenes
 
 # In the order in which they are judged: what explains the rest comes first.
 METRICS = (
@@ -114,8 +114,10 @@ def failures(metrics: Mapping, declared: Mapping | None) -> dict[str, str]:
 
 
 def by_truth(phase: Phase) -> bool:
-    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own."""
-    return phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE
+    """Whether the phase is held against truth: rungs behind opt4, for baseline has errors of its own; and
+    systems.
+    """
+    return phase.family == SYSTEMS or (phase.family == "ladder" and phase.order > LAST_AGAINST_BASELINE)
 
 
 def left_to_truth(phase: Phase) -> bool:

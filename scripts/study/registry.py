@@ -23,9 +23,13 @@ OPTIONAL = {
     "each_variant",
     "exact_hits",
     "embedded",
+    "approximate",
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
+SYSTEMS = (
+    "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
+)
 SQUARE = {"two_spheres"}  # 800x800 in the paper it is from
 
 
@@ -56,6 +60,9 @@ class Phase:
     # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
     # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
     exact_hits: bool = False
+    # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
+    # how much further from truth than baseline it may be (scripts/accuracy.py).
+    approximate: bool = False
     # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
     embedded: str | None = None
 
@@ -140,8 +147,8 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
 
 
 def ladder(root: Path = ROOT) -> dict[str, Phase]:
-    """The phases that are timed, verified and counted: all but those of family truth."""
-    return {name: phase for name, phase in phases(root).items() if phase.family != TRUTH}
+    """The phases that are timed, verified and counted: all but those of families truth and systems."""
+    return {name: phase for name, phase in phases(root).items() if phase.family not in (TRUTH, SYSTEMS)}
 
 
 @functools.cache

@@ -4,11 +4,35 @@ that lacks the phase's instruction set (skipped, with its name)."""
 from __future__ import annotations
 
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
 from conformance.harness import Unsupported
 from study import registry
+
+# What an approximate phase (phase.json) is asked: its form. Its pictures have tests of their own.
+FORM = (
+    "test_same_call_same_bits",
+    "test_threads",
+    "test_record",
+    "test_missing_instruction_set",
+    "test_bad_scene",
+    "test_random_scenes",
+    "test_shape",
+)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves out what holds a picture that is meant to be near against one that it is not meant to be."""
+    kept, left = [], []
+    for item in items:
+        mine = item.path.parent == Path(__file__).parent
+        near = mine and registry.phases()[item.callspec.params["phase"]].approximate
+        (left if near and item.originalname not in FORM else kept).append(item)
+    items[:] = kept
+    if left:
+        config.hook.pytest_deselected(items=left)
 
 
 @pytest.fixture(autouse=True)

@@ -1,0 +1,198 @@
+// Eight lanes: AVX2 and FMA. See lanes.h.
+#ifndef RODS_SIMD_LANES8_H
+#define RODS_SIMD_LANES8_H
+
+typedef __m256 real;
+typedef __m256d half; // doubles of half of the lanes
+typedef struct {
+    __m256 all; // all bits of a lane set, or none
+} mask;
+
+static inline real set(float a) {
+    return _mm256_set1_ps(a);
+}
+
+static inline real load(const float from[LANES]) {
+    return _mm256_loadu_ps(from);
+}
+
+static inline void unload(real a, float to[LANES]) {
+    _mm256_storeu_ps(to, a);
+}
+
+static inline float first_of(real a) {
+    return _mm256_cvtss_f32(a);
+}
+
+static inline mask less(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_LT_OQ)};
+}
+
+static inline mask greater(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_GT_OQ)};
+}
+
+static inline mask not_less(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_GE_OQ)};
+}
+
+static inline mask below(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_NGE_UQ)};
+}
+
+static inline mask negative(real a) {
+    return (mask){_mm256_castsi256_ps(_mm256_srai_epi32(_mm256_castps_si256(a), 31))};
+}
+
+static inline mask no_lane(void) {
+    return (mask){_mm256_setzero_ps()};
+}
+
+static inline mask all_lanes(void) {
+    return (mask){_mm256_castsi256_ps(_mm256_set1_epi32(-1))};
+}
+
+static inline mask both(mask a, mask b) {
+    return (mask){_mm256_and_ps(a.all, b.all)};
+}
+
+static inline mask either(mask a, mask b) {
+    return (mask){_mm256_or_ps(a.all, b.all)};
+}
+
+static inline mask but_not(mask a, mask b) {
+    return (mask){_mm256_andnot_ps(a.all, b.all)};
+}
+
+static inline unsigned bits(mask a) {
+    return (unsigned)_mm256_movemask_ps(a.all);
+}
+
+static inline bool any(mask a) {
+    return bits(a) != 0;
+}
+
+static inline bool all(mask a) {
+    return bits(a) == 0xff;
+}
+
+static inline bool same(mask a, mask b) {
+    return bits(a) == bits(b);
+}
+
+static inline real choose(mask m, real yes, real no) {
+    return _mm256_blendv_ps(no, yes, m.all);
+}
+
+static inline real keep(mask m, real a) {
+    return _mm256_and_ps(m.all, a);
+}
+
+static inline real drop(mask m, real a) {
+    return _mm256_andnot_ps(m.all, a);
+}
+
+static inline real negate_where(mask m, real a) {
+    return _mm256_xor_ps(a, _mm256_and_ps(m.all, set(-0.0f)));
+}
+
+static inline real add_where(mask m, real a, real b) {
+    return a + keep(m, b);
+}
+
+static inline mask less_in(mask m, real a, real b) {
+    return both(m, less(a, b));
+}
+
+static inline mask not_less_in(mask m, real a, real b) {
+    return but_not(less(a, b), m);
+}
+
+static inline mask not_greater_in(mask m, real a, real b) {
+    return but_not(greater(a, b), m);
+}
+
+static inline real least_of(real a, real b) {
+    return _mm256_min_ps(a, b);
+}
+
+static inline real most_of(real a, real b) {
+    return _mm256_max_ps(a, b);
+}
+
+static inline real absolute(real a) {
+    return _mm256_andnot_ps(set(-0.0f), a);
+}
+
+static inline real with_sign_of(real from, real a) {
+    return _mm256_or_ps(_mm256_and_ps(set(-0.0f), from), absolute(a));
+}
+
+static inline real root(real a) {
+    return _mm256_sqrt_ps(a);
+}
+
+static inline real root_below(real a) {
+    return a * _mm256_rsqrt_ps(a) * set(1.0f - 0x1p-11f);
+}
+
+static inline real floor_of(real a) {
+    return _mm256_floor_ps(a);
+}
+
+static inline real whole_near(real a) {
+    return _mm256_round_ps(a, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+}
+
+static inline real mul_add(real a, real b, real c) {
+    return _mm256_fmadd_ps(a, b, c);
+}
+
+static inline real neg_mul_add(real a, real b, real c) {
+    return _mm256_fnmadd_ps(a, b, c);
+}
+
+static inline real mul_sub(real a, real b, real c) {
+    return _mm256_fmsub_ps(a, b, c);
+}
+
+static inline real exponent_of(real a) {
+    __m256i field = _mm256_srli_epi32(_mm256_castps_si256(a), 23);
+    return _mm256_cvtepi32_ps(_mm256_sub_epi32(field, _mm256_set1_epi32(127)));
+}
+
+static inline real mantissa_of(real a) {
+    __m256i fraction = _mm256_and_si256(_mm256_castps_si256(a), _mm256_set1_epi32(0x007fffff));
+    return _mm256_castsi256_ps(_mm256_or_si256(fraction, _mm256_set1_epi32(0x3f800000)));
+}
+
+static inline real scaled(real a, real n) {
+    __m256i power = _mm256_slli_epi32(_mm256_cvtps_epi32(n), 23);
+    return _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(a), power));
+}
+
+static inline half half_set(double a) {
+    return _mm256_set1_pd(a);
+}
+
+static inline half half_mul_add(half a, half b, half c) {
+    return _mm256_fmadd_pd(a, b, c);
+}
+
+static inline half half_floor(half a) {
+    return _mm256_floor_pd(a);
+}
+
+static inline half half_low(real a) {
+    return _mm256_cvtps_pd(_mm256_castps256_ps128(a));
+}
+
+static inline half half_high(real a) {
+    return _mm256_cvtps_pd(_mm256_extractf128_ps(a, 1));
+}
+
+static inline real narrowed(half low, half high) {
+    return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
+}
+
+#endif

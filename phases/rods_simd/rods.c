@@ -1,0 +1,195 @@
+// Rod marching: W. Edwards, "Rod Marching" (article, 6 July 2012), with perspective (cone marching), and with the step
+// that no ray of a rod can take too far: the ball of radius d about the axis is empty, and its rays are within radius of
+// the axis, so that all may go on by d − radius. A rod is split in four when less than its radius is left.
+//
+// A rod in each lane, those of one size together: "some fancy SSE doing the children in parallel".
+#include "rods.h"
+
+// A packet of rods under way.
+struct flight {
+    struct vec axis;
+    real linear, before, steps;
+    mask gone; // out of the bounds with all of its rays
+};
+
+// What all rods of a size share.
+struct size {
+    int side; // pixels
+    real spread, from_centre, outer, close, cap;
+};
+
+static void append(struct rod_list *list, int x, int y, float t, float steps) {
+    list->x[list->count] = (short)x;
+    list->y[list->count] = (short)y;
+    list->t[list->count] = t;
+    list->steps[list->count++] = steps;
+}
+
+// The axis is the ray through the rod's middle. A ray to a point of the picture plane and the axis differ, both of unit
+// length, by no more than the two points: half of the diagonal at most.
+static struct size size_of(int side, const struct job *job, struct place eye) {
+    COUNT(size_of, call);
+    ACTIVE(LANES);
+    COUNT(size_of, wide);
+    const struct limits *limits = &job->prepared->model.march;
+    double per_height = job->view->tan_half_fov / job->frame->height;
+    double half = per_height * side * 1.41421356237309505;
+    int steps = job->prepared->settings.steps, cap = step_cap(&job->prepared->model);
+    return (struct size){.side = side,
+                         .spread = set((float)(half * (1.0 + 0x1p-16) + 0x1p-20)),
+                         .from_centre = vec_dot(eye.hi, eye.hi),
+                         .outer = set((float)(limits->bounds_radius * (1.0 + 0x1p-16))),
+                         .close = set((float)limits->hit_distance),
+                         .cap = set((float)(steps > 0 && steps < cap ? steps : cap))};
+}
+
+static void set_out_rods(int first, int count, int left, int top, const struct size *size,
+                         const struct job *job, struct place eye, struct world *world, int k,
+                         const struct rod_list *rods, struct flight *flight) {
+    ACTIVE(count);
+    COUNT(set_out_rods, call);
+    COUNT(set_out_rods, scalar);
+    const struct frame *frame = job->frame;
+    double per_height = job->view->tan_half_fov / frame->height;
+    float x[LANES], y[LANES], t[LANES] = {0}, steps[LANES] = {0}, there[LANES] = {0};
+    for (int lane = 0; lane < LANES; lane++) {
+        int i = first + (lane < count ? lane : 0); // what is too much does as the first
+        COUNT(set_out_rods, rod);
+        x[lane] = (float)((2 * (left + rods->x[i]) + size->side - frame->width) * per_height);
+        y[lane] = (float)((frame->height - 2 * (top + rods->y[i]) - size->side) * per_height);
+        t[lane] = rods->t[i];
+        steps[lane] = rods->steps[i];
+        there[lane] = lane < count ? 1.0f : 0.0f;
+    }
+    const struct view *view = job->view;
+    struct vec d = vec_along(vec_doubles(view->forward), vec_doubles(view->right), load(x));
+    d = vec_along(d, vec_doubles(view->up), load(y));
+    flight->axis = vec_scale(d, set(1.0f) / vec_norm(d));
+    flight->linear = set(2.0f) * vec_dot(eye.hi, flight->axis);
+    flight->steps = flight->before = load(steps);
+    flight->gone = no_lane();
+    approach_origins(eye, world->scene, &world->group.beam[k]);
+    approach_directions(flight->axis, world->scene, world->group.beam[k].approach);
+    world->group.t[k] = load(t);
+    world->group.live[k] = less_in(greater(load(there), set(0.5f)), flight->steps, size->cap);
+}
+
+// What float makes of a distance, 2⁻¹⁸ of t at most, is taken off it before it is believed. False after the last step.
+static inline bool rod_step(struct flight *rod, int k, const struct size *size,
+                            struct group *group) {
+    mask live = group->live[k];
+    ACTIVE(count_of(live));
+    COUNT(rod_step, call);
+    real t = group->t[k];
+    rod->steps = add_where(live, rod->steps, set(1.0f));
+    real radius = mul_add(size->spread, t, mul_add(t, set(0x1p-18f), size->close));
+    real clear = group->distance[k] - radius;
+    mask going = not_less_in(live, clear, radius);
+    group->t[k] = t = add_where(going, t, clear);
+    real wide = mul_add(size->spread, t, size->outer);
+    mask out = less_in(going, wide * wide, mul_add(t, t + rod->linear, size->from_centre));
+    rod->gone = either(rod->gone, out);
+    mask on = less_in(but_not(out, going), rod->steps, size->cap);
+    group->live[k] = on;
+    group->high[k] = choose(on, group->high[k], set(-INFINITY));
+    return any(on);
+}
+
+// The pixels of a rod begin there.
+static void settle(int x, int y, int side, float start, float steps, struct survey *survey) {
+    for (int row = y; row < y + side; row++)
+        for (int column = x; column < x + side; column++) {
+            survey->start[row * TILE + column] = start;
+            survey->steps[row * TILE + column] = steps;
+        }
+}
+
+static void land_rods(int first, int count, int across, int down, const struct size *size, real t,
+                      const struct flight *rods, struct survey *survey, int least) {
+    COUNT(land_rods, call);
+    float at[LANES], steps[LANES], cap = first_of(size->cap);
+    unload(t, at);
+    unload(rods->steps, steps);
+    for (int lane = 0; lane < count; lane++) {
+        COUNT(land_rods, rod);
+        int i = first + lane, x = survey->now.x[i], y = survey->now.y[i];
+        survey->share[y * TILE + x] += steps[lane] - survey->now.steps[i];
+        bool gone = bits(rods->gone) >> lane & 1;
+        if (gone || steps[lane] >= cap || size->side == least) {
+            settle(x, y, size->side, gone ? INFINITY : at[lane], steps[lane], survey);
+            continue;
+        }
+        int half = size->side / 2;
+        for (int child = 0; child < 4; child++) {
+            int column = x + child % 2 * half, row = y + child / 2 * half;
+            if (column < across && row < down)
+                append(&survey->next, column, row, at[lane], steps[lane]);
+        }
+    }
+}
+
+// All rods of a size, as many packets at a time as a group holds.
+static void march_size(int left, int top, const struct size *size, const struct job *job,
+                       struct place eye, struct world *world, struct survey *survey) {
+    COUNT(march_size, call);
+    struct group *group = &world->group;
+    const struct rod_list *rods = &survey->now;
+    struct flight flight[GROUP];
+    for (int first = 0; first < rods->count; first += GROUP * LANES) {
+        int counts[GROUP];
+        for (int k = 0; k < GROUP; k++) {
+            int rest = rods->count - first - k * LANES;
+            counts[k] = rest < 0 ? 0 : rest < LANES ? rest : LANES;
+            group->live[k] = no_lane();
+            if (counts[k] > 0)
+                set_out_rods(first + k * LANES, counts[k], left, top, size, job, eye, world, k,
+                             rods, &flight[k]);
+            else
+                group->t[k] = set(0.0f);
+        }
+        group->count = 0;
+        for (int k = 0; k < GROUP; k++) {
+            group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
+            if (any(group->live[k]))
+                group->list[group->count++] = k;
+        }
+        while (group->count > 0) {
+            scene_distances(group, world->scene);
+            for (int i = 0; i < group->count;) {
+                int k = group->list[i];
+                if (rod_step(&flight[k], k, size, group))
+                    i++;
+                else
+                    group->list[i] = group->list[--group->count];
+            }
+        }
+        int across = job->frame->width - left, down = job->frame->height - top;
+        for (int k = 0; k < GROUP; k++)
+            land_rods(first + k * LANES, counts[k], across, down, size, group->t[k], &flight[k],
+                      survey, world->scene->settings.least);
+    }
+}
+
+void march_rods(int left, int top, const struct job *job, struct place eye, struct world *world,
+                struct survey *survey) {
+    COUNT(march_rods, call);
+    const struct settings *settings = &job->prepared->settings;
+    double bounds = job->prepared->model.march.bounds_radius, from_centre = 0.0;
+    for (int i = 0; i < 3; i++)
+        from_centre += job->view->position[i] * job->view->position[i];
+    for (int i = 0; i < TILE_PIXELS; i++)
+        survey->start[i] = survey->steps[i] = survey->share[i] = 0.0f;
+    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    if (settings->pixels || !(from_centre < bounds * bounds * (1.0 - 0x1p-18)))
+        return;
+    survey->now.count = survey->next.count = 0;
+    for (int y = 0; y < TILE && top + y < job->frame->height; y += settings->size)
+        for (int x = 0; x < TILE && left + x < job->frame->width; x += settings->size)
+            append(&survey->now, x, y, 0.0f, 0.0f);
+    for (int side = settings->size; side >= settings->least && survey->now.count > 0; side /= 2) {
+        struct size size = size_of(side, job, eye);
+        march_size(left, top, &size, job, eye, world, survey);
+        survey->now = survey->next;
+        survey->next.count = 0;
+    }
+}

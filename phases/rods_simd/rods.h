@@ -1,0 +1,31 @@
+// Where the rays of a tile begin: what its rods have found. See rods.c.
+#ifndef RODS_SIMD_RODS_H
+#define RODS_SIMD_RODS_H
+
+#include "trace.h"
+
+enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
+
+// Rods of one size, by their first pixel in the tile.
+struct rod_list {
+    int count;
+    short x[TILE_PIXELS], y[TILE_PIXELS];
+    float t[TILE_PIXELS],
+        steps[TILE_PIXELS]; // where they begin, and what the rods that they are in have had
+};
+
+// Of each pixel: where its ray begins (+∞: it meets nothing), steps of its rods, and those of them that are told with
+// it: a rod's are told with its first pixel.
+struct survey {
+    float start[TILE_PIXELS], steps[TILE_PIXELS], share[TILE_PIXELS];
+    struct rod_list now, next;
+};
+
+// Fills start, steps and share of the tile whose first pixel is (left, top).
+void march_rods(int left, int top, const struct job *job, struct place eye, struct world *world,
+                struct survey *survey);
+
+// Evaluations of one march that the scene allows, and a float can count.
+int step_cap(const struct model *model);
+
+#endif

@@ -1,0 +1,47 @@
+"""The chapter of what other articles built: alternatives to the ladder, each from its own file of the run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from study import rods, rods_page, rods_pictures
+from study.sections import Section, part, reading
+from study.show import Column
+
+ROWS = [
+    Column("", "system", lambda r: r["system"]),
+    Column("", "what", lambda r: r["what"]),
+    Column("", "the article", lambda r: r["article"]),
+    Column("", "here", lambda r: r["ours"]),
+    Column("", "ratio", lambda r: r["ratio"]),
+    Column("", "error to truth", lambda r: r["error"]),
+]
+
+
+def section(path: Path) -> Section:
+    """One table with a row for each figure of each system, then what each system's own file has.
+
+    Another system adds its rows and parts here, and its script to SYSTEMS of scripts/run_study.py.
+    """
+    file = path / rods.FILE
+    parts, remarks, pictures = [], [], {}
+    with reading(file, f"scripts/rods.py --run {path}"):
+        result = rods.read(file)
+        drawn = rods_page.drawings(result)
+        if result["rows"]:
+            caption = "Rod marching against per-pixel marching: time, evaluations, error"
+            parts += part("rods", caption, result["rows"], rods_page.SCENES)
+            caption = "Rod marching: starting rods × step cap on two_spheres"
+            parts += part("rods-trade", caption, result["trade"], rods_page.TRADES, folded=True)
+            remarks.append(rods_page.NOTE)
+            pictures[path / "images" / f"{rods_pictures.PICTURES}.png"] = rods_pictures.CAPTION
+    with reading(path / rods.THROTTLE, f"scripts/throttle.py --run {path}"):
+        throttled = rods.read(path / rods.THROTTLE)
+        if throttled["rows"]:
+            caption = "Rods, then packets: the throttle's choice of each scene"
+            parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE)
+        rows = rods_page.system_rows(result, throttled)
+    if rows:
+        parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
+    about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}
+    return Section("systems", "Other systems", "make systems", parts, remarks, **about)

@@ -1,0 +1,308 @@
+"""Rod marching (phases rods, rods_simd): against the article's words in Python, truth, and the parents.
+
+What the article's step does wrong is asserted too: it passes surfaces; the step less the radius never does.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import started
+
+from conformance.feature_scenes import FEATURES, ROOM, scene
+from study import images, registry, store
+from study.build import build
+from study.registry import ROOT
+
+SIMD_LACKS = bool(registry.missing_isa(registry.phases()["rods_simd"]))
+needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what rods_simd needs")
+TWO = ROOT / "common" / "scenes" / "two_spheres.json"
+
+
+@pytest.fixture(scope="module")
+def draw(tmp_path_factory):
+    """Every plane of a scene's picture by a phase, under settings; and its record."""
+    folder = tmp_path_factory.mktemp("rods")
+
+    @functools.cache
+    def one(phase: str, name: str, size=(48, 27), words: str = "", target: str = "render", *more: object):
+        path = TWO if name == "two_spheres" else ROOT / "common" / "scenes" / f"{name}.json"
+        if not path.exists():
+            path = folder / f"{name}.json"
+            store.write_json(path, SCENES[name])
+        out = folder / "picture.exr"
+        command = [
+            build(phase, target),
+            path,
+            "-w",
+            size[0],
+            "-n",
+            size[1],
+            "--aov",
+            "--json",
+            "-o",
+            out,
+            *more,
+        ]
+        limit = {"STEPWISE_ISA_LIMIT": "avx2"} if "narrow" in words else {}
+        env = os.environ | {"STEPWISE_RODS": words.removeprefix("narrow ").strip(), "STEPWISE_UNTIMED": "1"}
+        done = subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env | limit)
+        assert done.returncode == 0 and done.stderr == "", done.stderr
+        return images.read(out), json.loads(done.stdout)
+
+    return one
+
+
+SCENES = {"room": scene(ROOM), "many": FEATURES["shapes_64"], "edges": FEATURES["everything"]}
+
+
+# --- the article, in Python, for spheres
+
+
+class Article:
+    """Rod marching by the article's words with a perspective radius, for this test: nothing is shared."""
+
+    def __init__(self, data: dict, width: int, height: int, down: int, least: int, safe: bool) -> None:
+        camera, self.march = data["camera"], data["march"]
+        self.spheres = [(np.array(s["position"], float), s["radius"]) for s in data["shapes"]]
+        self.eye = np.array(camera["position"], float)
+        ahead = np.array(camera["look_at"], float) - self.eye
+        self.ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(camera["up"], self.ahead)
+        self.right = right / np.linalg.norm(right)
+        self.up = np.cross(self.ahead, self.right)
+        self.pixel = (
+            2 * math.tan(math.radians(camera["vertical_fov_degrees"] / 2)) / height
+        )  # its side, 1 away
+        self.size, self.least, self.safe = (width, height), least, safe
+        self.planes = {k: np.full((height, width), np.nan) for k in ("steps", "last", "left", "id")}
+        self.evaluations = 0
+        side = math.ceil(height / down)
+        for y in range(0, height, side):
+            for x in range(0, width, side):
+                self.rod(x, y, min(x + side, width), min(y + side, height), 0.0, 0, 0.0)
+
+    def rod(self, x0: int, y0: int, x1: int, y1: int, t: float, steps: int, known: float) -> None:
+        across, up = ((x0 + x1) - self.size[0]) / 2, (self.size[1] - (y0 + y1)) / 2
+        axis = self.ahead + self.pixel * (across * self.right + up * self.up)
+        axis /= np.linalg.norm(axis)
+        widening = self.pixel * math.hypot(x1 - x0, y1 - y0) / 2
+        near, shape_hit = False, -1
+        while steps < self.march["max_steps"]:
+            all_of_them = [np.linalg.norm(self.eye + t * axis - c) - r for c, r in self.spheres]
+            known, nearest = min(all_of_them), int(np.argmin(all_of_them))
+            steps += 1
+            self.evaluations += 1
+            radius = max(widening * t, self.march["hit_distance"])
+            go = known - radius if self.safe else known
+            if go < radius:
+                near, shape_hit = True, nearest
+                break
+            t += go
+            edge = self.march["bounds_radius"] + (widening * t if self.safe else 0)
+            if np.linalg.norm(self.eye + t * axis) > edge:
+                break
+        if near and max(x1 - x0, y1 - y0) > self.least:
+            xs, ys = (x0, x0 + (x1 - x0 + 1) // 2, x1), (y0, y0 + (y1 - y0 + 1) // 2, y1)
+            for (ya, yb), (xa, xb) in [
+                (p, q) for p in itertools.pairwise(ys) for q in itertools.pairwise(xs)
+            ]:
+                if xa < xb and ya < yb:
+                    self.rod(xa, ya, xb, yb, t, steps, known)
+            return
+        for name, value in {"steps": steps, "last": t, "left": known, "id": shape_hit}.items():
+            self.planes[name][y0:y1, x0:x1] = value
+
+
+@pytest.mark.parametrize(
+    ("size", "down", "least", "safe"),
+    [((40, 40), 16, 1, False), ((37, 23), 3, 1, False), ((40, 40), 4, 3, True), ((50, 7), 1, 1, True)],
+)
+def test_rods_are_what_the_article_says(draw, size, down, least, safe):
+    mine = Article(json.loads(TWO.read_text()), *size, down, least, safe)
+    words = f"down={down} least={least} step={'safe' if safe else 'whole'}"
+    p, record = draw("rods", "two_spheres", size, words)
+    assert (
+        record["settings"]
+        == f"march=rods down={down} least={least} step={words[-5:].strip('=')} picture=shaded"
+    )
+    for name in ("steps", "id"):
+        assert np.array_equal(p[name], mine.planes[name]), name
+    for name in ("last", "left"):
+        assert np.allclose(p[name], mine.planes[name], rtol=2e-6, atol=1e-5), name
+    assert p["evals"].sum() == mine.evaluations
+
+
+def test_the_map_is_the_planes_and_its_evaluations_are_counted(draw):
+    """picture=map: R, G, B are last, left, steps; evals add up to what the counting build counts."""
+    p, record = draw("rods", "two_spheres", (40, 40), "picture=map", "render-count")
+    for channel, plane in {"R": "last", "G": "left", "B": "steps"}.items():
+        assert np.array_equal(p[channel], p[plane])
+    assert record["by_function"]["sdf"]["parts"]["call"] == p["evals"].sum() > 0
+
+
+@pytest.mark.parametrize("name", ["trio", "cubes", "room", "two_spheres"])
+def test_marching_pixels_is_the_parents_picture(draw, name):
+    mine, _ = draw("rods", name, (24, 14), "march=pixels")
+    theirs, _ = draw("opt2", name, (24, 14))
+    for channel in images.AOVS:
+        assert np.array_equal(mine[channel].view(np.uint32), theirs[channel].view(np.uint32)), channel
+    assert np.array_equal(mine["steps"], mine["evals"])
+
+
+PROOF = ["scene0", "trio", "cubes", "room", "many"]
+
+
+@pytest.mark.parametrize("name", PROOF)
+def test_a_step_less_the_radius_passes_no_surface(draw, name):
+    """The last point of a pixel's march is before the true hit, whatever rod it was of; nothing is lost."""
+    true, _ = draw("truth", name)
+    mine, _ = draw("rods", name, words="down=2 step=safe")
+    hit = (true["status"] > 0) & np.isfinite(true["Z"])
+    past = hit & ~(mine["last"] <= true["Z"] * (1 + 1e-6))
+    assert not past.any(), f"{past.sum()} last points are past the hit"
+    assert not (hit & (mine["id"] < 0)).any() and hit.sum() > 100
+
+
+def test_the_articles_step_does(draw):
+    """So the test above can fail, and the phase's NOTES.md say so."""
+    true, _ = draw("truth", "scene0")
+    mine, _ = draw("rods", "scene0", words="down=2")
+    assert (np.isfinite(true["Z"]) & (mine["last"] > true["Z"] * (1 + 1e-6))).sum() > 10
+
+
+def test_rods_take_fewer_evaluations_and_no_more_steps_than_the_scene_allows(draw):
+    rods, rays = (draw("rods", "two_spheres", (200, 200), w)[0] for w in ("", "march=pixels"))
+    assert rods["evals"].sum() < rays["evals"].sum() / 5
+    assert rods["steps"].max() == rays["steps"].max() == 20
+    wrong = (rods["id"] != rays["id"]).mean()
+    assert wrong < 0.05, f"{wrong:.3f} of the hits are others: no near picture"
+
+
+@pytest.mark.parametrize(
+    ("phase", "words"),
+    [
+        ("rods", "down"),
+        ("rods", "down=0"),
+        ("rods", "down=5000"),
+        ("rods", "least=-1"),
+        ("rods", "step=half"),
+        ("rods", "size=8"),
+        ("rods", "down=16  least=1"),
+        ("rods", "x" * 300),
+        ("rods_simd", "size=12"),
+        ("rods_simd", "size=128"),
+        ("rods_simd", "size=8 least=16"),
+        ("rods_simd", "steps=1e3"),
+        ("rods_simd", "picture=map"),
+    ],
+)
+def test_a_setting_that_is_none_is_refused(phase, words):
+    if phase == "rods_simd" and SIMD_LACKS:
+        pytest.skip("the CPU lacks what rods_simd needs")
+    command = [str(build(phase)), str(TWO), "-n", "4"]
+    env = os.environ | {"STEPWISE_RODS": words, "STEPWISE_UNTIMED": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, env=env)
+    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
+    assert "STEPWISE_RODS: " in done.stderr and "should be" in done.stderr
+
+
+# --- the hybrid
+
+
+@needs_simd
+@pytest.mark.parametrize("name", ["trio", "mandelbulb", "two_spheres"])
+def test_packets_alone_are_the_parents_picture(draw, name):
+    mine, _ = draw("rods_simd", name, (40, 22), "march=pixels")
+    theirs, _ = draw("opt6_wide", name, (40, 22))
+    for channel in images.AOVS:
+        assert np.array_equal(mine[channel].view(np.uint32), theirs[channel].view(np.uint32)), channel
+
+
+@needs_simd
+@pytest.mark.parametrize("words", ["", "size=64 least=1", "size=8 least=8"])
+@pytest.mark.parametrize("name", PROOF)
+def test_no_ray_begins_past_its_hit(draw, name, words):
+    """Where rods have sent a ray, nothing lies before it; where they say nothing is hit, nothing is."""
+    true, _ = draw("truth", name)
+    mine, _ = draw("rods_simd", name, words=words)
+    known, start = true["status"] > 0, mine["start"]
+    assert ((start >= 0) | (start == -1)).all() and (start > 0).any()
+    past = known & np.isfinite(true["Z"]) & ((start < 0) | ~(start <= true["Z"] * (1 + 1e-6)))
+    assert not past.any(), f"{past.sum()} begin past the hit"
+
+
+@needs_simd
+def test_without_caps_the_picture_is_the_parents_but_for_rounding(draw):
+    for name in PROOF:
+        mine, _ = draw("rods_simd", name)
+        theirs, _ = draw("opt6_wide", name)
+        assert np.array_equal(mine["id"], theirs["id"]), name
+        hit = mine["id"] >= 0
+        assert np.allclose(mine["Z"][hit], theirs["Z"][hit], rtol=3e-7), name
+        off = np.abs(images.rgb(mine) - images.rgb(theirs)).max(axis=-1)
+        assert (off > 1 / 255).mean() < 0.002, name
+
+
+@needs_simd
+def test_what_rods_take_is_counted(draw):
+    """Plane rods (a rod's evaluations are told with its first pixel) against the counting build."""
+    for words in ("size=64 least=1", "steps=3", "march=pixels"):
+        p, record = draw("rods_simd", "trio", (70, 41), words, "render-count")
+        lanes = record["by_function"]["rod_step"]["lanes"]
+        assert p["rods"].sum() == lanes and (lanes > 0) == (words != "march=pixels")
+
+
+@needs_simd
+def test_both_widths_draw_the_same_bits(draw):
+    for words in ("", "size=64 least=2 steps=9 finish=7"):
+        wide, record = draw("rods_simd", "edges", (70, 41), words)
+        narrow, other = draw("rods_simd", "edges", (70, 41), f"narrow {words}")
+        assert other["lanes"] == 8 and record["settings"] == other["settings"]
+        for channel in wide:
+            assert np.array_equal(wide[channel].view(np.uint32), narrow[channel].view(np.uint32)), channel
+
+
+@needs_simd
+@pytest.mark.parametrize("name", ["two_spheres", "scene0"])
+def test_caps_are_kept(draw, name):
+    cap = 20 if name == "two_spheres" else 3000
+    plain, _ = draw("rods_simd", name, words="march=pixels finish=5")
+    assert plain["evals"].max() == 5 and plain["steps"].max() == 0
+    short, _ = draw("rods_simd", name, words="steps=6 finish=4")
+    assert short["steps"].max() == 6 and short["evals"].max() <= 4
+    whole, _ = draw("rods_simd", name, words="size=64 least=1")
+    assert whole["evals"].max() <= cap and whole["steps"].max() <= cap
+    longer, _ = draw("rods_simd", name, words="steps=6 finish=64")
+    assert (longer["id"] >= 0).sum() > (short["id"] >= 0).sum()
+
+
+def test_declared_costs_hold():
+    """Of rods; those of rods_simd, whose builds take a minute, by hand: NOTES.md."""
+    words = [sys.executable, str(ROOT / "scripts" / "flops.py"), "--validate", "--phase", "rods"]
+    done = started.run([*words, "--scene", "trio", "-n", "24", "--json"], timeout=300)
+    rows = json.loads(done.stdout)["rows"]
+    assert done.returncode == 0, done.stderr
+    assert {row["function"] if "function" in row else row["scope"] for row in rows} >= {
+        "march_rod",
+        "aim",
+        "fill",
+    }
+
+
+def test_they_stand_beside_the_ladder():
+    assert not {"rods", "rods_simd"} & set(registry.ladder())
+    for name in ("rods", "rods_simd"):
+        phase = registry.find_phase(name)
+        assert (
+            phase.family == registry.SYSTEMS and phase.approximate and Path(phase.path / "NOTES.md").exists()
+        )

@@ -1,0 +1,173 @@
+"""scripts/rods.py, scripts/throttle.py: errors by hand, tables of a made-up result, the throttle's choice."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import sys
+
+import numpy as np
+import pytest
+import started
+
+from study import rods, rods_page, rods_pictures, show, systems
+from study.cli import StudyError
+from study.registry import ROOT
+
+
+def planes(**other: list) -> dict[str, np.ndarray]:
+    """A picture of four pixels in a row; truth's planes among its own."""
+    base = {"id": [0, 0, 1, -1], "Z": [1, 2, 3, np.inf], "status": [2, 2, 2, 2], "status.all": [2, 2, 2, 2]}
+    base |= {name: [0.5, 0.5, 0.5, 0.5] for name in "RGB"} | {"N.x": [0] * 4, "N.y": [0] * 4, "N.z": [0] * 4}
+    return {name: np.array([row], np.float32) for name, row in (base | {"evals": [1] * 4} | other).items()}
+
+
+def test_errors_by_hand():
+    exact = planes()
+    assert rods.errors(exact, exact)["wrong_ppm"] == 0 and rods.errors(exact, exact)["psnr_db"] is None
+    made = planes(id=[0, -1, 0, 1], Z=[1.25, np.inf, 3, 9], R=[0.5, 0.5, 0.5, 1.0])
+    found = rods.errors(exact, made)
+    assert [found[f"{k}_ppm"] for k in ("false_hits", "false_misses", "wrong_shape")] == [250_000] * 3
+    assert found["wrong_ppm"] == 750_000 and found["dt_p50"] == found["dt_p100"] == 0.25
+    assert found["psnr_db"] == pytest.approx(-10 * math.log10(0.25 / 12))
+    unknown = planes(status=[2, 2, 2, 0])
+    assert rods.errors(unknown, made)["false_hits_ppm"] == 0 and rods.errors(unknown, made)["known"] == 0.75
+    assert rods.errors(exact, planes(R=[0, 0, 0, np.nan]))["non_finite"] == 1
+
+
+@pytest.mark.parametrize(
+    ("psnr", "wrong", "non_finite", "fits"),
+    [
+        (40, 1000, 0, True),
+        (None, 0, 0, True),
+        (39.9, 1000, 0, False),
+        (40, 1001, 0, False),
+        (99, 0, 1, False),
+        (math.nan, 0, 0, False),
+        (50, math.nan, 0, False),
+    ],
+)
+def test_enough(psnr, wrong, non_finite, fits):
+    assert rods.enough({"psnr_db": psnr, "wrong_ppm": wrong, "non_finite": non_finite}, 40, 1000) == fits
+
+
+def test_settings_are_put_back(monkeypatch):
+    monkeypatch.setenv(rods.SETTINGS, "down=3")
+    with rods.settings("down=5"):
+        assert os.environ[rods.SETTINGS] == "down=5"
+    assert os.environ[rods.SETTINGS] == "down=3"
+    monkeypatch.delenv(rods.SETTINGS)
+    with pytest.raises(KeyError), rods.settings("down=5"):
+        raise KeyError
+    assert rods.SETTINGS not in os.environ
+
+
+def test_every_launch_comes_once_a_round():
+    seen: list[str] = []
+    cases = {name: lambda n=name: seen.append(n) or float(len(seen)) for name in "abc"}
+    times = rods.interleaved(cases, 4, seed=1)
+    assert [sorted(seen[i : i + 3]) for i in range(0, 12, 3)] == [["a", "b", "c"]] * 4
+    assert len({tuple(seen[i : i + 3]) for i in range(0, 12, 3)}) > 1, "always the same order"
+    assert sorted(itertools.chain(*times.values())) == [float(i) for i in range(1, 13)]
+
+
+def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
+    """Made-up pictures and times: the fastest is outside, and a first look lies about the next two."""
+    quick = ["march=pixels", "a", "b", "c", "d"]
+    psnr = {"march=pixels": 60, "a": 30, "b": 45, "c": 41, "d": 50}
+    first = {"march=pixels": 10.0, "a": 1.0, "b": 3.0, "c": 2.9, "d": 8.0}
+    later = first | {"b": 2.0, "c": 4.0}
+    looks: dict[str, int] = dict.fromkeys(quick, 0)
+
+    def milliseconds(phase, words, scene, size, reps, **more):
+        looks[words] += 1
+        return (first if looks[words] == 1 else later)[words]
+
+    monkeypatch.setattr(rods, "choices", lambda: quick)
+    monkeypatch.setattr(rods.truth, "picture", lambda scene, size: None)
+    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: words)
+    error = lambda exact, made: {"psnr_db": psnr[made], "wrong_ppm": 0, "non_finite": 0}  # noqa: E731
+    monkeypatch.setattr(rods, "errors", error)
+    monkeypatch.setattr(rods, "milliseconds", milliseconds)
+    found = rods.throttle(rods.find_scene("trio"), 90, 40, 1000, launches=5, seed=1)
+    assert found["chosen"]["settings"] == "b" and found["gain"] == 5 and found["within"] == 3
+    assert looks["a"] == 0, "what is outside the error is not timed"
+    none = rods.throttle(rods.find_scene("trio"), 90, 70, 1000, launches=5, seed=1)
+    assert none["chosen"] is None and "none of 4" in rods_page.choice(none)
+
+
+def made_up() -> dict:
+    error = {f"{k}_ppm": 100 for k in ("false_hits", "false_misses", "wrong_shape")}
+    error |= {
+        "wrong_ppm": 300,
+        "dt_p50": 0.001,
+        "dt_p99": 0.01,
+        "dt_p100": 0.1,
+        "psnr_db": 30.0,
+        "non_finite": 0,
+    }
+    one = {"ms": 100.0, "ms_low": 90.0, "ms_high": 110.0, "evaluations": 12.0, **error}
+    own = {"scene": "two_spheres", "width": 800, "n": 800, "pixels": one, "fewer": 12.0}
+    own |= {"rods": one | {"ms": 20.0, "evaluations": 1.0}, "gain": 5.0, "gain_low": 4.0, "gain_high": 6.0}
+    trade = [
+        {"down": d, "max_steps": c, "least": 1, "step": "whole", "evaluations": 1.0, **one}
+        for d in rods.DOWN
+        for c in rods.CAPS
+    ]
+    coarse = {"down": 16, "max_steps": 20, "least": 4, "step": "whole", **one, "evaluations": 0.1}
+    trade.append(coarse | {"ms": 25.0, "ms_low": 24.0, "ms_high": 26.0})
+    return {"article": rods.ARTICLE, "own": own, "rows": [own], "trade": trade}
+
+
+def test_the_table_of_systems_by_hand(tmp_path):
+    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    section = systems.section(tmp_path)
+    said = rods_page.system_rows(made_up(), {"rows": []})
+    by_what = {row["what"]: row for row in said}
+    assert by_what["two_spheres 800×800, per pixel, ms"]["ratio"] == "1.50× its speed"  # 150 over 100
+    assert by_what["two_spheres 800×800, rods, ms"]["ratio"] == "0.500× its speed"  # 10 over 20
+    assert by_what["rods over per pixel, time"]["ratio"] == "0.333× of it"  # 5 over 15
+    assert by_what["evaluations, per pixel over rods"]["ratio"] == "0.120× of it"  # 12 over 100
+    coarse = by_what["rods that end at 4×4 pixels: ms; evaluations, per pixel over rods"]
+    assert coarse["ours"].split() == ["25.0", "[24.0,", "26.0];", "120×"]
+    assert coarse["ratio"] == "4.00× over per pixel"
+    assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
+    assert show.NOTHING not in {row["error"] for row in said}
+
+
+def test_a_run_without_systems_says_what_makes_them(tmp_path):
+    section = systems.section(tmp_path)
+    assert section.parts == [] and section.lacking == "make systems"
+
+
+def test_a_broken_file_is_named(tmp_path):
+    (tmp_path / rods.FILE).write_text('{"rows": [1]}')
+    with pytest.raises(StudyError, match=r"rods\.json: not what scripts/rods\.py writes"):
+        systems.section(tmp_path)
+
+
+def test_greys_by_hand():
+    assert rods_pictures.grey_steps(np.array([1, 20, 10.5]), 20).tolist() == [1.0, 0.0, 0.5]
+    grey = rods_pictures.grey_depth(np.array([2.0, 4.0, np.inf]), 2, 4)
+    assert grey == pytest.approx([1.0, 0.15, 0.0])
+    exact = planes()
+    shown = rods_pictures.error_colours(exact, planes(id=[0, 0, 0, -1], Z=[1 + 1e-6, 2.1, 3, np.inf]))
+    assert shown[0, 0].tolist() == [1, 1, 1] and shown[0, 1] == pytest.approx([0, 0, 0], abs=0.01)
+    assert shown[0, 2].tolist() == [0.84, 0.15, 0.15] and shown[0, 3].tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("script", "arguments", "message"),
+    [
+        ("rods", ["--scene", "scene1"], "no scene 'scene1'; did you mean scene0"),
+        ("rods", ["-n", "3"], "must be a whole number of at least 16"),
+        ("throttle", ["--psnr", "nan"], "must be a number of at least 0"),
+        ("throttle", ["--launches", "1"], "must be a whole number of at least 2"),
+        ("throttle", ["--scene", "spheres"], "no scene 'spheres'"),
+    ],
+)
+def test_bad_arguments_are_named(script, arguments, message):
+    done = started.run([sys.executable, str(ROOT / "scripts" / f"{script}.py"), *arguments])
+    assert done.returncode == 2 and message in done.stderr.strip().splitlines()[-1]
