@@ -48,7 +48,7 @@ def vector(low: float, high: float) -> st.SearchStrategy[list[float]]:
 
 SIZES = {
     "sphere": {"radius": sixteenths(0.125, 1.5)},
-    "box": {"half_size": vector(0.125, 1.25)},
+    "box": {"half_size": vector(0.125, 1.25), "rounding": st.sampled_from([0, 0.125, 0.5])},
     "torus": {"major_radius": sixteenths(0.5, 1.5), "minor_radius": sixteenths(0.125, 0.5)},
     "cone": {
         "bottom_radius": sixteenths(0.125, 1.25),
