@@ -77,7 +77,7 @@ static enum way way_of(const struct shape *shape, bool repeated, const struct li
 
 static struct placed place_shape(int index, const struct shape *shape,
                                  const struct limits *limits) {
-    struct placed p = {.type = shape->type, .index = (float)index};
+    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
@@ -233,6 +233,24 @@ static void plant(struct prepared *prepared) {
     tree_build(&prepared->tree, prepared->leaves, solids);
 }
 
+// Of a repeated shape the others behind it that are repeated so in the same frame.
+static void find_alike(struct placed *placed, int first, int count) {
+    struct placed *s = &placed[first], *last = s;
+    memcpy(s->around, s->box, sizeof s->box);
+    for (int i = first + 1; i < count && s->repeated && !s->led; i++) {
+        struct placed *p = &placed[i];
+        if (!p->repeated || memcmp(p->centre, s->centre, sizeof s->centre) != 0 ||
+            memcmp(p->row, s->row, sizeof s->row) != 0 ||
+            memcmp(p->wide_cell, s->wide_cell, sizeof s->wide_cell) != 0)
+            continue;
+        last->alike = i;
+        last = p;
+        p->led = true;
+        for (int k = 0; k < 3; k++)
+            s->around[k] = fmaxf(s->around[k], p->box[k]);
+    }
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
@@ -259,6 +277,8 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
               prepared->bulbs > 1)))
             prepared->solids = false;
     }
+    for (int i = 0; i < model->shape_count && prepared->repeats; i++)
+        find_alike(prepared->placed, i, model->shape_count);
     plant(prepared);
     return true;
 }

@@ -15,6 +15,12 @@ static void FN(join)(struct FN(part) * all, struct FN(part) part) {
     all->sure = true;
 }
 
+// As clip(), between two solids that share the face: a ray along it is in both, for they are closed.
+static bool FN(clip_seam)(struct FN(part) * part, struct IV a, struct IV b, struct IV range,
+                          int face) {
+    return (b.lo == 0 && b.hi == 0 && a.hi <= 0) || FN(clip)(part, a, b, range, face);
+}
+
 // Within the rounding of a corner, or of an edge: the axis that is left is the edge's, −1 where none is. `signs`: bits of
 // which corner, and of which edge.
 static void FN(in_corner)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
@@ -27,8 +33,8 @@ static void FN(in_corner)(const struct shape *shape, const struct FN(ray) * ray,
         d[i] = ray->d[i];
         if (i != left)
             continue;
-        if (!FN(clip)(&part, FN(sub)(ray->o[i], half), d[i], range, 0) ||
-            !FN(clip)(&part, FN(sub)(FN(neg)(ray->o[i]), half), FN(neg)(d[i]), range, 0))
+        if (!FN(clip_seam)(&part, FN(sub)(ray->o[i], half), d[i], range, 0) ||
+            !FN(clip_seam)(&part, FN(sub)(FN(neg)(ray->o[i]), half), FN(neg)(d[i]), range, 0))
             return;
         o[i] = d[i] = zero;
     }
@@ -51,8 +57,14 @@ static bool FN(clip_faces)(const struct shape *shape, const struct FN(ray) * ray
                            const bool wide[3], struct FN(part) * part) {
     for (int i = 0; i < 3; i++) {
         struct IV half = FN(point)(shape->box.half_size[i]), o = ray->o[i], d = ray->d[i];
-        if (wide[i])
-            half = FN(add)(half, FN(point)(shape->box.rounding));
+        struct IV above = FN(sub)(o, half), below = FN(sub)(FN(neg)(o), half);
+        if (!wide[i]) {
+            if (!FN(clip_seam)(part, above, d, range, 2 * i + 1) ||
+                !FN(clip_seam)(part, below, FN(neg)(d), range, 2 * i))
+                return false;
+            continue;
+        }
+        half = FN(add)(half, FN(point)(shape->box.rounding));
         if (!FN(clip)(part, FN(sub)(o, half), d, range, 2 * i + 1) ||
             !FN(clip)(part, FN(sub)(FN(neg)(o), half), FN(neg)(d), range, 2 * i))
             return false;
@@ -96,6 +108,10 @@ static void FN(in_rounded_box)(const struct shape *shape, const struct FN(ray) *
     }
     for (int signs = 0; signs < 8; signs++)
         FN(in_corner)(shape, ray, range, -1, signs, &all);
+    // Where what may begin first is not sure to be there, what does is known too roughly: to be looked at again in quads.
+    struct IV length = FN(sub)(all.out, all.in);
+    all.sure = all.sure && !(all.in.hi - all.in.lo > length.lo * (REAL)0x1p-30) &&
+               !(all.out.hi - all.out.lo > length.lo * (REAL)0x1p-30);
     if (!all.sure) {
         all.in.hi = all.out.hi;
         all.out.lo = all.in.lo;
