@@ -427,7 +427,8 @@ def shapes(draw: st.DrawFn) -> dict:
     sizes = {key: draw(length) for key in SIZES[kind]}
     if kind == "box":
         sizes = {"half_size": draw(st.tuples(length, length, length).map(list))}
-        sizes["rounding"] = sizes["half_size"][0] / 4 if draw(st.booleans()) else 0
+        x, y, _ = sizes["half_size"]
+        sizes["rounding"] = x / 4 if x > y else 0
     elif kind == "plane":
         sizes = {
             "normal": draw(vector.filter(lambda n: np.linalg.norm(n) > 0.01)),
