@@ -235,6 +235,11 @@ static void plant(struct prepared *prepared) {
             leaf->centre[k] = p->position[k];
     }
     tree_build(&prepared->tree, prepared->leaves, solids);
+    for (int i = 0; i < solids; i++) {
+        struct placed *p = &prepared->placed[prepared->tree.shape[i]];
+        p->alone = tree_gap(&prepared->tree, i);
+        p->rank = i;
+    }
 }
 
 // Of a repeated shape the others behind it that are repeated so in the same frame.
