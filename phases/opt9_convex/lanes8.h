@@ -121,6 +121,21 @@ static inline real inverse_root(real a) {
     return set(1.0f) / _mm256_sqrt_ps(a);
 }
 
+// 1/√a to 12 bits (16 lanes: 14), for normal a > 0.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return _mm256_rsqrt_ps(a);
+}
+
+// a·b + c in the lanes of m, a in the others.
+static inline real mul_add_where(mask m, real a, real b, real c) {
+    return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.all);
+}
+
+static inline mask and_not_greater(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGT_UQ))};
+}
+
 // 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
