@@ -24,8 +24,7 @@ static int refill_bulb(struct lanes *to, int next, int count, float steps,
         return next;
     ACTIVE(__builtin_popcount(ended));
     COUNT(refill_bulb, taken);
-    for (int i = 0; i < B_LANE; i++)
-        to->field[i] = expand(to->field[i], ended, &from[i][next]);
+    expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
     to->field[B_BORN] = choose(lanes_of(ended), set(steps) - to->field[B_BORN], to->field[B_BORN]);
     to->live |= ended;
     return next + __builtin_popcount(ended);

@@ -201,8 +201,7 @@ static void refill_close(struct close_lanes *to, struct pieces *from, float step
             now &= now - 1;
         ACTIVE(__builtin_popcount(now));
         COUNT(refill_close, taken);
-        for (int i = 0; i < N_FIELDS; i++)
-            to->field[i] = expand(to->field[i], now, &from->field[i][from->next]);
+        expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
         to->field[N_BORN] =
             choose(lanes_of(now), set(steps) - to->field[N_BORN], to->field[N_BORN]);
         from->next += __builtin_popcount(now);

@@ -213,6 +213,12 @@ static inline real expand(real a, unsigned to, const float *from) {
     return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);
 }
 
+// The same for many, whose floats are in rows `stride` apart.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    for (int i = 0; i < count; i++)
+        to[i] = expand(to[i], lanes, from + (size_t)i * (size_t)stride);
+}
+
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);

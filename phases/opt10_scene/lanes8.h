@@ -214,13 +214,13 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
-// The other way round: floats in a row into the lanes of `to`.
-static inline real expand(real a, unsigned to, const float *from) {
-    float lanes[LANES];
-    unload(a, lanes);
-    for (; to; to &= to - 1)
-        lanes[__builtin_ctz(to)] = *from++;
-    return load(lanes);
+// The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    for (; lanes; lanes &= lanes - 1, from++) {
+        float *lane = (float *)to + __builtin_ctz(lanes);
+        for (int i = 0; i < count; i++)
+            lane[i * LANES] = from[(size_t)i * (size_t)stride];
+    }
 }
 
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
