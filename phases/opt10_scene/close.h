@@ -3,9 +3,9 @@
 // polynomials through CLOSE_TERMS of its places, in doubles. A step then errs by a float's rounding at the size of
 // the piece, and by that of the map's later iterations, which the derivative divides.
 //
-// The map is singular on the axis ρ = 0 alone, which a ray meets at complex t, too, no nearer than ρ to the place
-// where it has ρ. A piece of half length ρ/8 has the error of six Chebyshev points, 16^-6, on that part of it, which is
-// no more than 8ρ; of 0.02 less than 1e-9 on the rest, a polynomial of degree 8 in t.
+// The map is singular on the axis ρ = 0 alone, which a ray meets at complex t, too, no nearer than ρ to a place where it
+// has ρ. On pieces of half length ρ/32, 0.02 at most, the polynomials are off by less than 2^-24, a float's
+// rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that).
 #ifndef OPT10_CLOSE_H
 #define OPT10_CLOSE_H
 
@@ -18,7 +18,7 @@
 #define CLOSE_LEAVES 1e-2f // at the end of its piece: until such a step
 #define CLOSE_PIECE 0.02f  // half length of a piece, at most
 #define CLOSE_LEAST 0x1p-20f
-#define CLOSE_SHARE 0.125f // of ρ
+#define CLOSE_SHARE 0.03125f // of ρ
 enum { CLOSE_TERMS = 6 };
 
 // What a lane knows; all from the middle of its piece.
