@@ -1,5 +1,5 @@
-"""opt9_convex's polynomials in place of the Mandelbulb's first iteration (close.h), against the map by angles;
-and a camera within its bounding sphere, against baseline.
+"""opt9_convex's polynomials in place of the Mandelbulb's first iteration (close.h), against the map
+by angles; and a camera within its bounding sphere, against baseline.
 """
 
 from __future__ import annotations
