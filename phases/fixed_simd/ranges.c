@@ -1,0 +1,170 @@
+// Which scenes fit in the numbers: every range that a product's 32-bit factors and the roots ask for, held against the
+// scene with all the places its paths lead to, before anything is rendered.
+#include <math.h>
+#include <stdio.h>
+
+#include "format.h"
+#include "scene.h"
+
+// Lengths of a scene, in scene units: the most that occur, and the least.
+struct extent {
+    double lengths; // between any two points that are subtracted
+    double radius_most, radius_least, reach;
+    double light;  // from the light to the furthest surface
+    double camera; // from the camera to the furthest centre
+    double across; // between the furthest two surfaces
+};
+
+static double norm(const double a[3]) {
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+}
+
+// From the origin to the furthest place of a shape's centre.
+static double furthest(const struct shape *shape) {
+    double from[3], far = norm(shape->position);
+    for (int i = 0; i < 3; i++)
+        from[i] = shape->position[i] - shape->path.foot[i];
+    switch (shape->path.type) {
+    case PATH_CIRCLE: return fmax(far, norm(shape->path.foot) + norm(from));
+    case PATH_LINE: return fmax(far, norm(shape->path.to));
+    default: return far;
+    }
+}
+
+static struct extent measure(const struct model *model, const struct view *view) {
+    struct extent e = {.radius_least = INFINITY};
+    double centre = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct shape *shape = &model->shapes[i];
+        double radius = shape->sphere.radius, far = furthest(shape);
+        e.radius_most = fmax(e.radius_most, radius);
+        e.radius_least = fmin(e.radius_least, radius);
+        centre = fmax(centre, far);
+        e.reach = fmax(e.reach, far + radius);
+    }
+    e.light = norm(view->light_position) + e.reach;
+    e.camera = norm(view->position) + centre;
+    e.across = e.reach + centre;
+    e.lengths = fmax(e.light, fmax(e.camera, e.across));
+    return e;
+}
+
+// The largest of the numbers that are not lengths, and its name.
+static double brightest(const struct model *model, const struct view *view, double unit,
+                        const char **what) {
+    double most = 0;
+    *what = "nothing";
+    for (int k = 0; k < 3; k++) {
+        if (view->light_emission[k] / unit > most) {
+            most = view->light_emission[k] / unit;
+            *what = "the light's emission (in units of length, for it falls off with it)";
+        }
+        if (model->background[k] > most) {
+            most = model->background[k];
+            *what = "the background's colour";
+        }
+    }
+    for (int i = 0; i < model->material_count; i++)
+        for (int k = 0; k < 3; k++)
+            if (model->materials[i].color[k] > most) {
+                most = model->materials[i].color[k];
+                *what = "a material's colour";
+            }
+    return most;
+}
+
+static int bits_before(double a) {
+    int exponent;
+    frexp(a, &exponent);
+    return exponent > 1 ? exponent : 1;
+}
+
+static bool article_fits(const struct extent *e, struct format *f, char error[512]) {
+    double unit = ldexp(1, f->unit), square = e->lengths / unit * (e->lengths / unit);
+    double radius = e->radius_most / unit, smallest = e->radius_least / unit;
+    f->near = 23 - f->bits;
+    f->wide = bits_before(square * 1.01);
+    if (f->near < 1 || !(radius * radius < 0.9 * ldexp(1, f->near))) {
+        snprintf(
+            error, 512,
+            "a radius of %g: the article's root of %d bits of fraction takes squares of less than "
+            "%g units (STEPWISE_FIXED: fewer bits, a larger unit or roots=2)",
+            e->radius_most, f->bits, f->near < 1 ? 0 : 0.9 * ldexp(1, f->near));
+        return false;
+    }
+    if (f->wide > 31 - f->bits) {
+        snprintf(
+            error, 512,
+            "lengths of up to %g: the article's 1/root of %d bits of fraction takes squares of "
+            "less than %g units, theirs are up to %g (STEPWISE_FIXED: fewer bits, a larger unit "
+            "or roots=2)",
+            e->lengths, f->bits, ldexp(1, 31 - f->bits), square);
+        return false;
+    }
+    int down = f->bits - (23 - f->wide);
+    f->to_wide = down > 0 ? down : 0;
+    f->from_wide = down < 0 ? -down : 0;
+    // (1/√a)², a few percent too large, is a factor: below 2^(31 − bits)
+    double least = 1.25 * fmax(ldexp(1, f->bits - 31), ldexp(1, -2 * f->wide));
+    f->least = (int64_t)ceil(ldexp(least, f->bits));
+    if (!(smallest * smallest > least)) {
+        snprintf(
+            error, 512,
+            "a radius of %g: the article's 1/root of %d bits of fraction takes squares of more "
+            "than %g units (STEPWISE_FIXED: fewer bits, a smaller unit or roots=2)",
+            e->radius_least, f->bits, least);
+        return false;
+    }
+    return true;
+}
+
+// Where `f` has a unit.
+static bool fits(const struct model *model, const struct view *view, const struct extent *e,
+                 struct format *f, char error[512]) {
+    double unit = ldexp(1, f->unit), most = ldexp(1, 31 - f->bits) * (1 - 0x1p-6);
+    const char *what;
+    double colour = brightest(model, view, unit, &what);
+    const char *longest = e->lengths == e->light    ? "the light and a surface may be"
+                          : e->lengths == e->camera ? "the camera and a shape may be"
+                                                    : "two surfaces may be";
+    if (!(e->lengths / unit < most)) {
+        snprintf(
+            error, 512,
+            "%s %g apart; %d bits of fraction leave room for less than %g (STEPWISE_FIXED: fewer "
+            "bits, a larger unit or unit=auto)",
+            longest, e->lengths, f->bits, most * unit);
+        return false;
+    }
+    if (!(colour < most)) {
+        snprintf(error, 512,
+                 "%s is %g; %d bits of fraction leave room for less than %g (STEPWISE_FIXED: fewer "
+                 "bits)",
+                 what, colour, f->bits, most);
+        return false;
+    }
+    if (!(ldexp(e->radius_least / unit, f->bits) >= 2)) {
+        snprintf(error, 512,
+                 "a radius of %g is less than two of the smallest numbers, %g, that %d bits of "
+                 "fraction hold (STEPWISE_FIXED: more bits)",
+                 e->radius_least, ldexp(unit, -f->bits), f->bits);
+        return false;
+    }
+    return f->steps > 0 || article_fits(e, f, error);
+}
+
+bool format_fit(const struct settings *settings, const struct model *model, const struct view *view,
+                struct format *f, char error[512]) {
+    struct extent extent = measure(model, view);
+    int unit = settings->unit < 0 ? 0 : settings->unit, last = settings->unit < 0 ? 10 : unit;
+    for (; unit <= last; unit++) {
+        *f = (struct format){.bits = settings->bits,
+                             .unit = unit,
+                             .steps = settings->steps,
+                             .clear = settings->clear,
+                             .scale = ldexp(1, -settings->bits),
+                             .length = ldexp(1, unit - settings->bits)};
+        if (fits(model, view, &extent, f, error))
+            return true;
+    }
+    return false;
+}
