@@ -134,6 +134,10 @@ static inline num load(const int64_t *from) {
     return *from;
 }
 
+static inline void unload_wide(num a, double scale, double *to) {
+    *to = (double)a * scale;
+}
+
 static inline void unload(num a, double scale, float *to) {
     *to = (float)((double)a * scale);
 }

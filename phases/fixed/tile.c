@@ -276,12 +276,13 @@ static void clear_block(struct block b, const struct world *w, struct frame *fra
 static void store_hits(const struct seen *seen, size_t first, int count, const struct world *w,
                        struct frame *frame) {
     const struct format *f = &w->format;
-    float t[LANES], shape[LANES], normal[3][LANES];
+    float t[LANES], shape[LANES];
+    double normal[3][LANES];
     unload(seen->hit.t, f->length, t);
     unload(seen->hit.shape, 1, shape);
-    unload(seen->normal.x, f->scale, normal[0]);
-    unload(seen->normal.y, f->scale, normal[1]);
-    unload(seen->normal.z, f->scale, normal[2]);
+    unload_wide(seen->normal.x, f->scale, normal[0]);
+    unload_wide(seen->normal.y, f->scale, normal[1]);
+    unload_wide(seen->normal.z, f->scale, normal[2]);
     for (int lane = 0; lane < count; lane++) {
         size_t pixel = first + (size_t)lane;
         bool hit = bit_of(seen->hit.found, lane);

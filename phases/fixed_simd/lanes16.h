@@ -136,6 +136,12 @@ static inline mask bit_set(num x, int k) {
     return (mask){_mm512_test_epi64_mask(x.a, bit), _mm512_test_epi64_mask(x.b, bit)};
 }
 
+static inline void unload_wide(num x, double scale, double to[LANES]) {
+    const __m512d by = _mm512_set1_pd(scale);
+    _mm512_storeu_pd(to, double_half(x.a) * by);
+    _mm512_storeu_pd(to + 8, double_half(x.b) * by);
+}
+
 static inline void unload(num x, double scale, float to[LANES]) {
     const __m512d by = _mm512_set1_pd(scale);
     _mm256_storeu_ps(to, _mm512_cvtpd_ps(double_half(x.a) * by));

@@ -155,6 +155,12 @@ static inline mask bit_set(num x, int k) {
                   _mm256_cmpeq_epi64(_mm256_and_si256(x.b, bit), bit)};
 }
 
+static inline void unload_wide(num x, double scale, double to[LANES]) {
+    const __m256d by = _mm256_set1_pd(scale);
+    _mm256_storeu_pd(to, double_half(x.a) * by);
+    _mm256_storeu_pd(to + 4, double_half(x.b) * by);
+}
+
 static inline void unload(num x, double scale, float to[LANES]) {
     const __m256d by = _mm256_set1_pd(scale);
     _mm_storeu_ps(to, _mm256_cvtpd_ps(double_half(x.a) * by));

@@ -13,7 +13,7 @@
 //     any(m)  bit_of(m, i)      whether the lane i is among them
 //     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|: roots.h
 //     look_up(table, at)        table[at] of each lane; bit_set(a, k): lanes whose whole number has that bit
-//     unload(a, f, length, to)  as floats, lengths in scene units
+//     unload(a, scale, to)      as floats, times scale; unload_wide: as doubles
 #ifndef FIXED_NUMBER_H
 #define FIXED_NUMBER_H
 
