@@ -5,7 +5,7 @@
 #ifndef FIXED_ROOTS_H
 #define FIXED_ROOTS_H
 
-// √a for 0 ≤ a < 2^near, as the article has it: no Newton step, up to 6 % too small.
+// √a for 0 ≤ a < 2^near, as the article has it: no Newton step, up to 6 % too large.
 static inline num article_root(num a, const struct format *f) {
     COUNT(article_root, call);
     const num whole = set((int64_t)(127 + f->near) << 23);

@@ -106,6 +106,8 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
     f->from_wide = down < 0 ? -down : 0;
     // (1/√a)², a few percent too large, is a factor: below 2^(31 − bits)
     double least = 1.25 * fmax(ldexp(1, f->bits - 31), ldexp(1, -2 * f->wide));
+    // Of less, the bit that half of it loses is more than a percent, or a float's 23 bits have lost too much.
+    least = fmax(least, fmax(ldexp(64, -f->bits), ldexp(16, f->wide - 23)));
     f->least = (int64_t)ceil(ldexp(least, f->bits));
     if (!(smallest * smallest > least)) {
         snprintf(

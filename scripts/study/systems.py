@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import lattice, lattice_page, rods, rods_page, rods_pictures
+from study import fixed, fixed_page, fixed_pictures, lattice, lattice_page, rods, rods_page, rods_pictures
 from study.sections import Section, part, reading
 from study.show import Column
 
@@ -48,6 +48,14 @@ def section(path: Path) -> Section:
             parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS)
             remarks.append(lattice_page.note(latticed))
             rows += lattice_page.system_rows(latticed)
+    with reading(path / fixed.FILE, f"scripts/fixed.py --run {path}"):
+        integers = fixed.read(path / fixed.FILE)
+        parts += fixed_page.parts(integers)
+        rows += fixed_page.system_rows(integers)
+        if integers["rows"]:
+            drawn |= fixed_page.drawings(integers)
+            remarks.append(fixed_page.NOTE)
+            pictures[path / "images" / f"{fixed_pictures.PICTURES}.png"] = fixed_pictures.CAPTION
     if rows:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}

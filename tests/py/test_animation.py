@@ -16,7 +16,7 @@ from study import registry
 MOVING = [
     shape("sphere", radius=0.5, position=[1, 0.5, 0], material="mirror")
     | {"path": {"type": "circle", "centre": [0, 0.5, 0], "axis": [0, 1, 0], "period": 2}},
-    shape("sphere", radius=0.75, position=[-1, 0, 2], material="blue")
+    shape("sphere", radius=0.75, position=[-1, 0, 2], material="glossy")
     | {"path": {"type": "line", "to": [0.5, -1, 1], "period": 1}},
     shape("sphere", radius=0.75, position=[0, 0, 3]),
 ]

@@ -1,0 +1,187 @@
+"""Rays in integers (phases fixed, fixed_simd) against the same in floats (fixed_float): what fixed.json says.
+
+The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (5 June 2017); results/README.md has
+the keys.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study import registry, rods, run, stats, store, truth
+from study.registry import Scene, find_scene
+
+Row = dict[str, Any]
+FILE = "fixed.json"
+SETTINGS = "STEPWISE_FIXED"  # of a driver: the phases' settings.c
+SCENE, MOVING = "spheres40", "spheres40_animated"
+ARTICLE = {
+    "ms": 14.29,
+    "cores": 35,
+    "width": 1920,
+    "height": 1080,
+    "frames": 900,
+    "spheres": 40,
+    "bits": 20,
+    "cpu": "Mellanox TILE-Gx36, 35 of its 36 cores",
+}
+BITS = tuple(range(8, 29, 2))
+SAFE = "clear=lists"
+# What is timed in one interleaved run: name, phase, settings, lanes it is limited to (None: all).
+CASES = {
+    "article, 1 lane": ("fixed", "roots=article clear=corners", None),
+    "1 lane": ("fixed", f"roots=3 {SAFE}", None),
+    "8 lanes": ("fixed_simd", f"roots=3 {SAFE}", 8),
+    "16 lanes": ("fixed_simd", f"roots=3 {SAFE}", None),
+    "16 lanes, 28 bits": ("fixed_simd", f"bits=28 unit=auto roots=3 {SAFE}", None),
+    "float, 8 lanes": ("fixed_float", SAFE, 8),
+    "float, 16 lanes": ("fixed_float", SAFE, None),
+}
+CLEARS = ("never", "corners", "safe", "lists")
+
+
+@contextlib.contextmanager
+def settings(words: str, lanes: int | None = None) -> Iterator[None]:
+    """Drivers started within work as `words` say, on no more lanes; not for several threads."""
+    wanted = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": "avx2"} if lanes == 8 else {})
+    before = {key: os.environ.get(key) for key in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for key, value in before.items():
+            if value is None:
+                del os.environ[key]
+            else:
+                os.environ[key] = value
+
+
+def milliseconds(
+    phase: str, words: str, scene: Scene, size: tuple[int, int], reps: int, lanes: int | None = None
+) -> float:
+    """Median time of a launch's frames on one thread. Raises StudyError."""
+    with settings(words, lanes):
+        return rods.milliseconds(phase, "", scene, size, reps)
+
+
+def errors(phase: str, words: str, scene: Scene, size: tuple[int, int], lanes: int | None = None) -> Row:
+    """How far its picture is from truth (rods.errors), and how many pixels a cleared block took wrongly."""
+    with settings(words, lanes):
+        made = rods.picture(phase, "", scene, size)
+    exact = truth.picture(scene, size)
+    lost = (exact["status"] >= truth.CONVERGED) & (exact["id"] >= 0) & (made["cleared"] > 0)
+    found = rods.errors(exact, made)
+    return found | {"cleared": float(made["cleared"].mean()), "wrongly_cleared_ppm": float(lost.mean() * 1e6)}
+
+
+def beside(n: int, launches: int, seed: int, reps: int = 5) -> list[Row]:
+    """CASES on SCENE: times of one interleaved run, errors, and each one's gain over the first."""
+    scene = find_scene(SCENE)
+    size = scene.size(n)
+    able = {k: v for k, v in CASES.items() if registry.cpu_supports(registry.find_phase(v[0]))}
+    times = rods.interleaved(
+        {k: lambda v=v: milliseconds(v[0], v[1], scene, size, reps, v[2]) for k, v in able.items()},
+        launches,
+        seed,
+    )
+    rows = []
+    for name, (phase, words, lanes) in able.items():
+        row = {"case": name, "phase": phase, "settings": words, "width": size[0], "n": n}
+        row |= rods.timed(times[name]) | errors(phase, words, scene, size, lanes)
+        against = {"gain": next(iter(able)), "over_float": "float, 16 lanes"}
+        for key, other in against.items():
+            if other in times:
+                ratio = stats.ratio_interval(times[other], times[name])
+                row |= {key: ratio.value, f"{key}_low": ratio.low, f"{key}_high": ratio.high}
+        rows.append(row)
+    return rows
+
+
+def refused(error: run.DriverError) -> Row:
+    """A row of what does not fit: the reason, no value."""
+    return {"refused": error.message.removeprefix("render: ")}
+
+
+def sweep(n: int, launches: int, seed: int, phase: str) -> list[Row]:
+    """Bits of fraction × roots: error and time, or why they do not fit the scene."""
+    scene = find_scene(SCENE)
+    size = scene.size(n)
+    rows: list[Row] = []
+    for roots in ("article", "2", "3"):
+        for bits in BITS:
+            words = f"bits={bits} unit=auto roots={roots} {SAFE}"
+            row: Row = {"bits": bits, "roots": roots, "settings": words}
+            try:
+                row |= errors(phase, words, scene, size)
+            except run.DriverError as error:
+                if error.status != run.UNSUPPORTED:
+                    raise
+                row |= refused(error)
+            rows.append(row)
+    cases = {r["settings"]: r["settings"] for r in rows if "refused" not in r}
+    times = rods.interleaved(
+        {k: lambda w=w: milliseconds(phase, w, scene, size, 5) for k, w in cases.items()}, launches, seed
+    )
+    return [row | (rods.timed(times[row["settings"]]) if row["settings"] in times else {}) for row in rows]
+
+
+def clearing(sizes: Sequence[int], launches: int, seed: int, phase: str) -> list[Row]:
+    """The corner test and those that miss nothing, by picture size: pixels wrongly cleared, and time."""
+    scene, rows = find_scene(SCENE), []
+    for n in sizes:
+        size = scene.size(n)
+        words = {clear: f"roots=3 clear={clear}" for clear in CLEARS}
+        times = rods.interleaved(
+            {k: lambda w=w, s=size: milliseconds(phase, w, scene, s, 5) for k, w in words.items()},
+            launches,
+            seed,
+        )
+        for clear in CLEARS:
+            row = {"clear": clear, "width": size[0], "n": n}
+            rows.append(row | rods.timed(times[clear]) | errors(phase, words[clear], scene, size))
+    return rows
+
+
+def animation(phase: str, words: str, frames: int, n: int, threads: int) -> Row:
+    """MOVING from its beginning: the distribution of its frames' times, update and all. Raises StudyError."""
+    scene = registry.animated()[MOVING]
+    size = scene.size(n)
+    with settings(words):
+        record = run.render(
+            phase, scene.path, n, size[0], animation=frames, warmup=2, threads=threads, timed=False
+        )
+    ms = np.array([f["ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
+    update = np.array([f["update_ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
+    found = {f"p{p}": float(np.percentile(ms, p)) for p in (5, 50, 95)} | {"most": float(ms.max())}
+    per = {"core_ns_per_pixel": found["p50"] * 1e6 * threads / (size[0] * n)}
+    about = {"phase": phase, "settings": record["settings"], "threads": threads, "frames": frames}
+    return about | {"width": size[0], "n": n, "ms": found, "update_ms": float(np.median(update)), **per,
+                    "all_ms": ms.tolist()}  # fmt: skip
+
+
+def study(n: int, sizes: Sequence[int], frames: int, frame_n: int, launches: int, seed: int) -> Row:
+    """All of fixed.json but the context."""
+    simd = registry.cpu_supports(registry.find_phase("fixed_simd"))
+    fast = "fixed_simd" if simd else "fixed"
+    threads = [1] + ([len(run.USABLE)] if len(run.USABLE) > 1 else [])
+    moving = [(fast, f"roots=3 {SAFE}")] + ([("fixed_float", SAFE)] if simd else [])
+    return {
+        "article": ARTICLE,
+        "rows": beside(n, launches, seed),
+        "sweep": sweep(n, launches, seed, fast),
+        "clearing": clearing(sizes, launches, seed, fast),
+        "animation": [
+            animation(phase, words, frames, frame_n, count) for phase, words in moving for count in threads
+        ],
+    }
+
+
+def read(file: Path) -> Row:
+    """The file, or one with no rows. Raises StudyError."""
+    return store.read_json(file) if file.exists() else {"rows": []}

@@ -1,0 +1,400 @@
+"""The integer ray tracer (phases fixed, fixed_simd, fixed_float): against its words in Python's integers,
+against truth, one lane against many; blocks that are cleared wrongly, ranges, settings."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import scene, shape
+from study import images, registry, store
+from study.build import build
+from study.registry import ROOT
+
+PHASES = ("fixed", "fixed_simd", "fixed_float")
+SIMD = PHASES[1:]
+SIMD_LACKS = bool(registry.missing_isa(registry.phases()["fixed_simd"]))
+needs_simd = pytest.mark.skipif(SIMD_LACKS, reason="the CPU lacks what fixed_simd needs")
+
+
+def run(phase: str, path: Path, size: tuple[int, int], words: str, *more: object, narrow: bool = False):
+    env = os.environ | {"STEPWISE_FIXED": words, "STEPWISE_UNTIMED": "1"}
+    env |= {"STEPWISE_ISA_LIMIT": "avx2"} if narrow else {}
+    command = [build(phase), path, "-w", size[0], "-n", size[1], *more]
+    return subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env)
+
+
+def ball(radius: float, position: list[float], **more: object) -> dict:
+    return shape("sphere", radius=radius, position=position, material="glossy") | more
+
+
+# Of 64 × 48 pixels; each small one is within a block of 16 × 16, where no corner's ray meets it.
+LITTLE = scene(
+    [
+        *(ball(0.06, [x, y, 1]) for x in (-1.1, 1.1) for y in (-1, 0.9)),
+        *(ball(0.02 * i, [0.4 - 0.7 * i, 0.3 * i, 4 * i]) for i in (1, 2)),
+        ball(0.5, [0.1, 0.1, 0], material="mirror"),
+        ball(2, [0, 6, -7]),
+    ],
+    camera={"position": [0, 0, -4], "look_at": [0, 0, 0], "vertical_fov_degrees": 30},
+    light={"shadows": "hard"},
+)
+SIZE = (64, 48)
+ROLLED = LITTLE | {"camera": LITTLE["camera"] | {"up": [1, 2, 0], "position": [1, 1, -4]}}
+SCENES = {"little": LITTLE, "rolled": ROLLED}
+
+
+@pytest.fixture(scope="module")
+def draw(tmp_path_factory):
+    """Every plane of a scene's picture by a phase, under settings; and its record."""
+    folder = tmp_path_factory.mktemp("fixed")
+
+    @functools.cache
+    def one(phase: str, name: str, words: str = "", size=SIZE, narrow: bool = False, more: tuple = ()):
+        path = ROOT / "common" / "scenes" / f"{name}.json"
+        if not path.exists():
+            path = folder / f"{name}.json"
+            store.write_json(path, SCENES[name])
+        out = folder / "picture.exr"
+        done = run(phase, path, size, words, "--aov", "--json", "-o", out, *more, narrow=narrow)
+        assert done.returncode == 0 and done.stderr == "", done.stderr
+        return images.read(out), json.loads(done.stdout)
+
+    return one
+
+
+def same(a: images.Picture, b: images.Picture) -> None:
+    for channel in a:
+        other = a[channel].view(np.uint32) != b[channel].view(np.uint32)
+        assert not other.any(), f"{channel}: {other.sum()} pixels differ"
+
+
+# --- the article's words in Python's integers, which have no range and round down
+
+
+class Integers:
+    """Camera rays of spheres, in integers of `bits` of fraction; for this test: nothing is shared."""
+
+    def __init__(self, data: dict, bits: int, article: bool) -> None:
+        self.bits, self.article, self.data = bits, article, data
+        camera = data["camera"]
+        self.eye = np.array(camera["position"], float)
+        ahead = np.array(camera["look_at"], float) - self.eye
+        self.ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(np.array(camera["up"], float) / np.linalg.norm(camera["up"]), self.ahead)
+        self.right = right / np.linalg.norm(right)
+        self.up = np.cross(self.ahead, self.right)
+
+    def number(self, value: float) -> int:
+        return round(math.ldexp(float(value), self.bits))
+
+    def mul(self, a: int, b: int) -> int:
+        return a * b >> self.bits
+
+    def dot(self, a: list[int], b: list[int]) -> int:
+        return sum(x * y for x, y in zip(a, b, strict=True)) >> self.bits
+
+    def root(self, a: int) -> int:
+        """The article's, of 23 − bits whole bits; or the true root, which three steps nearly are."""
+        if not self.article:
+            return math.isqrt(a << self.bits)
+        whole = 23 - self.bits
+        x = np.float32(math.ldexp(a, -self.bits))  # what the set exponent and the subtraction come to
+        u = (int(x.view(np.uint32)) >> 1) + (1 << 29) - (1 << 22)
+        y = np.uint32(u).view(np.float32) + np.float32(2**whole)
+        return int(y.view(np.uint32)) & 0x7FFFFF
+
+    def unit(self, v: list[int], wide: int) -> list[int]:
+        if not self.article:
+            square = sum(x * x for x in v)  # of 2·bits
+            return [(x << (self.bits + 40)) // math.isqrt(square << 80) for x in v]
+        a = self.dot(v, v)
+        cut = self.bits - (23 - wide)
+        x = np.float32(math.ldexp(a >> cut if cut > 0 else a << -cut, wide - 23))
+        u = 0x5F3759DF - (int(x.view(np.uint32)) >> 1)
+        y = int((np.uint32(u).view(np.float32) + np.float32(2**wide)).view(np.uint32)) & 0x7FFFFF
+        y = y << cut if cut > 0 else y >> -cut
+        for _ in range(2):
+            y = self.mul(y, (3 << (self.bits - 1)) - self.mul(self.mul(y, y), a >> 1))
+        return [self.mul(x, y) for x in v]
+
+    def picture(self, size: tuple[int, int], wide: int) -> tuple[np.ndarray, np.ndarray]:
+        width, height = size
+        half = math.tan(math.radians(self.data["camera"]["vertical_fov_degrees"]) / 2) / height
+        finer = 30 - math.frexp(half)[1] - self.bits
+        per = round(math.ldexp(half, self.bits + finer))
+        frame = [[self.number(x) for x in axis] for axis in (self.ahead, self.right, self.up)]
+        spheres = []
+        for s in self.data["shapes"]:
+            away = self.eye - s["position"]
+            spheres.append(([self.number(x) for x in away], self.number(s["radius"] ** 2 - away @ away)))
+        shapes, depth = np.full((height, width), -1), np.full((height, width), np.inf)
+        for row in range(height):
+            for column in range(width):
+                x = (2 * column + 1 - width) * per >> finer
+                y = (height - 1 - 2 * row) * per >> finer
+                d = [f + (r * x + u * y >> self.bits) for f, r, u in zip(*frame, strict=True)]
+                d = self.unit(d, wide)
+                for i, (away, rest) in enumerate(spheres):
+                    b = self.dot(away, d)
+                    square = self.mul(b, b) + rest
+                    t = math.ldexp(-b - self.root(square), -self.bits) if square > 0 else 0
+                    if 0 < t < depth[row, column]:
+                        shapes[row, column], depth[row, column] = i, t
+        return shapes, depth
+
+
+@pytest.mark.parametrize(("bits", "wide"), [(20, 11), (16, 11)])
+def test_the_articles_integers_to_the_bit(draw, bits, wide):
+    """Shape and t of each camera ray; `wide`: bits before the point of the scene's longest square, 1,593."""
+    data = json.loads((ROOT / "common" / "scenes" / "spheres40.json").read_text())
+    shapes, depth = Integers(data, bits, True).picture(SIZE, wide)
+    mine, record = draw("fixed", "spheres40", f"bits={bits} clear=never roots=article")
+    assert record["settings"] == f"bits={bits} unit=1 roots=article clear=never"
+    assert np.array_equal(mine["id"], shapes) and (shapes >= 0).sum() > 100
+    assert np.array_equal(mine["Z"], depth.astype(np.float32))
+
+
+@pytest.mark.parametrize("bits", [10, 20, 26])
+def test_three_steps_are_the_true_roots_but_for_last_bits(draw, bits):
+    """t is −b − √d: where roots are exact but for a last bit, b is off by some of them."""
+    shapes, depth = Integers(LITTLE, bits, False).picture(SIZE, 0)
+    mine, _ = draw("fixed", "little", f"bits={bits} clear=never roots=3")
+    both = (mine["id"] >= 0) & (mine["id"] == shapes)
+    assert (mine["id"] != shapes).sum() <= 0.02 * (shapes >= 0).sum() and both.sum() > 100
+    off = np.abs(mine["Z"][both] - depth[both])
+    assert np.median(off) <= 8 * 2.0**-bits
+
+
+# --- lanes
+
+
+@needs_simd
+@pytest.mark.parametrize(
+    "words",
+    [
+        "roots=article clear=corners",
+        "roots=3 clear=lists",
+        "bits=28 unit=auto roots=3 clear=never",
+        "bits=8 roots=2",
+    ],
+)
+@pytest.mark.parametrize("name", ["spheres40", "little"])
+def test_one_lane_eight_and_sixteen_draw_the_same_bits(draw, name, words):
+    words = words if "clear" in words else f"{words} clear=safe"
+    if name == "little" and "bits=8" in words:
+        words = words.replace("bits=8", "bits=9")  # a radius of 0.02 is less than two of the smallest numbers
+    if name == "little" and "article" in words:
+        name = "two_spheres"  # squares of 0.02 are less than the article's 1/root takes
+    one, record = draw("fixed", name, words, (53, 37))
+    eight, other = draw("fixed_simd", name, words, (53, 37), True)
+    same(one, eight)
+    assert (record["lanes"], other["lanes"]) == (1, 8) and record["settings"] == other["settings"]
+    if registry.variant_here(registry.phases()["fixed_simd"])["lanes"] == 16:
+        same(one, draw("fixed_simd", name, words, (53, 37))[0])
+
+
+@needs_simd
+def test_float_lanes_draw_the_same_bits(draw):
+    for clear in ("lists", "corners"):
+        wide, _ = draw("fixed_float", "spheres40", f"clear={clear}", (53, 37))
+        same(wide, draw("fixed_float", "spheres40", f"clear={clear}", (53, 37), True)[0])
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_threads_draw_the_same_bits(draw, phase):
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    alone, _ = draw(phase, "spheres40", "", (97, 41))
+    for threads in (2, 5):
+        same(alone, draw(phase, "spheres40", "", (97, 41), False, ("--threads", threads))[0])
+
+
+# --- blocks
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("name", ["little", "rolled"])
+def test_no_block_is_cleared_wrongly_but_the_articles(draw, phase, name):
+    """safe and lists: the picture without any clearing, to the bit, and blocks are cleared."""
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    formats = (
+        [""] if phase == "fixed_float" else ["bits=12 roots=2 ", "roots=3 ", "bits=28 unit=auto roots=4 "]
+    )
+    for words in formats:
+        whole, _ = draw(phase, name, f"{words}clear=never")
+        for clear in ("safe", "lists"):
+            made, _ = draw(phase, name, f"{words}clear={clear}")
+            same(
+                {k: v for k, v in made.items() if k != "cleared"},
+                {k: whole[k] for k in made if k != "cleared"},
+            )
+            if words != "bits=12 roots=2 ":  # whose directions are so coarse that nothing is safe
+                assert made["cleared"].mean() > 0.1, f"{words}{clear}: nothing is cleared"
+        assert not whole["cleared"].any()
+
+
+def test_spheres_within_a_block_are_lost_by_the_articles_corners(draw):
+    whole, _ = draw("fixed_simd" if not SIMD_LACKS else "fixed", "little", "roots=3 clear=never")
+    made, _ = draw("fixed", "little", "roots=3 clear=corners")
+    lost = (whole["id"] >= 0) & (made["id"] < 0)
+    little = np.isin(whole["id"], range(4))
+    assert little.sum() >= 12 and (made["id"][little] < 0).all(), "a sphere within a block is seen"
+    assert not (lost & (made["cleared"] == 0)).any() and not (made["id"][~lost] != whole["id"][~lost]).any()
+    blocks = made["cleared"].reshape(3, 16, 4, 16).swapaxes(1, 2)
+    assert ((blocks == 0) | (blocks == 1)).all() and (np.ptp(blocks, axis=(2, 3)) == 0).all()
+
+
+# --- truth
+
+
+def psnr(exact: images.Picture, made: images.Picture) -> float:
+    a, b = (images.clamped(images.rgb(p)).astype(float) for p in (exact, made))
+    square = float(np.mean((a - b) ** 2))
+    return -10 * math.log10(square) if square > 0 else math.inf
+
+
+@pytest.mark.parametrize(
+    ("phase", "words", "least", "wrong", "off"),
+    [
+        ("fixed", "clear=safe", 35, 4, 0.05),
+        ("fixed", "roots=3 clear=safe", 48, 3, 0.003),
+        ("fixed", "bits=24 unit=auto roots=3 clear=safe", 85, 1, 3e-4),
+        ("fixed", "bits=28 unit=auto roots=3 clear=lists", 110, 0, 2e-5),
+        ("fixed_float", "", 80, 1, 5e-4),
+    ],
+)
+def test_pictures_against_truth(draw, phase, words, least, wrong, off):
+    """PSNR in dB, hits that are others, |Δt| of 99 %."""
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    exact, _ = draw("truth", "spheres40", "", (64, 36))
+    made, _ = draw(phase, "spheres40", words, (64, 36))
+    assert psnr(exact, made) >= least
+    assert (made["id"] != exact["id"]).sum() <= wrong
+    both = (made["id"] >= 0) & (made["id"] == exact["id"])
+    assert np.percentile(np.abs(made["Z"][both] - exact["Z"][both]), 99) <= off and both.sum() > 200
+
+
+def test_more_bits_are_nearer_to_truth(draw):
+    exact, _ = draw("truth", "spheres40", "", (64, 36))
+    found = [
+        psnr(exact, draw("fixed", "spheres40", f"bits={b} unit=auto roots=3 clear=safe", (64, 36))[0])
+        for b in (8, 12, 16, 20, 24, 28)
+    ]
+    assert found == sorted(found) and found[-1] - found[0] > 80
+
+
+# --- what does not fit
+
+
+def refusal(phase: str, data: dict, words: str, tmp_path: Path) -> str:
+    path = tmp_path / "scene.json"
+    store.write_json(path, data)
+    done = run(phase, path, (4, 4), words)
+    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1, done.stderr
+    return done.stderr
+
+
+ONE = [ball(1, [0, 0, 0])]
+NO_FORM = {
+    "soft shadows need": scene(ONE, light={"shadows": "soft"}),
+    "fog needs an exponential": scene(ONE, fog=0.1, light={"shadows": "hard"}),
+    "shapes[1] is a torus": scene([*ONE, shape("torus")], light={"shadows": "hard"}),
+    "shapes[0] is a repeated sphere": scene(
+        [ball(1, [0, 0, 0], repeat=[4, 0, 0])], light={"shadows": "hard"}
+    ),
+    "shapes[0] has a shininess of 3.5": scene([shape("sphere", material="blue")], light={"shadows": "none"}),
+    "the camera is inside of shapes[0]": scene([ball(9, [0, 0, 0])], light={"shadows": "none"}),
+    "beyond bounds_radius 5": scene(ONE, march={"bounds_radius": 5}, light={"shadows": "hard"}) | {},
+}
+NO_FORM["beyond bounds_radius 5"]["shapes"] = [ball(1, [0, 0, 4.5])]
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("said", NO_FORM)
+def test_a_scene_without_closed_form_is_refused(phase, said, tmp_path):
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    assert said in refusal(phase, NO_FORM[said], "", tmp_path)
+
+
+FAR = {"position": [0, 0, -5]}
+UNFIT = {
+    "the light and a surface may be 3001 apart": ({"light": {"position": [0, 3000, 0]}}, "roots=3"),
+    "the camera and a shape may be 5000 apart": ({"camera": {"position": [0, 0, -5000]}}, "roots=3"),
+    "less than 2016": ({"camera": {"position": [0, 0, -5000]}}, "roots=3"),
+    "two surfaces may be 3001 apart": (
+        {"shapes": [*ONE, ball(1, [0, 0, 1500], path={"type": "line", "to": [0, 0, 1000], "period": 1})]},
+        "roots=3",
+    ),
+    "the light's emission": ({"light": {"emission": [1, 4000, 1]}}, "roots=3"),
+    "the background's colour is 5000": ({"background": [0, 0, 5000]}, "roots=3"),
+    "a radius of 1e-06 is less than two": ({"shapes": [ball(1e-6, [0, 0, 0])]}, "roots=3"),
+    "a radius of 3: the article's root": ({"shapes": [ball(3, [0, 0, 0])]}, "roots=article"),
+    "a radius of 0.02: the article's 1/root": ({"shapes": [ball(0.02, [0, 0, 0])]}, "roots=article"),
+    "lengths of up to 61": ({"light": {"position": [0, 60, 0]}}, "roots=article"),
+    "8 units": ({"light": {"position": [0, 5, 0]}}, "bits=28 unit=4 roots=article"),
+}
+
+
+@pytest.mark.parametrize("said", UNFIT)
+def test_a_number_that_does_not_fit_is_named(said, tmp_path):
+    changes, words = UNFIT[said]
+    data = scene(ONE, light={"shadows": "hard"}, march={"bounds_radius": 1e5})
+    for key, value in changes.items():
+        data = data | {key: data[key] | value if isinstance(value, dict) else value}
+    if said == "8 units":
+        said = "a radius of 1: the article's root of 28 bits"
+    for phase in PHASES[: 1 if SIMD_LACKS else 2]:
+        assert said in refusal(phase, data, words, tmp_path)
+
+
+def test_a_larger_unit_makes_room(draw):
+    """unit=auto: the least power of two in which all fits; the same picture but for last bits."""
+    _, record = draw("fixed", "spheres40", "bits=26 unit=auto roots=3", (40, 22))
+    assert record["settings"].startswith("bits=26 unit=2 ")
+    one, _ = draw("fixed", "spheres40", "bits=22 unit=1 roots=3", (40, 22))
+    two, _ = draw("fixed", "spheres40", "bits=23 unit=2 roots=3", (40, 22))
+    assert psnr(one, two) > 50
+
+
+@pytest.mark.parametrize(
+    ("phase", "words"),
+    [
+        ("fixed", "bits=7"),
+        ("fixed", "bits=29"),
+        ("fixed", "bits=20.5"),
+        ("fixed", "unit=3"),
+        ("fixed", "unit=0"),
+        ("fixed", "roots=5"),
+        ("fixed", "clear=all"),
+        ("fixed", "bits"),
+        ("fixed_simd", "size=8"),
+        ("fixed_simd", "bits=20  unit=1"),
+        ("fixed_simd", "x" * 300),
+        ("fixed_float", "bits=20"),
+        ("fixed_float", "clear="),
+    ],
+)
+def test_a_setting_that_is_none_is_refused(phase, words):
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    done = run(phase, ROOT / "common" / "scenes" / "spheres40.json", (4, 4), words)
+    assert done.returncode == 4 and done.stdout == "" and done.stderr.count("\n") == 1
+    assert "STEPWISE_FIXED: " in done.stderr and "should be" in done.stderr
+
+
+def test_they_stand_beside_the_ladder():
+    assert not set(PHASES) & set(registry.ladder())
+    for name in PHASES:
+        phase = registry.find_phase(name)
+        assert phase.family == registry.SYSTEMS and phase.approximate and (phase.path / "NOTES.md").exists()
