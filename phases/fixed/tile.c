@@ -62,7 +62,7 @@ static void hit_sphere(int i, num b, num d, struct hit *hit, const struct format
 }
 
 static struct hit nothing_hit(void) {
-    return (struct hit){.t = set(INT32_MAX), .shape = set(-1)};
+    return (struct hit){.t = set(MOST), .shape = set(-1)};
 }
 
 // Of camera rays: what does not depend on their direction was worked out for the frame.
@@ -129,7 +129,7 @@ static num power(num x, num k, const struct world *w) {
 }
 
 static num capped(num a) {
-    return choose(less(a, set(INT32_MAX)), a, set(INT32_MAX));
+    return choose(less(a, set(MOST)), a, set(MOST));
 }
 
 // What a hit sends back of the light: ambient, diffuse and specular.

@@ -29,6 +29,8 @@
 #error "LANES: 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
 #endif
 
+static const float MOST = 0x1p31f; // where fixed point ends, so that both cap alike
+
 struct vec {
     num x, y, z;
 };

@@ -53,6 +53,8 @@ static inline num greatest(num a, num b) {
     return choose(less(a, b), b, a);
 }
 
+static const int64_t MOST = INT32_MAX; // that a factor of a product may be
+
 #include "roots.h"
 
 #endif
