@@ -21,7 +21,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "flops.h"
 #include "format.h"
 
 #if LANES == 16

@@ -7,7 +7,6 @@
 
 // √a for 0 ≤ a < 2^near, as the article has it: no Newton step, up to 6 % too large.
 static inline num article_root(num a, const struct format *f) {
-    COUNT(article_root, call);
     const num whole = set((int64_t)(127 + f->near) << 23);
     const float alone = (float)(1 << f->near);
     num x = add_float(or_bits(and_bits(a, set(0x7fffff)), whole), -alone);
@@ -17,7 +16,6 @@ static inline num article_root(num a, const struct format *f) {
 
 // 1/√a for least ≤ a < 2^wide, as the article has it: two Newton steps.
 static inline num article_inverse_root(num a, const struct format *f) {
-    COUNT(article_inverse_root, call);
     const num whole = set((int64_t)(127 + f->wide) << 23), three = set((int64_t)3 << (f->bits - 1));
     const float alone = (float)(1 << f->wide);
     num x = right(left(a, f->from_wide), f->to_wide);
@@ -38,7 +36,6 @@ struct inverse {
 // The article's way with the bits of a double, for any range: what is iterated is brought to 1 ≤ m < 4, with 30 bits of
 // fraction whatever the format has.
 static inline struct inverse inverse_root(num a, const struct format *f) {
-    COUNT(inverse_root, call);
     struct inverse r;
     num x = as_double(a);
     r.h = right(minus(right(x, 52), set(1023)), 1);
