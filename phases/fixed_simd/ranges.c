@@ -2,6 +2,7 @@
 // scene with all the places its paths lead to, before anything is rendered.
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "format.h"
 #include "scene.h"
@@ -84,12 +85,20 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
     double radius = e->radius_most / unit, smallest = e->radius_least / unit;
     f->near = 23 - f->bits;
     f->wide = bits_before(square * 1.01);
-    if (f->near < 1 || !(radius * radius < 0.9 * ldexp(1, f->near))) {
+    if (f->near < 1) {
+        snprintf(
+            error, 512,
+            "%d bits of fraction: the article's root is of 23 bits, of which 22 may be fraction "
+            "(STEPWISE_FIXED: fewer bits or roots=2)",
+            f->bits);
+        return false;
+    }
+    if (!(radius * radius < 0.9 * ldexp(1, f->near))) {
         snprintf(
             error, 512,
             "a radius of %g: the article's root of %d bits of fraction takes squares of less than "
             "%g units (STEPWISE_FIXED: fewer bits, a larger unit or roots=2)",
-            e->radius_most, f->bits, f->near < 1 ? 0 : 0.9 * ldexp(1, f->near));
+            e->radius_most, f->bits, 0.9 * ldexp(1, f->near));
         return false;
     }
     if (f->wide > 31 - f->bits) {
@@ -158,6 +167,7 @@ bool format_fit(const struct settings *settings, const struct model *model, cons
                 struct format *f, char error[512]) {
     struct extent extent = measure(model, view);
     int unit = settings->unit < 0 ? 0 : settings->unit, last = settings->unit < 0 ? 10 : unit;
+    char why[512] = "";
     for (; unit <= last; unit++) {
         *f = (struct format){.bits = settings->bits,
                              .unit = unit,
@@ -167,6 +177,11 @@ bool format_fit(const struct settings *settings, const struct model *model, cons
                              .length = ldexp(1, unit - settings->bits)};
         if (fits(model, view, &extent, f, error))
             return true;
+        // of unit=auto: what is wrong with the first unit that lengths fit in, not that of the last
+        if (!*why && ldexp(extent.lengths, -unit) < ldexp(1, 31 - f->bits))
+            memcpy(why, error, sizeof why);
     }
+    if (*why)
+        memcpy(error, why, sizeof why);
     return false;
 }

@@ -342,7 +342,11 @@ UNFIT = {
     "a radius of 3: the article's root": ({"shapes": [ball(3, [0, 0, 0])]}, "roots=article"),
     "a radius of 0.02: the article's 1/root": ({"shapes": [ball(0.02, [0, 0, 0])]}, "roots=article"),
     "lengths of up to 61": ({"light": {"position": [0, 60, 0]}}, "roots=article"),
-    "8 units": ({"light": {"position": [0, 5, 0]}}, "bits=28 unit=4 roots=article"),
+    "28 bits of fraction: the article's root is of 23 bits": ({}, "bits=28 unit=auto roots=article"),
+    "a radius of 0.02: the article's 1/root of 8 bits": (
+        {"shapes": [ball(0.02, [0, 0, 0])]},
+        "bits=8 unit=auto roots=article",
+    ),
 }
 
 
@@ -352,8 +356,6 @@ def test_a_number_that_does_not_fit_is_named(said, tmp_path):
     data = scene(ONE, light={"shadows": "hard"}, march={"bounds_radius": 1e5})
     for key, value in changes.items():
         data = data | {key: data[key] | value if isinstance(value, dict) else value}
-    if said == "8 units":
-        said = "a radius of 1: the article's root of 28 bits"
     for phase in PHASES[: 1 if SIMD_LACKS else 2]:
         assert said in refusal(phase, data, words, tmp_path)
 
