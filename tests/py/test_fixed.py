@@ -242,6 +242,19 @@ def test_no_block_is_cleared_wrongly_but_the_articles(draw, phase, name):
         assert not whole["cleared"].any()
 
 
+@pytest.mark.parametrize("phase", PHASES)
+def test_no_sphere_is_left_out_of_a_blocks_list(draw, phase):
+    """Forty outlines across the edges of some hundred blocks, where coarse numbers put them too."""
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    formats = ["bits=8 unit=auto roots=2 ", "bits=11 roots=1 ", "bits=14 roots=2 ", "roots=3 "]
+    for words in [""] if phase == "fixed_float" else formats:
+        for size in ((160, 90), (171, 101), (209, 117)):
+            whole, _ = draw(phase, "spheres40", f"{words}clear=never", size)
+            made, _ = draw(phase, "spheres40", f"{words}clear=lists", size)
+            assert np.array_equal(made["id"], whole["id"]), f"{words}{size}"
+
+
 def test_spheres_within_a_block_are_lost_by_the_articles_corners(draw):
     whole, _ = draw("fixed_simd" if not SIMD_LACKS else "fixed", "little", "roots=3 clear=never")
     made, _ = draw("fixed", "little", "roots=3 clear=corners")
