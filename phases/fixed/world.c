@@ -6,11 +6,11 @@
 #include <stdlib.h>
 
 one one_of(double a, const struct format *f) {
-    return llrint(ldexp(a, f->bits));
+    return llrint(a / f->scale);
 }
 
 one length_of(double a, const struct format *f) {
-    return llrint(ldexp(a, f->bits - f->unit));
+    return llrint(a / f->length);
 }
 
 static double dot(const double a[3], const double b[3]) {
@@ -52,6 +52,7 @@ void world_place(struct world *w, const struct model *model) {
     w->fifth = one_of(0.2, f);
     w->whole = one_of(1, f);
     w->shine_bits = 0;
+    const double unit = ldexp(1, f->unit);
     for (int i = 0; i < w->count; i++) {
         const struct shape *shape = &model->shapes[i];
         const struct material *m = &model->materials[shape->material];
@@ -59,8 +60,7 @@ void world_place(struct world *w, const struct model *model) {
             w->centre[k][i] = length_of(shape->position[k], f);
             w->colour[k][i] = one_of(m->color[k], f);
         }
-        w->radius_sq[i] = one_of(
-            ldexp(shape->sphere.radius, -f->unit) * ldexp(shape->sphere.radius, -f->unit), f);
+        w->radius_sq[i] = one_of(shape->sphere.radius * shape->sphere.radius / (unit * unit), f);
         w->mirror[i] = one_of(0.1 * m->reflectivity, f);
         w->shine[i] = (one)m->shininess;
         while (m->shininess >= ldexp(1, w->shine_bits))
@@ -141,9 +141,10 @@ void world_look(struct world *w, const struct model *model, const struct view *v
         w->light[k] = length_of(view->light_position[k], f);
         w->emission[k] = one_of(ldexp(view->light_emission[k], -f->unit), f);
     }
+    const double unit = ldexp(1, f->unit);
     for (int i = 0; i < w->count; i++) {
         const struct shape *shape = &model->shapes[i];
-        double from[3], unit = ldexp(1, f->unit);
+        double from[3];
         for (int k = 0; k < 3; k++) {
             from[k] = (view->position[k] - shape->position[k]) / unit;
             w->eye[k][i] = one_of(from[k], f);

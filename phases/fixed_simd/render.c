@@ -130,7 +130,12 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         return NULL;
     }
     const struct settings *s = &prepared->settings;
-    prepared->world->format = (struct format){.bits = s->bits, .unit = s->unit < 0 ? 0 : s->unit};
+    // Until a frame's camera and light say what fits.
+    int unit = s->unit < 0 ? 0 : s->unit;
+    prepared->world->format = (struct format){.bits = s->bits,
+                                              .unit = unit,
+                                              .scale = ldexp(1, -s->bits),
+                                              .length = ldexp(1, unit - s->bits)};
     phase_update(prepared, model);
     return prepared;
 }
@@ -181,10 +186,10 @@ bool phase_distances(const struct prepared *prepared, size_t count, const double
     for (size_t i = 0; i < count; i++) {
         distance[i] = INFINITY;
         for (int k = 0; k < w->count; k++) {
-            double far = 0, unit = w->format.length > 0 ? w->format.length
-                                                        : ldexp(1, w->format.unit - w->format.bits);
+            double far = 0;
             for (int axis = 0; axis < 3; axis++) {
-                double off = points[3 * i + (size_t)axis] - (double)w->centre[axis][k] * unit;
+                double off =
+                    points[3 * i + (size_t)axis] - (double)w->centre[axis][k] * w->format.length;
                 far += off * off;
             }
             double here = sqrt(far) - prepared->model.shapes[k].sphere.radius;
