@@ -122,7 +122,7 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
         snprintf(
             error, 512,
             "a radius of %g: the article's 1/root of %d bits of fraction takes squares of more "
-            "than %g units (STEPWISE_FIXED: fewer bits, a smaller unit or roots=2)",
+            "than %g units (STEPWISE_FIXED: other bits, a smaller unit or roots=2)",
             e->radius_least, f->bits, least);
         return false;
     }

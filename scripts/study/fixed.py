@@ -105,7 +105,7 @@ def beside(n: int, launches: int, seed: int, reps: int = 5) -> list[Row]:
 
 def refused(error: run.DriverError) -> Row:
     """A row of what does not fit: the reason, no value."""
-    return {"refused": error.message.removeprefix("render: ")}
+    return {"refused": error.message.rpartition(".json: ")[2]}
 
 
 def sweep(n: int, launches: int, seed: int, phase: str) -> list[Row]:

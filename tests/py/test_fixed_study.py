@@ -73,7 +73,7 @@ def test_settings_are_of_the_driver_alone(monkeypatch):
 def test_what_does_not_fit_is_a_row_and_another_error_is_one(monkeypatch):
     def errors(phase, words, scene, size):
         if "roots=article" in words:
-            raise run.DriverError(status, "render: too large")
+            raise run.DriverError(status, "render: /any/scene.json: too large")
         return {"psnr_db": 1.0}
 
     monkeypatch.setattr(fixed, "errors", errors)
