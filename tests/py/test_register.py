@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from study import analysis, claims, paper, register
+from study import analysis, claims, fixed, paper, register
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -204,3 +204,19 @@ def test_the_figure_of_another_program_and_machine_decides_nothing(data) -> None
     found = register.CHECKS["rtrm"](data, claim)
     assert found.verdict == NEVER and found.value == 0.5 and "another machine" in found.why
     assert found.here == "0.50× its figure of another machine; opt10_scene 10.00×"
+
+
+def test_frames_of_other_cores_decide_nothing(data) -> None:
+    """14.29 ms of 35 cores are 241 core·ns a pixel; 100 ms on one are 48.2."""
+    (claim,) = [c for c in paper.read("claims").to_dict("records") if c["quantity"] == "integers"]
+    assert register.CHECKS["integers"](data, claim).verdict == OPEN
+    row = {"phase": "fixed_simd", "n": 1080, "threads": 1, "core_ns_per_pixel": 100e6 / (1920 * 1080)}
+    row |= {"ms": {"p50": 100.0, "p5": 90.0, "p95": 120.0}}
+    put(
+        data,
+        "fixed.json",
+        {"rows": [1], "article": fixed.ARTICLE, "animation": [row, row | {"n": 90, "threads": 2}]},
+    )
+    found = register.CHECKS["integers"](data, claim)
+    assert found.verdict == NEVER and (found.value, found.low, found.high) == (100, 90, 120)
+    assert found.here == "100.0 ms on 1 threads: 5.0× its pixels per core and second"
