@@ -219,4 +219,4 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     )
     found = register.CHECKS["integers"](data, claim)
     assert found.verdict == NEVER and (found.value, found.low, found.high) == (100, 90, 120)
-    assert found.here == "100.0 ms on 1 threads: 5.0× its pixels per core and second"
+    assert found.here == "100.0 ms on 1 thread: 5.0× its pixels per core and second"
