@@ -242,7 +242,8 @@ def _integers(data: Data, claim: Claim) -> Found:
         return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
     one = max(mine, key=lambda row: row["threads"])
     faster = fixed_page.article_ns(result) / one["core_ns_per_pixel"]
-    text = f"{one['ms']['p50']:.1f} ms on {one['threads']} thread{'s' * (one['threads'] > 1)}: {faster:.1f}× its pixels per core and second"
+    cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
+    text = f"{one['ms']['p50']:.1f} ms on {cores}: {faster:.1f}× its pixels per core and second"
     return Found(text, NEVER, claim["note"], one["ms"]["p50"], one["ms"]["p5"], one["ms"]["p95"], one["n"])
 
 
