@@ -1,0 +1,550 @@
+// Rays through a tree. Rays that go the same way go together: what of the tree and of a leaf's solids their common
+// frustum misses is left out for all of them, the rest is tested packet by packet (R. Overbeck, R. Ramamoorthi,
+// W. R. Mark, "Large ray packets for real-time Whitted ray tracing", IRT 2008; the frustum by slopes about the main
+// axis: A. Reshetov, A. Soupikov, J. Hurley, "Multi-level ray tracing algorithm", SIGGRAPH 2005). Where they diverge
+// each ray goes alone, and the lanes are the children of a node and the solids of a leaf (I. Wald, C. Benthin,
+// S. Boulos, "Getting rid of packets", IRT 2008).
+//
+// A ray and a solid are the same arithmetic whichever way they come together, so that the hits are, to the bit.
+#include "trace.h"
+
+#include <string.h>
+
+struct query {
+    const struct prepared *scene;
+    const struct beams *beams;
+    float *t, *shape; // as they come out; blocked(): no shape
+    bool any;         // asked for is whether, not where
+    bool newton;
+};
+
+static inline bool nearer(float t, float shape, float than, float whose) {
+    return t < than || (t == than && shape < whose);
+}
+
+// What of a solid's interval counts as a hit of a ray from outside, or from inside.
+static inline mask entered(mask met, real in, real out, struct vec o, enum solid type,
+                           const struct hot *hot, int i, enum lane_of lane, real *t) {
+    real zero = set(0.0f);
+    met = both(met, greater(out, zero));
+    *t = in;
+    mask within = but_not(greater(in, zero), met);
+    if (any(within)) {
+        COUNT(entered, within);
+        *t = choose(within, least_of(depth_in(type, o, hot, i, lane), zero), in);
+    }
+    return met;
+}
+
+// --- Planes, unbounded: packet by packet.
+
+static void ask_plane(const struct query *q, int index, int packet, mask active) {
+    COUNT(ask_plane, call);
+    const struct placed *s = &q->scene->placed[index];
+    const struct beams *b = q->beams;
+    int first = packet * LANES;
+    real zero = set(0.0f), best = load(q->t + first);
+    struct vec n = vec_set(s->normal), o = load_vec(b->origin, first);
+    real height = vec_dot(o, n) - set(s->offset), slope = vec_dot(load_vec(b->direction, first), n);
+    if (b->own)
+        active = but_not(equal(load(b->own + first), set((float)index)), active);
+    if (q->any) { // solid below: at either end it is in the way
+        real near = b->near ? load(b->near + first) : zero;
+        mask met = either(less(mul_add(slope, near, height), zero),
+                          less(mul_add(slope, best, height), zero));
+        unload(choose(both(met, active), set(-INFINITY), best), q->t + first);
+        return;
+    }
+    mask under = less(height, zero);
+    real t = height / (zero - slope);
+    t = choose(under, height, t);
+    mask met = both(active, either(under, less(slope, zero)));
+    real shape = load(q->shape + first), mine = set((float)index);
+    met = both(met, either(less(t, best), both(equal(t, best), less(mine, shape))));
+    unload(choose(met, t, best), q->t + first);
+    unload(choose(met, mine, shape), q->shape + first);
+}
+
+// --- Together
+
+// Slopes of all rays about the axis on which they all go the same way, and where they begin.
+struct frustum {
+    int axis, side[2]; // and the other two
+    bool back;         // along −axis
+    float least[2], most[2];
+    float lo[3], hi[3]; // of the origins, rounding included
+    float steep;        // most of |direction| along the axis
+    float far;          // no ray goes further
+};
+
+static inline mask active_in(const struct beams *b, int packet) {
+    return first_lanes(b->count - packet * LANES);
+}
+
+static inline void range_of(const struct beams *b, const float *const field, float *lo, float *hi) {
+    real least = set(INFINITY), most = set(-INFINITY);
+    for (int i = 0; i < b->count; i += LANES) {
+        mask active = active_in(b, i / LANES);
+        real a = load(field + i);
+        least = choose(active, least_of(a, least), least);
+        most = choose(active, most_of(a, most), most);
+    }
+    *lo = least_lane(least);
+    *hi = most_lane(most);
+}
+
+static inline float most_along(const struct query *q) {
+    real most = set(-INFINITY);
+    for (int i = 0; i < q->beams->count; i += LANES)
+        most = choose(active_in(q->beams, i / LANES), most_of(load(q->t + i), most), most);
+    return larger(most_lane(most), 0.0f);
+}
+
+// Beyond these a frustum holds so much that its rays are better off alone.
+static const float WIDEST = 0.5f, STEEPEST = 0.2f, FURTHEST = 0.25f;
+
+static bool frustum_of(const struct query *q, struct frustum *f) {
+    COUNT(frustum_of, call);
+    const struct beams *b = q->beams;
+    float lo[3], hi[3], best = 0;
+    for (int k = 0; k < 3; k++) {
+        range_of(b, b->direction[k], &lo[k], &hi[k]);
+        float sure = lo[k] > 0 ? lo[k] : -hi[k];
+        if (sure > best) {
+            best = sure;
+            f->axis = k;
+        }
+    }
+    if (best < STEEPEST)
+        return false;
+    f->back = !(lo[f->axis] > 0);
+    f->steep = f->back ? -lo[f->axis] : hi[f->axis];
+    f->side[0] = (f->axis + 1) % 3;
+    f->side[1] = (f->axis + 2) % 3;
+    const struct box *all = &q->scene->tree.bounds;
+    float margin = 0, wide = 0, apart = 0;
+    for (int k = 0; k < 3; k++) {
+        range_of(b, b->origin[k], &f->lo[k], &f->hi[k]);
+        margin = larger(margin, larger(fabsf(f->lo[k]), fabsf(f->hi[k])));
+        margin = larger(margin, larger(fabsf(all->lo[k]), fabsf(all->hi[k])));
+        wide = larger(wide, all->hi[k] - all->lo[k]);
+        apart = larger(apart, f->hi[k] - f->lo[k]);
+    }
+    margin *= 1e-6f;
+    real least[2] = {set(INFINITY), set(INFINITY)}, most[2] = {set(-INFINITY), set(-INFINITY)};
+    for (int i = 0; i < b->count; i += LANES) {
+        mask active = active_in(b, i / LANES);
+        real per = set(1.0f) / absolute(load(b->direction[f->axis] + i));
+        for (int k = 0; k < 2; k++) {
+            real slope = load(b->direction[f->side[k]] + i) * per;
+            least[k] = choose(active, least_of(slope, least[k]), least[k]);
+            most[k] = choose(active, most_of(slope, most[k]), most[k]);
+        }
+    }
+    for (int k = 0; k < 2; k++) {
+        f->least[k] = least_lane(least[k]);
+        f->most[k] = most_lane(most[k]);
+        if (q->scene->settings.rays == GO_AUTO &&
+            !(f->most[k] - f->least[k] < WIDEST && apart < FURTHEST * wide))
+            return false;
+        f->least[k] -= 1e-6f * (1 + fabsf(f->least[k]));
+        f->most[k] += 1e-6f * (1 + fabsf(f->most[k]));
+    }
+    for (int k = 0; k < 3; k++) {
+        f->lo[k] -= margin;
+        f->hi[k] += margin;
+    }
+    f->far = most_along(q);
+    return true;
+}
+
+// Boxes that the frustum may reach before `far`, and how far along its axis they begin.
+static inline mask reached(const struct frustum *f, const real lo[3], const real hi[3],
+                           real *begin) {
+    COUNT(reached, call);
+    int k = f->axis;
+    real zero = set(0.0f), first, last;
+    if (f->back) {
+        first = set(f->lo[k]) - hi[k];
+        last = set(f->hi[k]) - lo[k];
+    } else {
+        first = lo[k] - set(f->hi[k]);
+        last = hi[k] - set(f->lo[k]);
+    }
+    first = most_of(first, zero);
+    mask in = both(not_less(last, zero), not_less(set(f->far * f->steep), first));
+    for (int side = 0; side < 2; side++) {
+        int u = f->side[side];
+        real top = most_of(set(f->most[side]) * first, set(f->most[side]) * last) + set(f->hi[u]);
+        real low =
+            least_of(set(f->least[side]) * first, set(f->least[side]) * last) + set(f->lo[u]);
+        in = both(in, both(not_less(top, lo[u]), not_less(hi[u], low)));
+    }
+    *begin = first;
+    return in;
+}
+
+static inline void ask_solid(const struct query *q, enum solid type, int i, int packet) {
+    COUNT(ask_solid, call);
+    const struct beams *b = q->beams;
+    const struct hot *hot = &q->scene->tree.hot[type];
+    int first = packet * LANES;
+    struct vec o = load_vec(b->origin, first);
+    real in, out, best = load(q->t + first), mine = set(hot->index[i]);
+    mask met =
+        meet(type, o, load_vec(b->direction, first), hot, i, LANE_RAYS, q->newton, &in, &out);
+    if (!any(met))
+        return;
+    met = both(met, active_in(b, packet));
+    if (b->own)
+        met = but_not(equal(load(b->own + first), mine), met);
+    if (q->any) {
+        real near = b->near ? load(b->near + first) : set(0.0f);
+        met = both(met, both(less(in, best), greater(out, near)));
+        unload(choose(met, set(-INFINITY), best), q->t + first);
+        return;
+    }
+    real t, shape = load(q->shape + first);
+    met = entered(met, in, out, o, type, hot, i, LANE_RAYS, &t);
+    met = both(met, either(less(t, best), both(equal(t, best), less(mine, shape))));
+    unload(choose(met, t, best), q->t + first);
+    unload(choose(met, mine, shape), q->shape + first);
+}
+
+static inline void leaf_of_type(const struct query *q, enum solid type, const struct leaf *leaf,
+                                const struct frustum *f) {
+    const struct hot *hot = &q->scene->tree.hot[type];
+    int packets = (q->beams->count + LANES - 1) / LANES;
+    for (int i = 0; i < leaf->count[type]; i += LANES) {
+        int first = leaf->first[type] + i;
+        unsigned which = bits(first_lanes(leaf->count[type] - i));
+        if (f) {
+            real lo[3], hi[3], begin;
+            for (int k = 0; k < 3; k++) {
+                real centre = load(hot->field[F_CENTRE + k] + first);
+                real reach = load(hot->reach[k] + first);
+                lo[k] = centre - reach;
+                hi[k] = centre + reach;
+            }
+            which &= bits(reached(f, lo, hi, &begin));
+        }
+        for (; which; which &= which - 1)
+            for (int packet = 0; packet < packets; packet++)
+                ask_solid(q, type, first + __builtin_ctz(which), packet);
+    }
+}
+
+static void ask_leaf(const struct query *q, int number, struct frustum *f) {
+    COUNT(ask_leaf, call);
+    const struct leaf *leaf = &q->scene->tree.leaf[number];
+    leaf_of_type(q, SOLID_SPHERE, leaf, f);
+    leaf_of_type(q, SOLID_BOX, leaf, f);
+    leaf_of_type(q, SOLID_CONE, leaf, f);
+    if (f)
+        f->far = most_along(q);
+}
+
+// Children to be looked into, the nearest on top.
+struct waiting {
+    int child;
+    float begin;
+};
+enum { STACK = MOST_DEPTH * MOST_LANES };
+
+// Puts the children in `which` onto the stack, the furthest first.
+static inline int push(struct waiting *stack, int count, unsigned which, real begin,
+                       const int *child) {
+    float at[LANES];
+    unload(begin, at);
+    int bottom = count;
+    for (; which; which &= which - 1) {
+        int i = __builtin_ctz(which), j = count++;
+        for (; j > bottom && stack[j - 1].begin < at[i]; j--)
+            stack[j] = stack[j - 1];
+        stack[j] = (struct waiting){child[i], at[i]};
+    }
+    return count;
+}
+
+static void bvh_together(const struct query *q, struct frustum *f) {
+    const struct tree *tree = &q->scene->tree;
+    struct waiting stack[STACK];
+    int count = 1;
+    stack[0] = (struct waiting){0, 0};
+    while (count > 0) {
+        struct waiting next = stack[--count];
+        if (!(next.begin <= f->far * f->steep))
+            continue;
+        if (next.child < 0) {
+            ask_leaf(q, -1 - next.child, f);
+            continue;
+        }
+        const float *box = tree->boxes + (size_t)next.child * 6 * LANES;
+        real lo[3], hi[3], begin;
+        for (int k = 0; k < 3; k++) {
+            lo[k] = load(box + k * LANES);
+            hi[k] = load(box + (3 + k) * LANES);
+        }
+        unsigned which = bits(reached(f, lo, hi, &begin));
+        count = push(stack, count, which, begin, tree->child + next.child * LANES);
+    }
+}
+
+// One box, as reached() has it.
+static bool cell_reached(const struct frustum *f, const struct box *cell) {
+    COUNT(cell_reached, call);
+    int k = f->axis;
+    float first = f->back ? f->lo[k] - cell->hi[k] : cell->lo[k] - f->hi[k];
+    float last = f->back ? f->hi[k] - cell->lo[k] : cell->hi[k] - f->lo[k];
+    first = larger(first, 0);
+    bool in = last >= 0 && f->far * f->steep >= first;
+    for (int side = 0; side < 2; side++) {
+        int u = f->side[side];
+        float top = larger(f->most[side] * first, f->most[side] * last) + f->hi[u];
+        float low = smaller(f->least[side] * first, f->least[side] * last) + f->lo[u];
+        in = in && top >= cell->lo[u] && cell->hi[u] >= low;
+    }
+    return in;
+}
+
+static void kd_together(const struct query *q, struct frustum *f) {
+    const struct tree *tree = &q->scene->tree;
+    struct {
+        int node;
+        struct box cell;
+    } stack[MOST_DEPTH];
+    int count = 1;
+    stack[0].node = 0;
+    stack[0].cell = tree->bounds;
+    while (count > 0) {
+        int number = stack[--count].node;
+        struct box cell = stack[count].cell;
+        if (!cell_reached(f, &cell))
+            continue;
+        const struct kd_node *node = &tree->kd[number];
+        if (node->axis == 3) {
+            ask_leaf(q, node->below, f);
+            continue;
+        }
+        // First the side that more of them come from.
+        int a = node->axis;
+        float towards = a == f->axis      ? (f->back ? -1.0f : 1.0f)
+                        : a == f->side[0] ? f->least[0] + f->most[0]
+                                          : f->least[1] + f->most[1];
+        for (int turn = 0; turn < 2; turn++) {
+            bool above = (turn == 0) == (towards > 0);
+            stack[count].node = node->below + above;
+            stack[count].cell = cell;
+            (above ? stack[count].cell.lo : stack[count].cell.hi)[a] = node->split;
+            count++;
+        }
+    }
+}
+
+// --- Alone
+
+struct lone {
+    struct vec origin, direction;
+    real low[3], high[3], per[3]; // its origin, moved by what rounding may do to a box; 1/direction
+    int near[3];                  // of a node's six arrays: the planes that it passes first
+    float from, t, shape, own;
+};
+
+static inline void solids_alone(const struct query *q, enum solid type, const struct leaf *leaf,
+                                struct lone *r) {
+    const struct hot *hot = &q->scene->tree.hot[type];
+    for (int i = 0; i < leaf->count[type]; i += LANES) {
+        COUNT(solids_alone, group);
+        int first = leaf->first[type] + i;
+        real in, out, t;
+        mask met =
+            meet(type, r->origin, r->direction, hot, first, LANE_SOLIDS, q->newton, &in, &out);
+        met = both(met, first_lanes(leaf->count[type] - i));
+        if (!any(met))
+            continue;
+        real index = load(hot->index + first);
+        met = but_not(equal(index, set(r->own)), met);
+        if (q->any) {
+            if (any(both(met, both(less(in, set(r->t)), greater(out, set(r->from))))))
+                r->t = -INFINITY;
+            continue;
+        }
+        met = entered(met, in, out, r->origin, type, hot, first, LANE_SOLIDS, &t);
+        met = both(met, not_less(set(r->t), t));
+        if (!any(met))
+            continue;
+        t = choose(met, t, set(INFINITY));
+        float least = least_lane(t);
+        float whose = least_lane(choose(both(met, equal(t, set(least))), index, set(INFINITY)));
+        if (nearer(least, whose, r->t, r->shape)) {
+            r->t = least;
+            r->shape = whose;
+        }
+    }
+}
+
+static void leaf_alone(const struct query *q, int number, struct lone *r) {
+    COUNT(leaf_alone, call);
+    const struct leaf *leaf = &q->scene->tree.leaf[number];
+    solids_alone(q, SOLID_SPHERE, leaf, r);
+    solids_alone(q, SOLID_BOX, leaf, r);
+    solids_alone(q, SOLID_CONE, leaf, r);
+}
+
+static void bvh_alone(const struct query *q, struct lone *r) {
+    const struct tree *tree = &q->scene->tree;
+    struct waiting stack[STACK];
+    int count = 1;
+    stack[0] = (struct waiting){0, 0};
+    while (count > 0) {
+        struct waiting next = stack[--count];
+        if (!(next.begin <= larger(r->t, 0) && r->t > -INFINITY))
+            continue;
+        if (next.child < 0) {
+            leaf_alone(q, -1 - next.child, r);
+            continue;
+        }
+        COUNT(bvh_alone, node);
+        const float *box = tree->boxes + (size_t)next.child * 6 * LANES;
+        real enter = set(0.0f), leave = set(larger(r->t, 0));
+        for (int k = 0; k < 3; k++) {
+            const float *near = box + r->near[k],
+                        *far = box + 3 * LANES + 2 * k * LANES - r->near[k];
+            enter = most_of((load(near) - r->low[k]) * r->per[k], enter);
+            leave = least_of((load(far) - r->high[k]) * r->per[k], leave);
+        }
+        unsigned which = bits(not_less(leave * set(1 + 1e-6f), enter));
+        count = push(stack, count, which, enter, tree->child + next.child * LANES);
+    }
+}
+
+// Scalar, as a kd-tree is: the part of the ray in a cell is cut at each plane.
+static void kd_alone(const struct query *q, struct lone *r) {
+    const struct tree *tree = &q->scene->tree;
+    float o[3] = {first_of(r->origin.x), first_of(r->origin.y), first_of(r->origin.z)};
+    float enter = 0, leave = larger(r->t, 0), low[3], per[3];
+    for (int k = 0; k < 3; k++) {
+        low[k] = fabsf(first_of(r->low[k]) - o[k]);
+        per[k] = first_of(r->per[k]);
+        float a = (tree->bounds.lo[k] - low[k] - o[k]) * per[k],
+              b = (tree->bounds.hi[k] + low[k] - o[k]) * per[k];
+        enter = larger(enter, smaller(a, b));
+        leave = smaller(leave, larger(a, b));
+    }
+    struct {
+        int node;
+        float enter, leave;
+    } stack[MOST_DEPTH];
+    int count = 0, number = 0;
+    if (!(enter <= leave * (1 + 1e-6f)))
+        return;
+    for (;;) {
+        const struct kd_node *node = &tree->kd[number];
+        while (node->axis < 3) {
+            COUNT(kd_alone, node);
+            int a = node->axis;
+            float first = node->split - o[a], slack = low[a] * fabsf(per[a]);
+            bool from_above = first < 0 || (first == 0 && per[a] < 0);
+            float at = first * per[a];
+            // Either side is looked into that the ray may touch, rounding included.
+            bool goes_on = at - slack <= leave && at + slack >= 0;
+            bool near_too = enter <= at + slack || !(at + slack >= 0);
+            int near = node->below + from_above, far = node->below + !from_above;
+            if (goes_on && near_too) {
+                stack[count].node = far;
+                stack[count].enter = larger(enter, at - slack);
+                stack[count++].leave = leave;
+                leave = smaller(leave, at + slack);
+                number = near;
+            } else {
+                number = goes_on ? far : near;
+            }
+            node = &tree->kd[number];
+        }
+        leaf_alone(q, node->below, r);
+        do {
+            if (count == 0 || !(r->t > -INFINITY))
+                return;
+            count--;
+        } while (!(stack[count].enter <= larger(r->t, 0)));
+        number = stack[count].node;
+        enter = stack[count].enter;
+        leave = stack[count].leave;
+    }
+}
+
+static void go_alone(const struct query *q, int i) {
+    COUNT(go_alone, call);
+    const struct beams *b = q->beams;
+    const struct box *all = &q->scene->tree.bounds;
+    float o[3], d[3], margin = 0;
+    for (int k = 0; k < 3; k++) {
+        o[k] = b->origin[k][i];
+        d[k] = b->direction[k][i];
+        margin = larger(margin, larger(fabsf(o[k]), larger(fabsf(all->lo[k]), fabsf(all->hi[k]))));
+    }
+    margin *= 1e-6f;
+    struct lone r = {.origin = vec_set(o), .direction = vec_set(d)};
+    for (int k = 0; k < 3; k++) {
+        bool back = d[k] < 0;
+        r.per[k] = inverse_of(set(d[k]));
+        r.near[k] = (back ? 3 + k : k) * LANES;
+        r.low[k] = set(back ? o[k] - margin : o[k] + margin);
+        r.high[k] = set(back ? o[k] + margin : o[k] - margin);
+    }
+    r.from = b->near ? b->near[i] : 0;
+    r.t = q->t[i];
+    r.shape = q->any ? -1 : q->shape[i];
+    r.own = b->own ? b->own[i] : -1;
+    if (!(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0) || !(r.t > -INFINITY))
+        return; // no direction, or not a number: it meets nothing
+    if (q->scene->tree.kind == TREE_KD)
+        kd_alone(q, &r);
+    else if (q->scene->tree.kind == TREE_BVH)
+        bvh_alone(q, &r);
+    else
+        leaf_alone(q, 0, &r);
+    q->t[i] = r.t;
+    if (!q->any)
+        q->shape[i] = r.shape;
+}
+
+static void ask(const struct query *q) {
+    const struct prepared *scene = q->scene;
+    const struct tree *tree = &scene->tree;
+    const struct beams *b = q->beams;
+    for (int k = 0; k < scene->plane_count; k++)
+        for (int i = 0; i < b->count; i += LANES)
+            ask_plane(q, scene->planes[k], i / LANES, active_in(b, i / LANES));
+    if (tree->leaves == 0)
+        return;
+    struct frustum f;
+    bool together = scene->settings.rays != GO_ALONE && frustum_of(q, &f);
+    if (!together && (tree->kind != TREE_NONE || scene->settings.rays == GO_ALONE)) {
+        for (int i = 0; i < b->count; i++)
+            go_alone(q, i);
+        return;
+    }
+    if (tree->kind == TREE_BVH)
+        bvh_together(q, &f);
+    else if (tree->kind == TREE_KD)
+        kd_together(q, &f);
+    else
+        ask_leaf(q, 0, NULL);
+}
+
+void first_hits(const struct prepared *scene, const struct beams *beams, float *t, float *shape) {
+    struct query q = {scene, beams, t, shape, false, scene->settings.newton};
+    for (int i = 0; i < beams->count; i += LANES) {
+        unload(set(INFINITY), t + i);
+        unload(set(-1.0f), shape + i);
+    }
+    ask(&q);
+}
+
+void blocked(const struct prepared *scene, const struct beams *beams, float *t) {
+    struct query q = {scene, beams, t, NULL, true, scene->settings.newton};
+    for (int i = 0; i < beams->count; i += LANES)
+        unload(beams->far ? load(beams->far + i) : set(INFINITY), t + i);
+    ask(&q);
+}
