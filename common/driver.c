@@ -27,11 +27,13 @@
 #endif
 
 enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
+enum { FRAMES_PER_SECOND = 60, MOST_FRAMES = 1000000 };
 enum { LARGEST_SIDE = 32768, LARGEST_PIXELS = 1 << 28, SCHEMA = 1 };
 
 struct options {
     const char *scene, *out;
     int height, width, threads, reps, warmup;
+    int frames, first_frame; // of an animation; 0 frames: a still picture
     bool aov, json, jsonl;
     struct scene_overrides overrides;
 };
@@ -49,6 +51,10 @@ static const char USAGE[] =
     "  --aov                 with depth, shape id, normal and evaluation count per pixel\n"
     "  --threads T           default 1\n"
     "  --reps R              timed frames, default 1; all but the first are moved by a hair\n"
+    "  --frames N            an animation of N frames in place of those: frame k is at k/60 s, "
+    "shapes\n"
+    "                        follow their paths, the camera stays; -o writes the first of them\n"
+    "  --first-frame K       goes on with the animation's frame K: after an interruption\n"
     "  --warmup K            frames before those, marked as warm-up, default 0\n"
     "  --hit-distance X      in place of the scene's own (recorded)\n"
     "  --max-steps K         in place of the scene's own (recorded)\n"
@@ -85,10 +91,36 @@ static bool whole_number(const char *text, long least, long most, int *out) {
     return true;
 }
 
+// What each option says by itself is right.
+static int good_together(int argc, char **argv, struct options *o) {
+    if (optind + 1 != argc)
+        return complain(BAD_INPUT, "exactly one SCENE.json is required; see render -h");
+    o->scene = argv[optind];
+    if (o->height == 0)
+        return complain(BAD_INPUT, "-n HEIGHT is required; see render -h");
+    if (o->json && o->jsonl)
+        return complain(BAD_INPUT, "--json and --jsonl exclude each other");
+    if (o->frames && o->reps)
+        return complain(BAD_INPUT, "--frames and --reps exclude each other");
+    if (o->first_frame && !o->frames)
+        return complain(BAD_INPUT, "--first-frame is of --frames: give the animation's length too");
+    if (o->first_frame && o->first_frame >= o->frames)
+        return complain(BAD_INPUT, "--first-frame %d: an animation of %d frames ends with frame %d",
+                        o->first_frame, o->frames, o->frames - 1);
+    if (!o->frames && !o->reps)
+        o->reps = 1;
+    if (o->width == 0)
+        o->width = (int)lround(o->height * 16.0 / 9.0);
+    if ((long)o->width * o->height > LARGEST_PIXELS)
+        return complain(BAD_INPUT, "%d x %d pixels; at most %d pixels are allowed", o->width,
+                        o->height, LARGEST_PIXELS);
+    return OK;
+}
+
 // Parses into `o`; returns OK, or the status to exit with (−1: --help or --list was served).
 static int list_phases(void);
 static int parse(int argc, char **argv, struct options *o) {
-    enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST };
+    enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST };
     static const struct option known[] = {{"height", required_argument, 0, 'n'},
                                           {"width", required_argument, 0, 'w'},
                                           {"output", required_argument, 0, 'o'},
@@ -96,6 +128,8 @@ static int parse(int argc, char **argv, struct options *o) {
                                           {"threads", required_argument, 0, THREADS},
                                           {"reps", required_argument, 0, REPS},
                                           {"warmup", required_argument, 0, WARMUP},
+                                          {"frames", required_argument, 0, FRAMES},
+                                          {"first-frame", required_argument, 0, FIRST},
                                           {"hit-distance", required_argument, 0, HIT},
                                           {"max-steps", required_argument, 0, STEPS},
                                           {"json", no_argument, 0, JSON},
@@ -103,7 +137,7 @@ static int parse(int argc, char **argv, struct options *o) {
                                           {"list", no_argument, 0, LIST},
                                           {"help", no_argument, 0, 'h'},
                                           {0, 0, 0, 0}};
-    *o = (struct options){.threads = 1, .reps = 1};
+    *o = (struct options){.threads = 1};
     opterr = 0;
     for (int c; (c = getopt_long(argc, argv, ":n:w:o:h", known, NULL)) != -1;) {
         bool good = true;
@@ -132,6 +166,14 @@ static int parse(int argc, char **argv, struct options *o) {
             good = whole_number(optarg, 0, 1000000, &o->warmup);
             wanted = "--warmup: 0 to 1000000";
             break;
+        case FRAMES:
+            good = whole_number(optarg, 1, MOST_FRAMES, &o->frames);
+            wanted = "--frames: 1 to 1000000";
+            break;
+        case FIRST:
+            good = whole_number(optarg, 0, MOST_FRAMES, &o->first_frame);
+            wanted = "--first-frame: 0 to 1000000";
+            break;
         case HIT:
             o->overrides.hit_distance = strtod(optarg, &end);
             good = end != optarg && !*end && o->overrides.hit_distance >= 1e-9 &&
@@ -152,19 +194,7 @@ static int parse(int argc, char **argv, struct options *o) {
         if (!good)
             return complain(BAD_INPUT, "%s is required, not \"%s\"", wanted, optarg);
     }
-    if (optind + 1 != argc)
-        return complain(BAD_INPUT, "exactly one SCENE.json is required; see render -h");
-    o->scene = argv[optind];
-    if (o->height == 0)
-        return complain(BAD_INPUT, "-n HEIGHT is required; see render -h");
-    if (o->json && o->jsonl)
-        return complain(BAD_INPUT, "--json and --jsonl exclude each other");
-    if (o->width == 0)
-        o->width = (int)lround(o->height * 16.0 / 9.0);
-    if ((long)o->width * o->height > LARGEST_PIXELS)
-        return complain(BAD_INPUT, "%d x %d pixels; at most %d pixels are allowed", o->width,
-                        o->height, LARGEST_PIXELS);
-    return OK;
+    return good_together(argc, argv, o);
 }
 
 static int by_order(const void *a, const void *b) {
@@ -242,7 +272,9 @@ static struct conditions conditions_now(void) {
 static int vector_bits(void) {
     int lanes = variant_here().lanes;
     int bits = lanes * (strcmp(PHASE_PRECISION, "float") == 0 ? 32 : 64);
-    return lanes == 1 ? 0 : bits > 512 ? 512 : bits;
+    int widest =
+        strstr(variant_here().isa, "avx512") ? 512 : 256; // a phase's lanes may be several vectors
+    return lanes == 1 ? 0 : bits > widest ? widest : bits;
 }
 
 static int pinned_cpu(void) {
@@ -258,6 +290,7 @@ static int pinned_cpu(void) {
 struct session {
     struct options options;
     struct scene scene;
+    struct model moving; // the scene's, with shapes where a frame of an animation has them
     struct prepared *prepared;
     struct frame frame;
     struct presenter *presenter;
@@ -333,44 +366,74 @@ static struct view moved(const struct view *exact, int hairs) {
     return view;
 }
 
-static int one_frame(struct session *s, int index, bool first) {
-    bool warmup = index < 0;
-    struct view view = moved(&s->scene.view, index);
-    double core_before = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
-    struct conditions before = conditions_now();
-    if (index == 0)
+// What a frame is, beside the picture that it leaves.
+struct measured {
+    struct conditions before, after;
+    double core_before, core_after, scene_time;
+    uint64_t ns, tsc, update_ns, present_ns;
+};
+
+// The frame's time is that of rendering, and in an animation of the update before it.
+static bool timed_frame(struct session *s, const struct view *view, struct measured *m) {
+    bool moves = s->options.frames > 0, done = true;
+    m->core_before = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
+    m->before = conditions_now();
+    m->ns = timer_ns();
+    m->tsc = timer_tsc_begin();
+    if (moves) {
+        done = phase_update(s->prepared, &s->moving);
+        m->update_ns = timer_ns() - m->ns;
+    }
+    done = done && phase_render(s->prepared, view, &s->frame);
+    m->tsc = timer_tsc_end() - m->tsc;
+    m->ns = timer_ns() - m->ns;
+    m->after = conditions_now();
+    m->core_after = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
+    return done;
+}
+
+static json_t *record_of(const struct measured *m, const struct session *s, int index, bool warmup,
+                         bool first) {
+    const struct conditions *before = &m->before, *after = &m->after;
+    return json_pack("{s:i, s:b, s:b, s:I, s:I, s:f, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, "
+                     "s:I, s:I, s:I}",
+                     "frame", index, "warmup", warmup, "first", first, "ns", (json_int_t)m->ns,
+                     "update_ns", (json_int_t)m->update_ns, "scene_time", m->scene_time,
+                     "tsc_cycles", (json_int_t)m->tsc, "core_cycles",
+                     round((double)m->ns * (m->core_before + m->core_after) / 2e9), "tsc_hz",
+                     s->tsc_hz, "core_hz_before", m->core_before, "core_hz_after", m->core_after,
+                     "present_ns", (json_int_t)m->present_ns, "steal_ticks",
+                     (json_int_t)(after->steal_ticks - before->steal_ticks), "ctx_voluntary",
+                     (json_int_t)(after->ctx_voluntary - before->ctx_voluntary), "ctx_involuntary",
+                     (json_int_t)(after->ctx_involuntary - before->ctx_involuntary), "faults_minor",
+                     (json_int_t)(after->faults_minor - before->faults_minor), "faults_major",
+                     (json_int_t)(after->faults_major - before->faults_major), "max_rss_kib",
+                     (json_int_t)after->max_rss_kib);
+}
+
+static int one_frame(struct session *s, int index, bool warmup, bool first) {
+    bool moves = s->options.frames > 0, exact = index == s->options.first_frame;
+    // Of an animation nothing can be kept anyway, and frame k is the same picture wherever it begins.
+    struct view view = moves ? s->scene.view : moved(&s->scene.view, index);
+    struct measured m = {.scene_time = moves ? (double)index / FRAMES_PER_SECOND : 0};
+    if (moves)
+        model_move(&s->scene.model, m.scene_time, &s->moving);
+    if (exact)
         count_begin();
-    uint64_t ns = timer_ns();
-    uint64_t tsc = timer_tsc_begin();
-    bool done = phase_render(s->prepared, &view, &s->frame);
-    tsc = timer_tsc_end() - tsc;
-    ns = timer_ns() - ns;
-    if (index == 0)
+    bool done = timed_frame(s, &view, &m);
+    if (exact)
         count_end();
-    struct conditions after = conditions_now();
-    double core_after = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
     if (!done)
         return complain(NO_MEMORY, "out of memory while rendering");
-    uint64_t present_ns = timer_ns();
+    m.present_ns = timer_ns();
     frame_present(s->presenter, &s->frame, s->rgb8);
-    present_ns = timer_ns() - present_ns;
-    if (index == 0 && s->options.out) {
+    m.present_ns = timer_ns() - m.present_ns;
+    if (exact && s->options.out) {
         char error[512];
         if (!frame_write_exr(&s->frame, s->options.out, error))
             return complain(BAD_INPUT, "%s", error);
     }
-    json_t *record = json_pack(
-        "{s:i, s:b, s:b, s:I, s:I, s:f, s:f, s:f, s:f, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "frame",
-        index, "warmup", warmup, "first", first, "ns", (json_int_t)ns, "tsc_cycles",
-        (json_int_t)tsc, "core_cycles", round((double)ns * (core_before + core_after) / 2e9),
-        "tsc_hz", s->tsc_hz, "core_hz_before", core_before, "core_hz_after", core_after,
-        "present_ns", (json_int_t)present_ns, "steal_ticks",
-        (json_int_t)(after.steal_ticks - before.steal_ticks), "ctx_voluntary",
-        (json_int_t)(after.ctx_voluntary - before.ctx_voluntary), "ctx_involuntary",
-        (json_int_t)(after.ctx_involuntary - before.ctx_involuntary), "faults_minor",
-        (json_int_t)(after.faults_minor - before.faults_minor), "faults_major",
-        (json_int_t)(after.faults_major - before.faults_major), "max_rss_kib",
-        (json_int_t)after.max_rss_kib);
+    json_t *record = record_of(&m, s, index, warmup, first);
     if (s->options.jsonl) {
         json_t *line = header(s);
         if (!line || !record || json_object_update(line, record) != 0)
@@ -386,9 +449,9 @@ static int one_frame(struct session *s, int index, bool first) {
         double pixels = (double)s->frame.width * s->frame.height;
         printf("%s %s %dx%d: %.3f ms, %.1f ns/pixel, %.3g TSC cycles at %.3f GHz, core clock "
                "%.2f GHz%s\n",
-               PHASE_NAME, s->scene.name, s->frame.width, s->frame.height, (double)ns / 1e6,
-               (double)ns / pixels, (double)tsc, s->tsc_hz / 1e9, (core_before + core_after) / 2e9,
-               warmup ? " (warm-up)" : "");
+               PHASE_NAME, s->scene.name, s->frame.width, s->frame.height, (double)m.ns / 1e6,
+               (double)m.ns / pixels, (double)m.tsc, s->tsc_hz / 1e9,
+               (m.core_before + m.core_after) / 2e9, warmup ? " (warm-up)" : "");
     }
     return OK;
 }
@@ -401,6 +464,10 @@ static int run(struct session *s) {
         !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
         !(s->frames = json_array()))
         return complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
+    s->moving = s->scene.model;
+    s->moving.shapes = malloc((size_t)s->moving.shape_count * sizeof *s->moving.shapes);
+    if (!s->moving.shapes)
+        return complain(NO_MEMORY, "out of memory for %d shapes", s->moving.shape_count);
     // The clocks' rates cost 25 ms, many times a small picture: 0 where it is all that is wanted.
     bool timed = getenv("STEPWISE_UNTIMED") == NULL;
     s->tsc_hz = timed ? timer_tsc_hz(20) : 0;
@@ -412,8 +479,9 @@ static int run(struct session *s) {
     s->prepare_ns = timer_ns() - begin;
     if (!s->prepared)
         return complain(NO_MEMORY, "out of memory while preparing the scene");
-    for (int i = -o->warmup; i < o->reps; i++) {
-        int status = one_frame(s, i, i == -o->warmup);
+    int begin_with = o->first_frame - o->warmup, end = o->frames ? o->frames : o->reps;
+    for (int i = begin_with; i < end; i++) {
+        int status = one_frame(s, i, i < o->first_frame, i == begin_with);
         if (status != OK)
             return status;
     }
@@ -450,6 +518,11 @@ int main(int argc, char **argv) {
     const char *unsupported = phase_unsupported(&s.scene);
     if (unsupported)
         status = complain(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
+    else if (s.options.frames && !s.scene.model.features.motion)
+        status = complain(BAD_INPUT,
+                          "%s: --frames: no shape has a path, so that all frames would be one; "
+                          "--reps renders a still picture again",
+                          s.options.scene);
     else if (s.options.out && !frame_writable(s.options.out, error))
         status = complain(BAD_INPUT, "%s", error); // before a long render, not after
     else
@@ -457,6 +530,7 @@ int main(int argc, char **argv) {
     if (s.prepared)
         phase_release(s.prepared);
     json_decref(s.frames);
+    free(s.moving.shapes);
     free(s.rgb8);
     presenter_free(s.presenter);
     frame_free(&s.frame);

@@ -26,8 +26,8 @@ struct prepared *phase_prepare(const struct model *model, int threads);
 // Writes every plane of the frame that is not NULL. Returns false when memory is short.
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
 
-// Moved shapes: same counts and types as at phase_prepare. Timed with the frame, where the driver
-// has moving shapes: it has none yet.
+// Moved shapes: same counts, types and sizes as at phase_prepare, and as long-lived. Timed with the frame, before each
+// of an animation's (render --frames). Returns false when memory is short.
 bool phase_update(struct prepared *prepared, const struct model *model);
 
 void phase_release(struct prepared *prepared);

@@ -355,9 +355,9 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         {"normal", "offset"},
         {"power", "iterations", "bailout"},
     };
-    const char *known[10] = {"type", "material", "position", "rotation_degrees", "repeat"};
+    const char *known[11] = {"type", "material", "position", "rotation_degrees", "repeat", "path"};
     for (int i = 0; i < 4 && keys[shape->type][i]; i++)
-        known[5 + i] = keys[shape->type][i];
+        known[6 + i] = keys[shape->type][i];
     only_keys(r, object, known);
     switch (shape->type) {
     case SHAPE_SPHERE: shape->sphere.radius = number(r, object, "radius", POSITIVE); break;
@@ -403,6 +403,74 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
     }
 }
 
+// A circle's foot on its axis; false: the shape is on the axis, or so near that it would move by rounding alone.
+static bool find_foot(struct path *path, const double position[3], const double centre[3]) {
+    double from[3], along, radius_sq = 0, size_sq = dot3(position, position);
+    for (int i = 0; i < 3; i++)
+        from[i] = position[i] - centre[i];
+    along = dot3(from, path->axis);
+    for (int i = 0; i < 3; i++) {
+        path->foot[i] = centre[i] + along * path->axis[i];
+        radius_sq += (position[i] - path->foot[i]) * (position[i] - path->foot[i]);
+    }
+    return radius_sq >= SMALLEST * SMALLEST && radius_sq > 1e-24 * (size_sq + dot3(centre, centre));
+}
+
+static void read_circle(struct reader *r, json_t *object, struct shape *shape) {
+    static const char *const keys[] = {"type", "period", "centre", "axis", NULL};
+    struct path *path = &shape->path;
+    double centre[3] = {0};
+    only_keys(r, object, keys);
+    vector(r, object, "centre", ANY, centre);
+    if (!vector(r, object, "axis", ANY, path->axis))
+        return;
+    if (!(sqrt(dot3(path->axis, path->axis)) >= SMALLEST)) {
+        fail(r, "axis", "is zero; a direction is required");
+        return;
+    }
+    normalize3(path->axis);
+    if (!find_foot(path, shape->position, centre)) {
+        fail(r, "centre", "the shape's position is on the circle's axis; it would not move");
+        return;
+    }
+    double reach = 0;
+    for (int i = 0; i < 3; i++)
+        reach += (shape->position[i] - path->foot[i]) * (shape->position[i] - path->foot[i]);
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(path->foot[i]) + sqrt(reach) <= LARGEST))
+            fail(r, "centre", "the circle leads beyond %g, the largest number there is", LARGEST);
+}
+
+static void read_line(struct reader *r, json_t *object, struct shape *shape) {
+    static const char *const keys[] = {"type", "period", "to", NULL};
+    only_keys(r, object, keys);
+    double *to = shape->path.to;
+    const double *p = shape->position;
+    if (vector(r, object, "to", ANY, to) && to[0] == p[0] && to[1] == p[1] && to[2] == p[2])
+        fail(r, "to", "is the shape's position; it must differ from it");
+}
+
+static void read_path(struct reader *r, json_t *shape_object, struct shape *shape) {
+    json_t *object = member(r, shape_object, "path", JSON_OBJECT, "an object");
+    if (!object)
+        return;
+    size_t back = enter(r, "path");
+    json_t *type = member(r, object, "type", JSON_STRING, "\"circle\" or \"line\"");
+    if (type) {
+        const char *text = json_string_value(type);
+        shape->path.period = number(r, object, "period", POSITIVE);
+        if (strcmp(text, "circle") == 0) {
+            shape->path.type = PATH_CIRCLE;
+            read_circle(r, object, shape);
+        } else if (strcmp(text, "line") == 0) {
+            shape->path.type = PATH_LINE;
+            read_line(r, object, shape);
+        } else
+            fail(r, "type", "\"%.80s\" is not one of \"circle\", \"line\"", text);
+    }
+    leave(r, back);
+}
+
 static void read_shape(struct reader *r, json_t *object, json_t *materials, struct shape *shape) {
     json_t *type = member(r, object, "type", JSON_STRING, "the name of a shape");
     if (!type)
@@ -426,6 +494,8 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
         vector(r, object, "rotation_degrees", ANY, shape->rotation_degrees);
     if (json_object_get(object, "repeat"))
         vector(r, object, "repeat", CELL, shape->repeat);
+    if (json_object_get(object, "path") && !r->failed)
+        read_path(r, object, shape);
     json_t *material = member(r, object, "material", JSON_STRING, "the name of a material");
     if (material && !r->failed) {
         shape->material = material_index(materials, json_string_value(material));
@@ -469,6 +539,7 @@ static void find_features(struct model *model) {
     for (int i = 0; i < model->shape_count; i++) {
         const struct shape *shape = &model->shapes[i];
         f->count[shape->type]++;
+        f->motion = f->motion || shape->path.type != PATH_NONE;
         for (int k = 0; k < 3; k++) {
             f->rotation = f->rotation || shape->rotation_degrees[k] != 0;
             f->repetition = f->repetition || shape->repeat[k] > 0;
@@ -595,6 +666,41 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
     if (r->failed)
         scene_free(scene);
     return !r->failed;
+}
+
+// Cosine and sine of whole turns: quarters are exact, so that a period's quarters are where arithmetic by hand
+// has them.
+static void circle(double turns, double *c, double *s) {
+    double quarters = rint(4.0 * turns), rest = 2.0 * M_PI * (turns - quarters / 4.0);
+    double x = cos(rest), y = sin(rest);
+    switch (((int)quarters % 4 + 4) % 4) {
+    case 0: *c = x, *s = y; break;
+    case 1: *c = -y, *s = x; break;
+    case 2: *c = -x, *s = -y; break;
+    default: *c = y, *s = -x; break;
+    }
+}
+
+static void move_shape(const struct shape *still, double seconds, double position[3]) {
+    const struct path *path = &still->path;
+    double c, s, from_axis[3], ahead[3];
+    circle(fmod(seconds, path->period) / path->period, &c, &s);
+    for (int i = 0; i < 3; i++)
+        from_axis[i] = still->position[i] - path->foot[i];
+    cross3(path->axis, from_axis, ahead);
+    for (int i = 0; i < 3; i++) // of the way from the position: none at time 0
+        position[i] =
+            still->position[i] + (path->type == PATH_CIRCLE
+                                      ? (c - 1.0) * from_axis[i] + s * ahead[i]
+                                      : (1.0 - c) / 2.0 * (path->to[i] - still->position[i]));
+}
+
+void model_move(const struct model *model, double seconds, struct model *moved) {
+    for (int i = 0; i < model->shape_count; i++) {
+        moved->shapes[i] = model->shapes[i];
+        if (model->shapes[i].path.type != PATH_NONE)
+            move_shape(&model->shapes[i], seconds, moved->shapes[i].position);
+    }
 }
 
 void scene_free(struct scene *scene) {

@@ -26,10 +26,22 @@ enum shape_type {
 
 enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT };
 
+enum path_type { PATH_NONE, PATH_CIRCLE, PATH_LINE };
+
+// How a shape moves in an animation. At time 0 it is at its position, which is all that a still picture knows.
+struct path {
+    enum path_type type;
+    double period;  // seconds
+    double axis[3]; // of a circle: unit length, turned about by the right hand
+    double foot[3]; // of a circle: the point of its axis that is nearest to the shape's position
+    double to[3];   // of a line: its other end, reached after half a period
+};
+
 struct shape {
     enum shape_type type;
-    int material;               // index into model.materials
-    double position[3];         // of the shape's frame
+    int material;       // index into model.materials
+    double position[3]; // of the shape's frame, at time 0
+    struct path path;
     double rotation_degrees[3]; // about x, then y, then z
     double repeat[3];           // cell size per axis, 0 = not repeated
     union {
@@ -76,6 +88,7 @@ struct limits {
 // What the scene uses, so that nothing else is evaluated, counted or drawn.
 struct features {
     bool rotation, repetition, mirrors, fog;
+    bool motion;            // a shape has a path
     int count[SHAPE_TYPES]; // shapes of each type
 };
 
@@ -116,6 +129,10 @@ struct scene_overrides {
 bool scene_load(const char *path, const struct scene_overrides *overrides, struct scene *scene,
                 char *error);
 void scene_free(struct scene *scene);
+
+// Puts each shape where it is after so many seconds (before time 0 too). `moved` is a copy of `model` with as
+// many shapes of its own.
+void model_move(const struct model *model, double seconds, struct model *moved);
 
 const char *shape_type_name(enum shape_type type);
 const char *shadows_name(enum shadows shadows);

@@ -227,7 +227,7 @@ static void plant(struct prepared *prepared) {
     tree_build(&prepared->tree, prepared->leaves, solids);
 }
 
-bool phase_update(struct prepared *prepared, const struct model *model) {
+static void place_all(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
     prepared->repeats = false;
@@ -254,6 +254,17 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
             prepared->solids = false;
     }
     plant(prepared);
+}
+
+// A kernel has its shapes' places as constants: once they move general code runs, and the record says so.
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    struct loaded *loaded = &((struct kept *)prepared)->loaded; // its first member
+    place_all(prepared, model);
+    if (loaded->kernel) {
+        kernel_unload(loaded);
+        loaded->facts = (struct kernel_facts){
+            .reason = "the shapes move: a kernel is generated for one place of each"};
+    }
     return true;
 }
 
@@ -295,7 +306,7 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 }
 
 static struct team *start_team(struct kept *kept, const struct model *model, int threads) {
-    phase_update(&kept->prepared, model);
+    place_all(&kept->prepared, model);
     make_kernel(kept);
     size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
     if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)

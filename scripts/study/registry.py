@@ -154,8 +154,18 @@ def ladder(root: Path = ROOT) -> dict[str, Phase]:
 @functools.cache
 def scenes(root: Path = ROOT) -> dict[str, Scene]:
     """All scenes by name, sorted. Raises StudyError for a file that is not a JSON object."""
+    return _scenes_in(root / "common" / "scenes")
+
+
+@functools.cache
+def animated(root: Path = ROOT) -> dict[str, Scene]:
+    """The scenes that are made to move (render --frames), by name: no suite renders them as stills."""
+    return _scenes_in(root / "common" / "scenes" / "animated")
+
+
+def _scenes_in(folder: Path) -> dict[str, Scene]:
     found = {}
-    for path in sorted(root.glob("common/scenes/*.json")):
+    for path in sorted(folder.glob("*.json")):
         data = _read_json(path)
         shapes = data.get("shapes")
         types = [shape.get("type") for shape in shapes if isinstance(shape, dict)] if shapes else []

@@ -71,12 +71,17 @@ def _options(
     out: Path | None = None,
     threads: int = 1,
     reps: int = 1,
+    animation: int | None = None,
+    first_frame: int | None = None,
     warmup: int = 0,
     hit_distance: float | None = None,
     max_steps: int | None = None,
 ) -> list[str]:
-    arguments = [str(scene_path), "-n", str(height), "--reps", str(reps)]
+    arguments = [str(scene_path), "-n", str(height)]
     for option, value in [
+        ("--reps", reps if animation is None else None),
+        ("--frames", animation),
+        ("--first-frame", first_frame),
         ("-w", width),
         ("-o", out),
         ("--threads", threads if threads != 1 else None),
@@ -158,9 +163,10 @@ def render(
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, out, reps, warmup, hit_distance, max_steps, target (render-count …). Not `timed`: for a
-    picture or counts alone; the clocks' rates are 0. `general`: no kernel is generated for the scene; so run
-    all other targets than render. Raises DriverError(status, message).
+    Options: aov, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps, target
+    (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0. `general`: no
+    kernel is generated for the scene; so run all other targets than render.
+    Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     if general is None:

@@ -30,8 +30,10 @@ static const char WHOLE[] =
     "'materials':{'white':{'color':[1,0.9,0.8],'reflectivity':0,'shininess':15},"
     "'mirror':{'color':[0.3,0.2,0.1],'reflectivity':0.5,'shininess':20}},"
     "'shapes':[{'type':'sphere','radius':1.5,'material':'mirror','position':[1,2,3],"
-    "'rotation_degrees':[10,20,30],'repeat':[4,0,5]},"
-    "{'type':'box','half_size':[1,2,3],'material':'white'},"
+    "'rotation_degrees':[10,20,30],'repeat':[4,0,5],"
+    "'path':{'type':'circle','centre':[0,1,3],'axis':[0,0,2],'period':8}},"
+    "{'type':'box','half_size':[1,2,3],'material':'white',"
+    "'path':{'type':'line','to':[4,-8,0.5],'period':2}},"
     "{'type':'torus','major_radius':2,'minor_radius':0.5,'material':'white'},"
     "{'type':'cone','bottom_radius':2,'top_radius':1,'half_height':3,'material':'white'},"
     "{'type':'octahedron','radius':1.25,'material':'mirror'},"
@@ -185,9 +187,8 @@ static void limits_are_refused(void **state) {
         {"shapes[3].top_radius", "0", NULL, "0 is not > 0"},
         {"shapes[3].half_height", "-3", NULL, "-3 is not > 0"},
         {"shapes[3].radius", "1", NULL,
-         "unknown key; known here: type, material, position, rotation_degrees, repeat, "
-         "bottom_radius, "
-         "top_radius, half_height"},
+         "unknown key; known here: type, material, position, rotation_degrees, repeat, path, "
+         "bottom_radius, top_radius, half_height"},
         {"shapes[4].radius", "0", NULL, "0 is not > 0"},
         {"shapes[5].normal", "[0,0,0]", NULL, "is zero; a direction is required"},
         {"shapes[5].normal", "[0,1e-300,0]", NULL, "is zero; a direction is required"},
@@ -195,6 +196,19 @@ static void limits_are_refused(void **state) {
         {"shapes[6].iterations", "0", NULL, "0 is not >= 1"},
         {"shapes[6].iterations", "1001", NULL, "1001 is beyond 1000, the largest there is"},
         {"shapes[6].iterations", "1.5", NULL, "1.5 is not a whole number"},
+        {"shapes[0].path.type", "'spiral'", NULL, "\"spiral\" is not one of \"circle\", \"line\""},
+        {"shapes[0].path.period", "0", NULL, "0 is not > 0"},
+        {"shapes[0].path.period", "-1", NULL, "-1 is not > 0"},
+        {"shapes[0].path.axis", "[0,0,0]", NULL, "is zero; a direction is required"},
+        {"shapes[0].path.centre", "[1,2,-70]", NULL,
+         "the shape's position is on the circle's axis; it would not move"},
+        {"shapes[0].path.centre", "[1e9,0,0]", NULL,
+         "the circle leads beyond 1e+09, the largest number there is"},
+        {"shapes[0].path.to", "[1,1,1]", NULL,
+         "unknown key; known here: type, period, centre, axis"},
+        {"shapes[1].path.axis", "[1,1,1]", NULL, "unknown key; known here: type, period, to"},
+        {"shapes[1].path.to", "[0,-0.0,0]", NULL,
+         "is the shape's position; it must differ from it"},
         {"shapes[6].bailout", "3.9", NULL, "3.9 is not in 4 to 10000"},
         {"shapes[6].bailout", "10001", NULL, "10001 is not in 4 to 10000"},
     };
@@ -225,6 +239,10 @@ static void limits_themselves_are_accepted(void **state) {
         {"shapes[0].position", NULL},
         {"shapes[0].rotation_degrees", NULL},
         {"shapes[0].repeat", NULL},
+        {"shapes[0].path", NULL},
+        {"shapes[0].path.period", "1e-9"},
+        {"shapes[1].path.to", "[0,1e-300,0]"},
+        {"shapes[1].path.to", "[1e9,-1e9,1e9]"},
         {"shapes[0].rotation_degrees", "[0,0,0]"},
         {"shapes[0].repeat", "[0,0,0]"},
     };
@@ -286,6 +304,7 @@ static void every_value_is_checked(void **state) {
         bool element = ends_in(path, "]");
         bool optional = ends_in(path, "position") && path[0] == 's';
         optional = optional || ends_in(path, "rotation_degrees") || ends_in(path, "repeat");
+        optional = optional || ends_in(path, "].path");
         bool material = strncmp(path, "materials.", 10) == 0 && !strchr(path + 10, '.');
         if (!element && !optional && !material)
             refused(path, NULL, NULL, NULL);
@@ -459,6 +478,14 @@ static void values_arrive(void **state) {
     assert_memory_equal(s[0].position, ((double[]){1, 2, 3}), sizeof s->position);
     assert_memory_equal(s[0].rotation_degrees, ((double[]){10, 20, 30}), sizeof s->position);
     assert_memory_equal(s[0].repeat, ((double[]){4, 0, 5}), sizeof s->position);
+    assert_int_equal(s[0].path.type, PATH_CIRCLE);
+    assert_memory_equal(s[0].path.axis, ((double[]){0, 0, 1}), sizeof s->position);
+    assert_memory_equal(s[0].path.foot, ((double[]){0, 1, 3}), sizeof s->position);
+    assert_int_equal(s[1].path.type, PATH_LINE);
+    assert_memory_equal(s[1].path.to, ((double[]){4, -8, 0.5}), sizeof s->position);
+    assert_true(s[0].path.period == 8 && s[1].path.period == 2);
+    for (int i = 2; i < 7; i++)
+        assert_int_equal(s[i].path.type, PATH_NONE);
     for (int i = 1; i < 7; i++) { // left out: zero
         assert_memory_equal(s[i].position, ((double[]){0, 0, 0}), sizeof s->position);
         assert_memory_equal(s[i].rotation_degrees, ((double[]){0, 0, 0}), sizeof s->position);
@@ -559,6 +586,81 @@ static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
         assert_true(near(scene.view.forward[2], 0.8, digits));
         scene_free(&scene);
     }
+}
+
+// Quarters of a period by hand; between them, a rotation and a cosine of our own; before time 0 as after it.
+static void shapes_follow_their_paths(void **state) {
+    (void)state;
+    json_t *root = parse(WHOLE);
+    assert_true(load_json(root, 0));
+    json_decref(root);
+    const struct model *still = &scene.model;
+    struct shape shapes[7];
+    struct model moved = *still;
+    moved.shapes = shapes;
+    // seconds; of a turn about (0, 1, z), where the test looks at it; of the way to (4, −8, 0.5)
+    static const double by_hand[][7] = {
+        {0, 1, 2, 3, 0, 0, 0},    {1, 0, 0, 0, 4, -8, 0.5},    {2, -1, 2, 3, 0, 0, 0},
+        {4, -1, 0, 3, 0, 0, 0},   {6, 1, 0, 3, 0, 0, 0},       {-2, 1, 0, 3, 0, 0, 0},
+        {802, -1, 2, 3, 0, 0, 0}, {0.5, 0, 0, 0, 2, -4, 0.25},
+    };
+    for (size_t i = 0; i < COUNT(by_hand); i++) {
+        const double *row = by_hand[i];
+        model_move(still, row[0], &moved);
+        if (row[3] != 0)
+            assert_memory_equal(shapes[0].position, &row[1], sizeof shapes->position);
+        assert_memory_equal(shapes[1].position, &row[4], sizeof shapes->position);
+        for (int k = 2; k < 7; k++) // has none
+            assert_memory_equal(&shapes[k], &still->shapes[k], sizeof *shapes);
+        assert_memory_equal(&shapes[0].sphere, &still->shapes[0].sphere, sizeof shapes->sphere);
+    }
+    for (double t = -3; t < 9; t += 0.37) {
+        model_move(still, t, &moved);
+        double a = M_PI * t / 4, part = 0.5 - 0.5 * cos(M_PI * t);
+        const double *p = shapes[0].position;
+        assert_true(near(p[0], cos(a) - sin(a), 1e-14));
+        assert_true(near(p[1], 1 + sin(a) + cos(a), 1e-14) && near(p[2], 3, 0));
+        p = shapes[1].position;
+        assert_true(near(p[0], 4 * part, 1e-14) && near(p[1], -8 * part, 1e-14));
+    }
+    assert_true(still->features.motion);
+    scene_free(&scene);
+    root = edited("shapes[0].path", NULL);
+    json_object_del(json_array_get(json_object_get(root, "shapes"), 1), "path");
+    assert_true(load_json(root, 0));
+    json_decref(root);
+    assert_false(scene.model.features.motion);
+    scene_free(&scene);
+}
+
+// About a slanted axis that does not go through the origin: distance to the axis and place along it stay.
+static void a_circle_keeps_its_distance(void **state) {
+    (void)state;
+    json_t *root = edited("shapes[0].path.axis", "[1,-2,2]");
+    assert_true(load_json(root, 0));
+    json_decref(root);
+    const double axis[3] = {1 / 3., -2 / 3., 2 / 3.}, centre[3] = {0, 1, 3};
+    struct shape shapes[7];
+    struct model moved = scene.model;
+    moved.shapes = shapes;
+    double along = -1 / 3., distance = sqrt(17 / 9.); // (1, 1, 0)·axis; its rest: 2 − 1/9
+    double turned[3], before[3] = {1, 1, 0};
+    for (double t = 0; t < 8; t += 0.5) {
+        model_move(&scene.model, t, &moved);
+        double from[3], off[3], ahead[3];
+        for (int i = 0; i < 3; i++)
+            from[i] = shapes[0].position[i] - centre[i];
+        assert_true(near(dot(from, axis), along, 1e-14));
+        for (int i = 0; i < 3; i++)
+            off[i] = from[i] - along * axis[i];
+        assert_true(near(sqrt(dot(off, off)), distance, 1e-14));
+        for (int i = 0; i < 3; i++)
+            turned[i] = from[i] - before[i];
+        cross(axis, off, ahead); // by the right hand: onward is along axis × off
+        assert_true(t == 0 || dot(turned, ahead) > 0);
+        memcpy(before, from, sizeof before);
+    }
+    scene_free(&scene);
 }
 
 static void features_are_found(void **state) {
@@ -681,6 +783,8 @@ int main(void) {
         cmocka_unit_test(values_arrive),
         cmocka_unit_test(camera_frames),
         cmocka_unit_test(a_tiny_step_to_look_at_is_still_a_direction),
+        cmocka_unit_test(shapes_follow_their_paths),
+        cmocka_unit_test(a_circle_keeps_its_distance),
         cmocka_unit_test(features_are_found),
         cmocka_unit_test(hash_follows_content),
         cmocka_unit_test(overrides_replace),

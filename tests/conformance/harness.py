@@ -159,6 +159,17 @@ def check_picture(run: Run) -> None:
     assert (facing < 1e-5).all(), f"{run}: a normal faces away from its ray by {facing.max()}"
 
 
+@functools.cache
+def drawn_scene(phase: str) -> tuple[str, Path]:
+    """Name and path of the first scene that the phase draws, for what is asked of its form:
+    scene0, or one that has no torus and no soft shadow."""
+    known = registry.scenes()
+    for name in ("scene0", "spheres40"):
+        if call(phase, known[name].path, "-n", 1).status != 4:
+            return name, known[name].path
+    raise AssertionError(f"{phase} draws neither scene0 nor spheres40")
+
+
 def same_bits(a: Run, b: Run, channels: Iterable[str] | None = None) -> None:
     for name in channels or a.picture:
         assert np.array_equal(a.picture[name].view(np.uint32), b.picture[name].view(np.uint32)), (

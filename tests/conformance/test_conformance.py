@@ -332,14 +332,14 @@ def documented_keys() -> set[str]:
     return keys - {"config", "launch", "env_bytes", "time"} | {"image"}
 
 
-EASY = SCENES["two_spheres"]  # every phase renders it
 CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")
 
 
 def test_record(phase: str) -> None:
     """--json and --jsonl say the same, with exactly the documented keys and plausible values."""
     declared = registry.phases()[phase]
-    arguments = [phase, EASY, "-n", 9, "--reps", 2, "--warmup", 1]
+    name, path = harness.drawn_scene(phase)
+    arguments = [phase, path, "-n", 9, "--reps", 2, "--warmup", 1]
     run = call(*arguments, "--json", timed=True)
     assert run.status == 0, f"{run}"
     record = run.record
@@ -354,7 +354,7 @@ def test_record(phase: str) -> None:
     for keys in [record.keys() | frames[0].keys(), *(line.keys() for line in lines)]:
         assert keys == documented_keys(), f"{run}: keys {sorted(keys ^ documented_keys())} on one side only"
     assert not record.keys() & frames[0].keys() - {"tsc_hz"}, f"{run}: keys of both kinds"
-    expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": EASY.stem, "width": 16, "height": 9}
+    expected = {"schema": 1, "phase": phase, "flags_from": phase, "scene": name, "width": 16, "height": 9}
     here = registry.variant_here(declared)
     expected |= {"threads": 1, "precision": declared.precision, "lanes": here["lanes"], "image": None}
     expected |= {
@@ -388,7 +388,8 @@ def test_record(phase: str) -> None:
 def test_missing_instruction_set(phase: str) -> None:
     """A CPU without the instruction set: status 3 and a sentence; a phase without needs runs anywhere."""
     isa = registry.phases()[phase].isa
-    run = call(phase, EASY, "-n", 2, env={"STEPWISE_ISA_LIMIT": "none"})
+    scene = SCENES["scene0"] if isa else harness.drawn_scene(phase)[1]
+    run = call(phase, scene, "-n", 2, env={"STEPWISE_ISA_LIMIT": "none"})
     if isa:
         check_refusal(run, 3)
         assert any(flag in run.stderr for flag in isa), f"{run}: does not say which"

@@ -120,6 +120,21 @@ def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop
     same(picture, generated)
 
 
+def test_a_kernel_ends_when_shapes_move(shop: Workshop) -> None:
+    """Its constants are of one place: an animation is drawn by general code, and its record says so."""
+    scene = json.loads(registry.scenes()["scene0"].path.read_text())
+    moving = shop.folder / "moving.json"
+    scene["shapes"][0]["path"] = {"type": "line", "to": [0.5, 1, 0], "period": 1}
+    moving.write_text(json.dumps(scene))
+    still, _, there = shop.run(moving)
+    assert still["generated"], still
+    words = ("--frames", "31", "--first-frame", "30")
+    facts, said, picture = shop.run(moving, *words)
+    assert not facts["generated"] and "the shapes move" in facts["reason"] and not said
+    same(picture, shop.run(moving, *words, STEPWISE_CC="none")[2])
+    assert (picture["id"] != there["id"]).any()
+
+
 def test_a_crowd_has_the_general_code(shop: Workshop) -> None:
     """From 32 shapes on they are asked from a tree, which a kernel has not."""
     facts, said, _ = shop.run("spheres40")

@@ -1,0 +1,88 @@
+"""Scenes that move (render --frames): every phase's update against a still picture of that place, resuming,
+what is refused. Where shapes go is tested in tests/c/test_scene.c."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import scene, shape
+from conformance.harness import REFERENCE, Unsupported, call, check_refusal, keep, render, same_bits
+from study import registry
+
+# After half a second the first is a quarter turn on, the second at its line's other end.
+MOVING = [
+    shape("sphere", radius=0.5, position=[1, 0.5, 0], material="mirror")
+    | {"path": {"type": "circle", "centre": [0, 0.5, 0], "axis": [0, 1, 0], "period": 2}},
+    shape("sphere", radius=0.75, position=[-1, 0, 2], material="blue")
+    | {"path": {"type": "line", "to": [0.5, -1, 1], "period": 1}},
+    shape("sphere", radius=0.75, position=[0, 0, 3]),
+]
+PLACES = [[0, 0.5, -1], [0.5, -1, 1], [0, 0, 3]]
+
+
+def scenes(light: str = "none") -> tuple[dict, dict]:
+    """The moving one, and a still of it at half a second by hand."""
+    still = [{k: v for k, v in s.items() if k != "path"} | {"position": p}
+             for s, p in zip(MOVING, PLACES, strict=True)]  # fmt: skip
+    moving, still = (scene(shapes, light={"shadows": light}) for shapes in (MOVING, still))
+    return moving, still
+
+
+@pytest.mark.parametrize("phase", list(registry.phases()))
+def test_a_frame_is_the_still_picture_of_its_place(phase: str, monkeypatch) -> None:
+    if lacking := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
+    monkeypatch.setenv("STEPWISE_CC", "none")
+    moving, still = (keep(f"moving_{i}_{phase}", one) for i, one in enumerate(scenes("hard")))
+    try:
+        there = render(phase, still, 24, 14)
+    except Unsupported:
+        pytest.skip("the phase does not render spheres with hard shadows")
+    same_bits(render(phase, moving, 24, 14, "--frames", 31, "--first-frame", 30), there)
+    unmoved = scene([{k: v for k, v in s.items() if k != "path"} for s in MOVING], light={"shadows": "hard"})
+    begin = render(phase, moving, 24, 14)
+    same_bits(begin, render(phase, keep(f"unmoved_{phase}", unmoved), 24, 14))
+    assert (begin.picture["id"] != there.picture["id"]).mean() > 0.05, f"{begin}: nothing has moved"
+
+
+def test_a_sequence_and_its_rest() -> None:
+    """Frames, times and shares of an animation; the same from where it was cut off."""
+    path = keep("moving", scenes()[0])
+    run = call(REFERENCE, path, "-n", 4, "--frames", 6, "--warmup", 2, "--jsonl", timed=True)
+    lines = [json.loads(line) for line in run.stdout.splitlines()]
+    assert [one["frame"] for one in lines] == [-2, -1, 0, 1, 2, 3, 4, 5], f"{run}"
+    assert [one["warmup"] for one in lines] == [True] * 2 + [False] * 6 and lines[0]["first"]
+    assert np.allclose([one["scene_time"] for one in lines], np.arange(-2, 6) / 60, rtol=1e-15)
+    assert all(0 < one["update_ns"] < one["ns"] for one in lines), f"{run}"
+    rest = call(REFERENCE, path, "-n", 4, "--frames", 6, "--first-frame", 4, "--warmup", 1, "--json")
+    assert [(one["frame"], one["warmup"]) for one in rest.record["frames"]] == [
+        (3, True),
+        (4, False),
+        (5, False),
+    ]
+    whole, rest = (
+        render(REFERENCE, path, 16, 9, "--frames", n, "--first-frame", 4, "--warmup", k)
+        for n, k in [(5, 0), (9, 3)]
+    )
+    same_bits(whole, rest)
+    still = call(REFERENCE, path, "-n", 4, "--json").record["frames"]
+    assert [(one["update_ns"], one["scene_time"]) for one in still] == [(0, 0)]
+
+
+def test_what_does_not_move_is_refused() -> None:
+    path = keep("unmoved", scenes()[1])
+    run = call(REFERENCE, path, "-n", 4, "--frames", 3, "-o", "nowhere.exr")
+    check_refusal(run, 2)
+    assert "no shape has a path" in run.stderr and str(path) in run.stderr, f"{run}"
+
+
+def test_scenes_made_to_move_are_scenes_of_the_study_and_paths() -> None:
+    assert registry.animated() and not set(registry.animated()) & set(registry.scenes())
+    for name, one in registry.animated().items():
+        shapes = [{k: v for k, v in s.items() if k != "path"} for s in one.data["shapes"]]
+        assert one.data | {"shapes": shapes} == registry.find_scene(name.removesuffix("_animated")).data
+        check = call(REFERENCE, one.path, "-n", 1, "-w", 1, "--frames", 1)
+        assert check.status == 0, f"{check}"
