@@ -1,10 +1,10 @@
-// hits SCENE.json [--any] [--coherent] [--reps R] [-o FILE] <rays: what given rays meet, and how long that takes, of a
-// phase of closed forms; beside it, on the same rays in the same run and by turns, Intel's Embree, where it was there
-// to build with.
+// hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays: what given rays meet, and how long that
+// takes, of a phase of closed forms; beside it, on the same rays in the same run and by turns, Intel's Embree, where it
+// was there to build with.
 //
 // Reads float32 septuples (origin, unit direction, far) from standard input until its end, and traces them in their
-// order, on one thread. --any: whether anything is met before far, not where. --coherent: tells Embree that they go the
-// same way (the phase is told nothing). FILE gets float32 pairs (t, shape) of the phase, and behind them Embree's;
+// order, on one thread. --any: whether anything is met before far, not where. --embree: beside it; --coherent: it is told that they
+// go the same way (the phase is told nothing). FILE gets float32 pairs (t, shape) of the phase, and behind them Embree's;
 // of --any t is −inf where something is in the way, and the shape 0. Standard output gets one JSON object: ns per
 // repetition of each. Embree has spheres, and planes as squares of four times the bounds; of a scene with other shapes,
 // or without Embree, its times are null and "embree" says why.
@@ -108,9 +108,17 @@ static bool write_hits(const char *path, const struct ray_arrays *rays, bool bot
     return file && fclose(file) == 0 && written;
 }
 
-static int run(const struct scene *scene, const char *out, bool any, bool coherent, int reps) {
+struct asked {
+    const char *out;
+    bool any, embree, coherent;
+    int reps;
+};
+
+static int run(const struct scene *scene, const struct asked *asked) {
     struct ray_arrays rays = {0};
-    const char *why = NULL;
+    const char *why = "not asked for", *out = asked->out;
+    bool any = asked->any, coherent = asked->coherent;
+    int reps = asked->reps;
     struct prepared *prepared = phase_prepare(&scene->model, 1);
     if (!prepared || !read_rays(&rays)) {
         fprintf(stderr, "hits: the rays cannot be read, or memory is short\n");
@@ -120,7 +128,8 @@ static int run(const struct scene *scene, const char *out, bool any, bool cohere
     bool rebuilt = phase_update(prepared, &scene->model);
     uint64_t update_ns = timer_ns() - begin;
     begin = timer_ns();
-    struct beside *beside = beside_start(&scene->model, &rays, coherent, &why);
+    struct beside *beside =
+        asked->embree ? beside_start(&scene->model, &rays, coherent, &why) : NULL;
     uint64_t beside_ns = timer_ns() - begin;
     json_t *ns[3] = {json_array(), json_array(), json_array()};
     int status = 5;
@@ -150,18 +159,18 @@ static int run(const struct scene *scene, const char *out, bool any, bool cohere
 }
 
 int main(int argc, char **argv) {
-    static const struct option known[] = {{"any", no_argument, 0, 'a'},
-                                          {"coherent", no_argument, 0, 'c'},
-                                          {"reps", required_argument, 0, 'r'},
-                                          {"output", required_argument, 0, 'o'},
-                                          {0, 0, 0, 0}};
-    bool any = false, coherent = false;
-    const char *out = NULL, *missing = variant_missing(), *no;
+    static const struct option known[] = {
+        {"any", no_argument, 0, 'a'},          {"embree", no_argument, 0, 'e'},
+        {"coherent", no_argument, 0, 'c'},     {"reps", required_argument, 0, 'r'},
+        {"output", required_argument, 0, 'o'}, {0, 0, 0, 0}};
+    struct asked asked = {0};
+    const char *missing = variant_missing(), *no;
     long reps = 1;
     for (int c; (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        any = any || c == 'a';
-        coherent = coherent || c == 'c';
-        out = c == 'o' ? optarg : out;
+        asked.any = asked.any || c == 'a';
+        asked.embree = asked.embree || c == 'e';
+        asked.coherent = asked.coherent || c == 'c';
+        asked.out = c == 'o' ? optarg : asked.out;
         reps = c == 'r' ? strtol(optarg, NULL, 10) : reps;
         if (c == '?' || reps < 1 || reps > 1000000)
             return 2;
@@ -169,7 +178,9 @@ int main(int argc, char **argv) {
     struct scene scene;
     char error[SCENE_ERROR_SIZE];
     if (optind + 1 != argc) {
-        fprintf(stderr, "usage: hits SCENE.json [--any] [--coherent] [--reps R] [-o FILE] <rays\n");
+        fprintf(
+            stderr,
+            "usage: hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays\n");
         return 2;
     }
     if (missing) {
@@ -182,7 +193,8 @@ int main(int argc, char **argv) {
     }
     if ((no = phase_unsupported(&scene)))
         fprintf(stderr, "hits: %s\n", no);
-    int status = no ? 4 : run(&scene, out, any, coherent, (int)reps);
+    asked.reps = (int)reps;
+    int status = no ? 4 : run(&scene, &asked);
     scene_free(&scene);
     return status;
 }

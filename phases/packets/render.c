@@ -22,10 +22,11 @@ static const char *unsupported_shape(const struct scene *scene, char *error, siz
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct shape *s = &scene->model.shapes[i];
         if (s->type == SHAPE_TORUS || s->type == SHAPE_OCTAHEDRON || s->type == SHAPE_MANDELBULB)
-            snprintf(error, size,
-                     "shapes[%d] is of type \"%s\": packets has closed forms of spheres, planes, boxes "
-                     "and capped cones alone",
-                     i, shape_type_name(s->type));
+            snprintf(
+                error, size,
+                "shapes[%d] is of type \"%s\": packets has closed forms of spheres, planes, boxes "
+                "and capped cones alone",
+                i, shape_type_name(s->type));
         else if (s->repeat[0] > 0 || s->repeat[1] > 0 || s->repeat[2] > 0)
             snprintf(error, size,
                      "shapes[%d] is repeated without end, and a tree holds only so many shapes: "

@@ -103,8 +103,9 @@ static inline mask meet_box(struct vec o, struct vec d, const struct hot *hot, i
     return met;
 }
 
-// Between the caps the cone is where f = x² + z² − (m + k·y)² = A·t² + 2·B·t + C ≤ 0 along a ray, and convex there: the ray
-// enters where it passes the cap if f ≤ 0 there, else at the first root between the caps, and leaves alike.
+// Between the caps the cone is where f = x² + z² − (m + k·y)² = A·t² + 2·B·t + C ≤ 0 along a ray, and convex there. A > 0:
+// between the roots. Else up to the first root or from the last one on: one of the two lies on the cone's mirror image
+// behind its apex, which no cap is near. A ray through a rim may be on either side of it by rounding, and stays a hit.
 static inline mask meet_cone(struct vec o, struct vec d, const struct hot *hot, int i,
                              enum lane_of lane, bool newton, real *in, real *out) {
     COUNT(meet_cone, call);
@@ -114,6 +115,7 @@ static inline mask meet_cone(struct vec o, struct vec d, const struct hot *hot, 
     slab(c.y, e.y, size.x, &low, &high);
     real wide = mul_add(size.y, c.y, size.z), dk = size.y * e.y;
     real a = mul_add(e.x, e.x, mul_sub(e.z, e.z, dk * dk));
+    a = choose(equal(a, zero), set(-1e-37f), a); // along the side: the other root is far away
     real b = mul_add(c.x, e.x, mul_sub(c.z, e.z, wide * dk));
     real cc = mul_add(c.x, c.x, mul_sub(c.z, c.z, wide * wide));
     real square = mul_sub(b, b, a * cc);
@@ -121,14 +123,17 @@ static inline mask meet_cone(struct vec o, struct vec d, const struct hot *hot, 
     // The root whose sum does not cancel, and the other by their product.
     real sum = choose(less(b, zero), r - b, zero - b - r), one = cc / sum, other = sum / a;
     real first = least_of(one, other), last = most_of(one, other);
-    mask roots = not_less(square, zero);
-    mask first_in = both(roots, both(not_less(first, low), not_less(high, first)));
-    mask last_in = both(roots, both(not_less(last, low), not_less(high, last)));
-    mask low_in = not_less(zero, mul_add(low, mul_add(low, a, b + b), cc));
-    mask high_in = not_less(zero, mul_add(high, mul_add(high, a, b + b), cc));
-    *in = choose(low_in, low, choose(first_in, first, last)) + before;
-    *out = choose(high_in, high, choose(last_in, last, first)) + before;
-    return both(not_less(high, low), either(low_in, either(first_in, last_in)));
+    mask roots = not_less(square, zero), round = greater(a, zero);
+    mask from_cap = not_less(zero, mul_add(low, mul_add(low, a, b + b), cc)); // where A < 0
+    mask up_to = both(roots, not_less(first, low));
+    real end = choose(either(round, both(from_cap, up_to)), choose(round, last, first), high);
+    real begin = choose(round, first, choose(from_cap, low, last));
+    *in = most_of(begin, low);
+    *out = least_of(end, high);
+    mask met = both(not_less(*out, *in), either(roots, but_not(round, from_cap)));
+    *in = *in + before;
+    *out = *out + before;
+    return met;
 }
 
 // How deep the rays' origins are within a solid that they are in: minus the distance to its surface.

@@ -45,7 +45,10 @@ static void ask_plane(const struct query *q, int index, int packet, mask active)
     int first = packet * LANES;
     real zero = set(0.0f), best = load(q->t + first);
     struct vec n = vec_set(s->normal), o = load_vec(b->origin, first);
-    real height = vec_dot(o, n) - set(s->offset), slope = vec_dot(load_vec(b->direction, first), n);
+    struct vec d = load_vec(b->direction, first);
+    real height = vec_dot(o, n) - set(s->offset), slope = vec_dot(d, n);
+    active = both(active, less(absolute(vec_dot(o, d)), set(INFINITY))); // numbers, and a direction
+    active = both(active, greater(vec_dot(d, d), zero));
     if (b->own)
         active = but_not(equal(load(b->own + first), set((float)index)), active);
     if (q->any) { // solid below: at either end it is in the way
@@ -486,7 +489,7 @@ static void go_alone(const struct query *q, int i) {
     margin *= 1e-6f;
     struct lone r = {.origin = vec_set(o), .direction = vec_set(d)};
     for (int k = 0; k < 3; k++) {
-        bool back = d[k] < 0;
+        bool back = signbit(d[k]);
         r.per[k] = inverse_of(set(d[k]));
         r.near[k] = (back ? 3 + k : k) * LANES;
         r.low[k] = set(back ? o[k] - margin : o[k] + margin);
@@ -496,8 +499,9 @@ static void go_alone(const struct query *q, int i) {
     r.t = q->t[i];
     r.shape = q->any ? -1 : q->shape[i];
     r.own = b->own ? b->own[i] : -1;
-    if (!(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0) || !(r.t > -INFINITY))
-        return; // no direction, or not a number: it meets nothing
+    float all_of = fabsf(o[0] + o[1] + o[2] + d[0] + d[1] + d[2]);
+    if (!(all_of < INFINITY && d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0 && r.t > -INFINITY))
+        return; // not numbers, or no direction: it meets nothing
     if (q->scene->tree.kind == TREE_KD)
         kd_alone(q, &r);
     else if (q->scene->tree.kind == TREE_BVH)
@@ -520,7 +524,7 @@ static void ask(const struct query *q) {
         return;
     struct frustum f;
     bool together = scene->settings.rays != GO_ALONE && frustum_of(q, &f);
-    if (!together && (tree->kind != TREE_NONE || scene->settings.rays == GO_ALONE)) {
+    if (!together) {
         for (int i = 0; i < b->count; i++)
             go_alone(q, i);
         return;

@@ -1,4 +1,4 @@
-"""Rays for build/packets/hits: of the camera, to the light, mirrored, and scattered; and the scenes they are of.
+"""Rays for build/packets/hits: of the camera, to the light, mirrored, scattered; and the scenes they are of.
 
 The scenes are not in common/scenes: what is there goes through every suite with every phase.
 """
@@ -36,7 +36,7 @@ def balls(name: str = "trio") -> dict[str, Any]:
 
 
 def many(count: int = MANY, seed: int = 1) -> dict[str, Any]:
-    """`count` equal spheres, even over the picture and in depth, which cover scaling_scenes.COVERAGE of it."""
+    """`count` equal spheres, even over the picture and in depth; they cover scaling_scenes.COVERAGE of it."""
     places = [(*place[:3], 1.0, "sphere") for place in scaling_scenes.placed("scattered", count, seed)]
     rays = scaling_scenes.rays(*scaling_scenes.RAYS)
     radius = scaling_scenes.quantile(scaling_scenes.least_gauge(places, rays), scaling_scenes.COVERAGE)
@@ -95,8 +95,8 @@ def normals(data: dict[str, Any], points: np.ndarray, shape: np.ndarray) -> np.n
 def secondary(
     data: dict[str, Any], rays: Rays, t: np.ndarray, shape: np.ndarray, seed: int
 ) -> dict[str, Rays]:
-    """From the hits of camera rays, in their order: from the light up to each that faces it, mirrored by every
-    shape, and in any direction off the surface, in no order.
+    """From the hits of camera rays, in their order: from the light up to each that faces it, mirrored by
+    every shape, and in any direction off the surface, in no order.
     """
     met = shape >= 0
     o, d = rays[met, :3].astype(float), rays[met, 3:6].astype(float)
@@ -113,16 +113,14 @@ def secondary(
     any_way *= np.sign((any_way * n).sum(1, keepdims=True))
     order = dice.permutation(len(n))
     return {
-        "shadow": _packed(
-            np.broadcast_to(light, to[lit].shape), _unit(to[lit]), length[lit] - 10 * offset
-        ),
+        "shadow": _packed(np.broadcast_to(light, to[lit].shape), _unit(to[lit]), length[lit] - 10 * offset),
         "mirror": _packed(p + offset * n, _unit(d - 2 * (d * n).sum(1, keepdims=True) * n)),
         "scattered": _packed((p + offset * n)[order], any_way[order]),
     }
 
 
 def hits(
-    scene: Path, rays: Rays, kind: str, words: str = "", limit: str = "", reps: int = 1
+    scene: Path, rays: Rays, kind: str, words: str = "", limit: str = "", reps: int = 1, beside: bool = False
 ) -> tuple[dict[str, Any], np.ndarray]:
     """The program's record and hits, shape (1 or 2, count, 2): t and shape, of the phase and of Embree.
 
@@ -130,7 +128,11 @@ def hits(
     """
     program = build("packets", "hits")
     environment = os.environ | {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
-    options = ["--any"] * (kind == "shadow") + ["--coherent"] * (kind in ("primary", "shadow"))
+    options = (
+        ["--embree"] * beside
+        + ["--any"] * (kind == "shadow")
+        + ["--coherent"] * (kind in ("primary", "shadow"))
+    )
     with tempfile.TemporaryDirectory(prefix="stepwise-") as scratch:
         out = Path(scratch) / "hits"
         command = [program, scene, *options, "--reps", str(reps), "-o", out]
@@ -148,5 +150,3 @@ def all_kinds(scene: Scene, height: int, seed: int) -> dict[str, Rays]:
     rays = camera(scene.data, *scene.size(height))
     _, found = hits(scene.path, rays, "primary")
     return {"primary": rays, **secondary(scene.data, rays, *found[0].T, seed)}
-
-
