@@ -144,7 +144,8 @@ def test_closed_forms_hit_where_truth_proves(kind, limit, written):
         missed = there & ~hit | before
         depth = deepest(data, origin[missed], direction[missed], low[missed], reach[missed] - size[missed])
         assert (depth <= 3 * size[missed]).all(), f"{kind}: missed by {depth.max(initial=0):.2e}"
-    XX
+        right = np.abs(t - low)[hit & there & ~before] < 1e-4 * (1 + low[hit & there & ~before])
+        assert missed.sum() < 100 and right.mean() > 0.9
 
 
 # --- One answer, whatever the way to it
