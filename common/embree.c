@@ -175,7 +175,8 @@ struct beside *beside_start(const struct model *model, const struct ray_arrays *
 }
 
 uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
-    static const int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1};
+    static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
+                                               -1, -1, -1, -1, -1, -1, -1, -1};
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags =
