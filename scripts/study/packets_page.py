@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from study import show
-from study.draw import COLOURS, HATCHES, Drawing, plain_log
-from study.packets import Row
+from study.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
+from study.packets import ENOUGH_DB, Row
+from study.sections import Part, part
 from study.show import Column
 
 FIGURE, EQUAL = "packets-rays", "packets-equal-error"
@@ -119,7 +121,7 @@ NOTE = (
     "Rays go through both tracers on one thread, in one order, by turns in one process; times are of tracing "
     "alone. Embree is told which rays go the same way; ours finds out. Embree is Debian's build, in which "
     "assertions are left on. Equal error: each marching phase by the hit distance with which it is fastest "
-    "among those that reach the PSNR that both it (by the scene's own) and packets reach."
+    "among those that reach the PSNR that both it (by the scene's own) and packets reach, or 80 dB."
 )
 
 
@@ -175,6 +177,26 @@ def system_rows(result: Row) -> list[Row]:
     return found
 
 
+def parts(result: Row) -> list[Part]:
+    """Its tables on the page; none without rows."""
+    if not result["rays"]:
+        return []
+    caption = "Packet ray tracing: rays a second, beside Embree on the same rays"
+    found = part("packets", caption, result["rays"], ray_columns(result["goals"]))
+    caption = "Ray tracing against sphere tracing: time to equal error"
+    found += part("packets-equal-error", caption, drawn_rows(result), DRAWN)
+    caption = "Packet ray tracing: trees, lanes, roots"
+    return found + part("packets-variants", caption, result["rays"], VARIANTS, folded=True)
+
+
+def remarks(result: Row) -> list[str]:
+    """How to read them."""
+    if not result["rays"]:
+        return []
+    why = {r["embree"] for r in result["rays"] if r["embree16"] is None}
+    return [NOTE, *(f"Embree: {text}." for text in sorted(why))]
+
+
 def draw_rays(result: Row) -> Figure:
     """Million rays a second of ours and Embree's, a panel a scene."""
     names = list(dict.fromkeys(r["scene"] for r in result["rays"]))
@@ -210,20 +232,29 @@ def draw_rays(result: Row) -> Figure:
 
 def draw_equal(result: Row) -> Figure:
     """Time on one thread against error to truth, a panel a scene."""
-    figure = Figure(figsize=(11, 4.0), layout="constrained")
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
     panels = figure.subplots(1, len(result["drawn"]), squeeze=False)[0]
+    names = list(dict.fromkeys(row["phase"] for d in result["drawn"] for row in d["rows"]))
+    looks = {
+        name: {
+            "marker": "*" if name == "packets" else MARKERS[i % len(MARKERS)],
+            "color": COLOURS[4] if name == "packets" else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]],
+            "markersize": 14 if name == "packets" else 7,
+            "linestyle": "none",
+        }
+        for i, name in enumerate(names)
+    }
     for panel, drawn in zip(panels, result["drawn"], strict=True):
         for row in drawn["rows"]:
-            ours = row["phase"] == "packets"
-            x, y = row["threads"][0]["ms"], row["psnr_db"]
-            panel.plot([x], [y], "*" if ours else "o", color=COLOURS[4 if ours else 5], markersize=9)
-            panel.annotate(
-                row["phase"].split("_")[0], (x, y), fontsize=8, xytext=(4, 4), textcoords="offset points"
-            )
-        panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread")
-        panel.margins(0.25, 0.2)
+            shown = 160 if row["psnr_db"] is None else row["psnr_db"]
+            panel.plot([row["threads"][0]["ms"]], [shown], **looks[row["phase"]])
+        panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
+        panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread", ylim=(20, 165))
+        panel.margins(x=0.25)
         plain_log(panel.xaxis)
-    panels[0].set_ylabel("PSNR to truth, dB")
+    panels[0].set_ylabel("PSNR to truth, dB (dotted: nobody sees more)")
+    marks = [Line2D([], [], label=name, **looks[name]) for name in names]
+    figure.legend(handles=marks, loc="outside upper center", ncols=len(names), frameon=False, fontsize=9)
     return figure
 
 

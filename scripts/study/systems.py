@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import rods, rods_page, rods_pictures
+from study import packets, packets_page, rods, rods_page, rods_pictures
 from study.sections import Section, part, reading
 from study.show import Column
 
@@ -41,6 +41,12 @@ def section(path: Path) -> Section:
             caption = "Rods, then packets: the throttle's choice of each scene"
             parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE)
         rows = rods_page.system_rows(result, throttled)
+    with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
+        traced = packets.read(path / packets.FILE)
+        drawn = drawn | packets_page.drawings(traced)
+        parts += packets_page.parts(traced)
+        remarks += packets_page.remarks(traced)
+        rows += packets_page.system_rows(traced)
     if rows:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}
