@@ -103,6 +103,9 @@ static inline float most_along(const struct query *q) {
     return larger(most_lane(most), 0.0f);
 }
 
+// Rays that diverge are tried again in parts of so many, and then of a packet each, before each goes alone.
+enum { PARTED = 64 };
+
 // Beyond these a frustum holds so much that its rays are better off alone.
 static const float WIDEST = 0.5f, STEEPEST = 0.2f, FURTHEST = 0.25f;
 
@@ -397,18 +400,20 @@ static void leaf_alone(const struct query *q, int number, struct lone *r) {
 static void bvh_alone(const struct query *q, struct lone *r) {
     const struct tree *tree = &q->scene->tree;
     struct waiting stack[STACK];
-    int count = 1;
-    stack[0] = (struct waiting){0, 0};
-    while (count > 0) {
-        struct waiting next = stack[--count];
-        if (!(next.begin <= larger(r->t, 0) && r->t > -INFINITY))
-            continue;
-        if (next.child < 0) {
-            leaf_alone(q, -1 - next.child, r);
+    int count = 0;
+    for (int next = 0;;) {
+        if (next < 0) {
+            leaf_alone(q, -1 - next, r);
+            do {
+                if (count == 0 || !(r->t > -INFINITY))
+                    return;
+                count--;
+            } while (!(stack[count].begin <= larger(r->t, 0)));
+            next = stack[count].child;
             continue;
         }
         COUNT(bvh_alone, node);
-        const float *box = tree->boxes + (size_t)next.child * 6 * LANES;
+        const float *box = tree->boxes + (size_t)next * 6 * LANES;
         real enter = set(0.0f), leave = set(larger(r->t, 0));
         for (int k = 0; k < 3; k++) {
             const float *near = box + r->near[k],
@@ -417,7 +422,15 @@ static void bvh_alone(const struct query *q, struct lone *r) {
             leave = least_of((load(far) - r->high[k]) * r->per[k], leave);
         }
         unsigned which = bits(not_less(leave * set(1 + 1e-6f), enter));
-        count = push(stack, count, which, enter, tree->child + next.child * LANES);
+        const int *child = tree->child + next * LANES;
+        if (which && !(which & (which - 1))) { // one alone, as most are
+            next = child[__builtin_ctz(which)];
+            continue;
+        }
+        count = push(stack, count, which, enter, child);
+        if (count == 0)
+            return;
+        next = stack[--count].child;
     }
 }
 
@@ -476,32 +489,43 @@ static void kd_alone(const struct query *q, struct lone *r) {
     }
 }
 
-static void go_alone(const struct query *q, int i) {
+// By what a box may be off for what is rounded: of its own coordinates, of a ray's origin.
+static float margin_of(const struct box *all) {
+    float most = 0;
+    for (int k = 0; k < 3; k++)
+        most = larger(most, larger(fabsf(all->lo[k]), fabsf(all->hi[k])));
+    return 1e-6f * most;
+}
+
+static void go_alone(const struct query *q, int i, float margin) {
     COUNT(go_alone, call);
     const struct beams *b = q->beams;
-    const struct box *all = &q->scene->tree.bounds;
-    float o[3], d[3], margin = 0;
+    float o[3], d[3], square = 0, sum = 0;
     for (int k = 0; k < 3; k++) {
         o[k] = b->origin[k][i];
         d[k] = b->direction[k][i];
-        margin = larger(margin, larger(fabsf(o[k]), larger(fabsf(all->lo[k]), fabsf(all->hi[k]))));
+        margin += 1e-6f * fabsf(o[k]);
+        square += d[k] * d[k];
+        sum += fabsf(o[k]) + fabsf(d[k]);
     }
-    margin *= 1e-6f;
-    struct lone r = {.origin = vec_set(o), .direction = vec_set(d)};
-    for (int k = 0; k < 3; k++) {
-        bool back = signbit(d[k]);
-        r.per[k] = inverse_of(set(d[k]));
-        r.near[k] = (back ? 3 + k : k) * LANES;
-        r.low[k] = set(back ? o[k] - margin : o[k] + margin);
-        r.high[k] = set(back ? o[k] + margin : o[k] - margin);
-    }
+    struct lone r; // not set to 0 first: as much again as a node
+    r.origin = vec_set(o);
+    r.direction = vec_set(d);
     r.from = b->near ? b->near[i] : 0;
     r.t = q->t[i];
     r.shape = q->any ? -1 : q->shape[i];
     r.own = b->own ? b->own[i] : -1;
-    float all_of = fabsf(o[0] + o[1] + o[2] + d[0] + d[1] + d[2]);
-    if (!(all_of < INFINITY && d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > 0 && r.t > -INFINITY))
+    if (!(sum < INFINITY && square > 0 && r.t > -INFINITY))
         return; // not numbers, or no direction: it meets nothing
+    for (int k = 0; k < 3; k++) {
+        // One quotient, not one in every lane; 0 becomes 1e-20.
+        float size = larger(fabsf(d[k]), 1e-20f);
+        bool back = signbit(d[k]);
+        r.per[k] = set(1.0f / (back ? -size : size));
+        r.near[k] = (back ? 3 + k : k) * LANES;
+        r.low[k] = set(back ? o[k] - margin : o[k] + margin);
+        r.high[k] = set(back ? o[k] + margin : o[k] - margin);
+    }
     if (q->scene->tree.kind == TREE_KD)
         kd_alone(q, &r);
     else if (q->scene->tree.kind == TREE_BVH)
@@ -513,28 +537,52 @@ static void go_alone(const struct query *q, int i) {
         q->shape[i] = r.shape;
 }
 
+// Of `count` rays from `first` on, as a query of their own.
+static void ask_some(const struct query *whole, int first, int count) {
+    COUNT(ask_some, call);
+    const struct beams *b = whole->beams;
+    const struct tree *tree = &whole->scene->tree;
+    struct beams some = {.count = count};
+    struct query q = *whole;
+    for (int k = 0; k < 3; k++) {
+        some.origin[k] = b->origin[k] + first;
+        some.direction[k] = b->direction[k] + first;
+    }
+    some.near = b->near ? b->near + first : NULL;
+    some.far = b->far ? b->far + first : NULL;
+    some.own = b->own ? b->own + first : NULL;
+    q.beams = &some;
+    q.t += first;
+    q.shape = q.any ? NULL : q.shape + first;
+    struct frustum f;
+    if (whole->scene->settings.rays == GO_ALONE || !frustum_of(&q, &f)) {
+        int part = count > PARTED ? PARTED : count > LANES ? LANES : 0;
+        if (part && whole->scene->settings.rays != GO_ALONE) {
+            for (int i = 0; i < count; i += part)
+                ask_some(&q, i, count - i < part ? count - i : part);
+            return;
+        }
+        float margin = margin_of(&tree->bounds);
+        for (int i = 0; i < count; i++)
+            go_alone(&q, i, margin);
+        return;
+    }
+    if (tree->kind == TREE_BVH)
+        bvh_together(&q, &f);
+    else if (tree->kind == TREE_KD)
+        kd_together(&q, &f);
+    else
+        ask_leaf(&q, 0, NULL);
+}
+
 static void ask(const struct query *q) {
     const struct prepared *scene = q->scene;
-    const struct tree *tree = &scene->tree;
     const struct beams *b = q->beams;
     for (int k = 0; k < scene->plane_count; k++)
         for (int i = 0; i < b->count; i += LANES)
             ask_plane(q, scene->planes[k], i / LANES, active_in(b, i / LANES));
-    if (tree->leaves == 0)
-        return;
-    struct frustum f;
-    bool together = scene->settings.rays != GO_ALONE && frustum_of(q, &f);
-    if (!together) {
-        for (int i = 0; i < b->count; i++)
-            go_alone(q, i);
-        return;
-    }
-    if (tree->kind == TREE_BVH)
-        bvh_together(q, &f);
-    else if (tree->kind == TREE_KD)
-        kd_together(q, &f);
-    else
-        ask_leaf(q, 0, NULL);
+    if (scene->tree.leaves > 0)
+        ask_some(q, 0, b->count);
 }
 
 void first_hits(const struct prepared *scene, const struct beams *beams, float *t, float *shape) {

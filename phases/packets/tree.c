@@ -197,7 +197,7 @@ static void halve(struct builder *b, int number, int depth) {
     pair->left = 0;
     for (int i = pair->first; i < pair->first + pair->count; i++)
         pair->box = joined(pair->box, &b->solids[b->which[i]].box);
-    int most = b->tree->width < 8 ? b->tree->width : 8;
+    int most = b->tree->width;
     if (pair->count <= most / 2 || depth == MOST_DEPTH)
         return;
     struct cut cut = best_cut(b, pair);
