@@ -12,8 +12,11 @@ static struct vec normal_on(const struct placed *s, struct vec p) {
     COUNT(normal_on, call);
     real one = set(1.0f), tiny = set(1e-30f);
     switch (s->type) {
-    case SHAPE_SPHERE: return vec_scale(p, one / most_of(vec_norm(p), tiny));
+    case SHAPE_SPHERE:
+        COUNT(normal_on, sphere);
+        return vec_scale(p, one / most_of(vec_norm(p), tiny));
     case SHAPE_BOX: {
+        COUNT(normal_on, box);
         real x = absolute(p.x) - set(s->size[0]), y = absolute(p.y) - set(s->size[1]);
         real z = absolute(p.z) - set(s->size[2]);
         mask on_x = both(not_less(x, y), not_less(x, z)), on_y = but_not(on_x, not_less(y, z));
@@ -22,6 +25,7 @@ static struct vec normal_on(const struct placed *s, struct vec p) {
                             with_sign_of(p.z, side)};
     }
     default: { // cone
+        COUNT(normal_on, cone);
         real radius = vec_norm((struct vec){p.x, set(0.0f), p.z}), k = set(s->size[1]);
         real side = (radius - mul_add(k, p.y, set(s->size[2]))) * set(s->cosine);
         mask cap = greater(absolute(p.y) - set(s->size[0]), side);
@@ -36,6 +40,7 @@ static struct vec normal_on(const struct placed *s, struct vec p) {
 static struct vec turned(const struct placed *s, struct vec v) {
     if (!s->turned)
         return v;
+    COUNT(turned, rotation);
     return (struct vec){vec_dot(vec_set(s->turn[0]), v), vec_dot(vec_set(s->turn[1]), v),
                         vec_dot(vec_set(s->turn[2]), v)};
 }
@@ -43,6 +48,7 @@ static struct vec turned(const struct placed *s, struct vec v) {
 static struct vec turned_back(const struct placed *s, struct vec v) {
     if (!s->turned)
         return v;
+    COUNT(turned_back, rotation);
     struct vec x = vec_scale(vec_set(s->turn[0]), v.x);
     x = vec_along(x, vec_set(s->turn[1]), v.y);
     return vec_along(x, vec_set(s->turn[2]), v.z);
@@ -70,8 +76,10 @@ static struct surface surface_at(const struct prepared *scene, mask found, struc
         mask same = both(found, equal(shapes, set(index)));
         rest &= ~bits(same);
         struct vec n = vec_set(s->normal);
-        if (s->type != SHAPE_PLANE)
+        if (s->type != SHAPE_PLANE) {
+            COUNT(surface_at, solid);
             n = turned_back(s, normal_on(s, local_point(s, o, d, t)));
+        }
         all.normal = vec_choose(same, n, all.normal);
         all.color = vec_choose(same, vec_set(s->color), all.color);
         all.share = choose(same, set(s->share), all.share);
@@ -90,6 +98,7 @@ static void add_color(struct desk *desk, mask m, struct vec color, const float *
     unload(color.y, lanes[1]);
     unload(color.z, lanes[2]);
     for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+        COUNT(add_color, lane);
         int lane = __builtin_ctz(rest), i = (int)pixel[lane];
         for (int k = 0; k < 3; k++)
             desk->color[k][i] += lanes[k][lane];
@@ -142,6 +151,7 @@ static void cast(const struct work *work, const struct lit *at, struct vec brigh
 }
 
 static void shade_packet(const struct work *work, int bounce, bool normals, int first) {
+    ACTIVE(count_of(first_lanes(work->desk->rays.count - first)));
     COUNT(shade_packet, call);
     const struct prepared *scene = work->scene;
     const struct model *model = &scene->model;
@@ -160,12 +170,15 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
     unload(choose(found, load(desk->shape + first), set(-1.0f)), desk->shape + first);
     struct vec color = vec_scale(vec_doubles(model->background), weight);
     if (any(found)) {
+        ACTIVE(count_of(found));
         COUNT(shade_packet, found);
         struct surface surface = surface_at(scene, found, o, d, t, desk->shape + first);
         if (normals)
             unload_vec(surface.normal, desk->normal, first);
-        if (model->features.fog)
+        if (model->features.fog) {
+            COUNT(shade_packet, fog);
             weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
+        }
         struct lit at = light_on(work, found, p, d, &surface);
         color = vec_choose(found, vec_scale(surface.color, weight * set(0.01f)), color);
         if (any(at.lit)) {
@@ -209,6 +222,7 @@ static void begin_at_bounds(const struct work *work, float *from) {
     struct desk *desk = work->desk;
     const float *const d_of[3] = {desk->to_point[0], desk->to_point[1], desk->to_point[2]};
     for (int i = 0; i < desk->shadows; i += LANES) {
+        COUNT(begin_at_bounds, packet);
         real along = set(0.0f) - vec_dot(vec_doubles(l), load_vec(d_of, i));
         real half = root(most_of(mul_sub(along, along, outside), set(0.0f)));
         unload(most_of(along - half, set(0.0f)), from + i);
@@ -237,6 +251,7 @@ static void cast_shadows(const struct work *work) {
     blocked(work->scene, &beams, desk->reach);
     const float *const lit[3] = {desk->lit[0], desk->lit[1], desk->lit[2]};
     for (int i = 0; i < desk->shadows; i += LANES) {
+        COUNT(cast_shadows, packet);
         mask open =
             both(first_lanes(desk->shadows - i), greater(load(desk->reach + i), set(-INFINITY)));
         add_color(desk, open, load_vec(lit, i), desk->slot + i);

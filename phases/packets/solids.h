@@ -25,16 +25,20 @@ static inline struct vec fetch_vec(float *const *field, int i, enum lane_of lane
 
 static inline real inverse_root(real a, bool newton) {
     COUNT(inverse_root, call);
-    if (newton)
+    if (newton) {
+        COUNT(inverse_root, newton);
         return newton_inverse_root(most_of(a, set(1e-30f)));
+    }
     COUNT(inverse_root, exact);
     return set(1.0f) / root(a);
 }
 
 static inline real root_of(real a, bool newton) {
     COUNT(root_of, call);
-    if (newton)
+    if (newton) {
+        COUNT(root_of, newton);
         return a * newton_inverse_root(most_of(a, set(1e-30f)));
+    }
     COUNT(root_of, exact);
     return root(a);
 }
@@ -142,15 +146,21 @@ static inline real depth_in(enum solid type, struct vec o, const struct hot *hot
     COUNT(depth_in, call);
     struct vec centre = fetch_vec(hot->field + F_CENTRE, i, lane);
     struct vec m = {o.x - centre.x, o.y - centre.y, o.z - centre.z};
-    if (type == SOLID_SPHERE)
+    if (type == SOLID_SPHERE) {
+        COUNT(depth_in, sphere);
         return vec_norm(m) - root(fetch(hot->field[F_SQUARE], i, lane));
+    }
+    COUNT(depth_in, turned);
     struct vec p = {vec_dot(fetch_vec(hot->field + F_ROW, i, lane), m),
                     vec_dot(fetch_vec(hot->field + F_ROW + 3, i, lane), m),
                     vec_dot(fetch_vec(hot->field + F_ROW + 6, i, lane), m)};
     struct vec size = fetch_vec(hot->field + F_SIZE, i, lane);
-    if (type == SOLID_BOX)
+    if (type == SOLID_BOX) {
+        COUNT(depth_in, box);
         return most_of(absolute(p.x) - size.x,
                        most_of(absolute(p.y) - size.y, absolute(p.z) - size.z));
+    }
+    COUNT(depth_in, cone);
     real side = root(mul_add(p.x, p.x, p.z * p.z)) - mul_add(size.y, p.y, size.z);
     side = side / root(mul_add(size.y, size.y, set(1.0f)));
     return most_of(side, absolute(p.y) - size.x);

@@ -25,6 +25,7 @@ static inline bool nearer(float t, float shape, float than, float whose) {
 // What of a solid's interval counts as a hit of a ray from outside, or from inside.
 static inline mask entered(mask met, real in, real out, struct vec o, enum solid type,
                            const struct hot *hot, int i, enum lane_of lane, real *t) {
+    COUNT(entered, call);
     real zero = set(0.0f);
     met = both(met, greater(out, zero));
     *t = in;
@@ -52,12 +53,14 @@ static void ask_plane(const struct query *q, int index, int packet, mask active)
     if (b->own)
         active = but_not(equal(load(b->own + first), set((float)index)), active);
     if (q->any) { // solid below: at either end it is in the way
+        COUNT(ask_plane, any);
         real near = b->near ? load(b->near + first) : zero;
         mask met = either(less(mul_add(slope, near, height), zero),
                           less(mul_add(slope, best, height), zero));
         unload(choose(both(met, active), set(-INFINITY), best), q->t + first);
         return;
     }
+    COUNT(ask_plane, first);
     mask under = less(height, zero);
     real t = height / (zero - slope);
     t = choose(under, height, t);
@@ -87,6 +90,7 @@ static inline mask active_in(const struct beams *b, int packet) {
 static inline void range_of(const struct beams *b, const float *const field, float *lo, float *hi) {
     real least = set(INFINITY), most = set(-INFINITY);
     for (int i = 0; i < b->count; i += LANES) {
+        COUNT(range_of, packet);
         mask active = active_in(b, i / LANES);
         real a = load(field + i);
         least = choose(active, least_of(a, least), least);
@@ -98,8 +102,10 @@ static inline void range_of(const struct beams *b, const float *const field, flo
 
 static inline float most_along(const struct query *q) {
     real most = set(-INFINITY);
-    for (int i = 0; i < q->beams->count; i += LANES)
+    for (int i = 0; i < q->beams->count; i += LANES) {
+        COUNT(most_along, packet);
         most = choose(active_in(q->beams, i / LANES), most_of(load(q->t + i), most), most);
+    }
     return larger(most_lane(most), 0.0f);
 }
 
@@ -139,6 +145,7 @@ static bool frustum_of(const struct query *q, struct frustum *f) {
     margin *= 1e-6f;
     real least[2] = {set(INFINITY), set(INFINITY)}, most[2] = {set(-INFINITY), set(-INFINITY)};
     for (int i = 0; i < b->count; i += LANES) {
+        COUNT(frustum_of, packet);
         mask active = active_in(b, i / LANES);
         real per = set(1.0f) / absolute(load(b->direction[f->axis] + i));
         for (int k = 0; k < 2; k++) {
@@ -191,8 +198,9 @@ static inline mask reached(const struct frustum *f, const real lo[3], const real
 }
 
 static inline void ask_solid(const struct query *q, enum solid type, int i, int packet) {
-    COUNT(ask_solid, call);
     const struct beams *b = q->beams;
+    ACTIVE(count_of(active_in(b, packet)));
+    COUNT(ask_solid, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     int first = packet * LANES;
     struct vec o = load_vec(b->origin, first);
@@ -201,6 +209,7 @@ static inline void ask_solid(const struct query *q, enum solid type, int i, int 
         meet(type, o, load_vec(b->direction, first), hot, i, LANE_RAYS, q->newton, &in, &out);
     if (!any(met))
         return;
+    COUNT(ask_solid, met);
     met = both(met, active_in(b, packet));
     if (b->own)
         met = but_not(equal(load(b->own + first), mine), met);
@@ -225,6 +234,7 @@ static inline void leaf_of_type(const struct query *q, enum solid type, const st
         int first = leaf->first[type] + i;
         unsigned which = bits(first_lanes(leaf->count[type] - i));
         if (f) {
+            COUNT(leaf_of_type, group);
             real lo[3], hi[3], begin;
             for (int k = 0; k < 3; k++) {
                 real centre = load(hot->field[F_CENTRE + k] + first);
@@ -360,6 +370,7 @@ static inline void solids_alone(const struct query *q, enum solid type, const st
                                 struct lone *r) {
     const struct hot *hot = &q->scene->tree.hot[type];
     for (int i = 0; i < leaf->count[type]; i += LANES) {
+        ACTIVE(count_of(first_lanes(leaf->count[type] - i)));
         COUNT(solids_alone, group);
         int first = leaf->first[type] + i;
         real in, out, t;
@@ -368,6 +379,7 @@ static inline void solids_alone(const struct query *q, enum solid type, const st
         met = both(met, first_lanes(leaf->count[type] - i));
         if (!any(met))
             continue;
+        COUNT(solids_alone, met);
         real index = load(hot->index + first);
         met = but_not(equal(index, set(r->own)), met);
         if (q->any) {
