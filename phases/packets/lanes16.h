@@ -88,10 +88,12 @@ static inline real most_of(real a, real b) {
 }
 
 static inline float least_lane(real a) {
+    COUNT(least_lane, call);
     return _mm512_reduce_min_ps(a);
 }
 
 static inline float most_lane(real a) {
+    COUNT(most_lane, call);
     return _mm512_reduce_max_ps(a);
 }
 

@@ -90,11 +90,13 @@ static inline real most_of(real a, real b) {
 }
 
 static inline float least_lane(real a) {
+    COUNT(least_lane, call);
     a = _mm_min_ps(a, _mm_movehl_ps(a, a));
     return _mm_cvtss_f32(_mm_min_ss(a, _mm_shuffle_ps(a, a, 1)));
 }
 
 static inline float most_lane(real a) {
+    COUNT(most_lane, call);
     a = _mm_max_ps(a, _mm_movehl_ps(a, a));
     return _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps(a, a, 1)));
 }

@@ -38,6 +38,7 @@ static struct vec normal_on(const struct placed *s, struct vec p) {
 }
 
 static struct vec turned(const struct placed *s, struct vec v) {
+    COUNT(turned, call);
     if (!s->turned)
         return v;
     COUNT(turned, rotation);
@@ -46,6 +47,7 @@ static struct vec turned(const struct placed *s, struct vec v) {
 }
 
 static struct vec turned_back(const struct placed *s, struct vec v) {
+    COUNT(turned_back, call);
     if (!s->turned)
         return v;
     COUNT(turned_back, rotation);
@@ -139,6 +141,7 @@ static struct lit light_on(const struct work *work, mask found, struct vec p, st
 
 // What the light would bring, and the ray that says whether it does.
 static void cast(const struct work *work, const struct lit *at, struct vec bright, int first) {
+    COUNT(cast, call);
     struct desk *desk = work->desk;
     int to = desk->shadows;
     pack_vec(at->lit, at->from_light, desk->to_point, to);
@@ -153,6 +156,7 @@ static void cast(const struct work *work, const struct lit *at, struct vec brigh
 static void shade_packet(const struct work *work, int bounce, bool normals, int first) {
     ACTIVE(count_of(first_lanes(work->desk->rays.count - first)));
     COUNT(shade_packet, call);
+    COUNT(shade_packet, scalar);
     const struct prepared *scene = work->scene;
     const struct model *model = &scene->model;
     struct desk *desk = work->desk;
@@ -188,12 +192,14 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
             struct vec bright = {e.x * mul_add(base.x, at.facing, at.specular) * reach,
                                  e.y * mul_add(base.y, at.facing, at.specular) * reach,
                                  e.z * mul_add(base.z, at.facing, at.specular) * reach};
-            if (model->shadows == SHADOWS_NONE)
+            if (model->shadows == SHADOWS_NONE) {
+                COUNT(shade_packet, unshadowed);
                 color =
                     (struct vec){color.x + keep(at.lit, bright.x), color.y + keep(at.lit, bright.y),
                                  color.z + keep(at.lit, bright.z)};
-            else
+            } else {
                 cast(work, &at, bright, first);
+            }
         }
         mask mirrors = both(found, greater(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && any(mirrors)) {
@@ -216,6 +222,7 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
 // A march ends at the bounds: what lies beyond them is in nobody's way. From a light out there the ray begins where it
 // comes in.
 static void begin_at_bounds(const struct work *work, float *from) {
+    COUNT(begin_at_bounds, call);
     const double *l = work->view->light_position;
     double radius = work->scene->model.march.bounds_radius;
     real outside = set((float)(l[0] * l[0] + l[1] * l[1] + l[2] * l[2] - radius * radius));

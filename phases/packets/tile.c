@@ -104,9 +104,8 @@ int VARIANT(tiles)(const struct frame *frame) {
     return tiles_across(frame) * ((frame->height + TILE - 1) / TILE);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    COUNT(tile, call);
-    struct desk *desk = own;
+static void draw_tile(const struct job *job, int tile, struct desk *desk) {
+    COUNT(draw_tile, call);
     struct work work = {job->prepared, job->view, desk};
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;
     for (int k = 0; k < 3; k++)
@@ -123,6 +122,10 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
         shade(&work, bounce, false);
     }
     store_colors(desk, left, top, job->frame);
+}
+
+void VARIANT(tile)(const struct job *job, int tile, void *own) {
+    draw_tile(job, tile, own);
 }
 
 void VARIANT(hits)(const struct prepared *prepared, const struct ray_set *rays, size_t first,

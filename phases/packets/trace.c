@@ -88,6 +88,7 @@ static inline mask active_in(const struct beams *b, int packet) {
 }
 
 static inline void range_of(const struct beams *b, const float *const field, float *lo, float *hi) {
+    COUNT(range_of, call);
     real least = set(INFINITY), most = set(-INFINITY);
     for (int i = 0; i < b->count; i += LANES) {
         COUNT(range_of, packet);
@@ -101,6 +102,7 @@ static inline void range_of(const struct beams *b, const float *const field, flo
 }
 
 static inline float most_along(const struct query *q) {
+    COUNT(most_along, call);
     real most = set(-INFINITY);
     for (int i = 0; i < q->beams->count; i += LANES) {
         COUNT(most_along, packet);
@@ -137,6 +139,7 @@ static bool frustum_of(const struct query *q, struct frustum *f) {
     }
     if (best < STEEPEST)
         return false;
+    COUNT(frustum_of, axis);
     f->back = !(lo[f->axis] > 0);
     f->steep = f->back ? -lo[f->axis] : hi[f->axis];
     f->side[0] = (f->axis + 1) % 3;
@@ -264,6 +267,7 @@ static inline void ask_solid(const struct query *q, enum solid type, int i, int 
 
 static inline void leaf_of_type(const struct query *q, enum solid type, const struct leaf *leaf,
                                 const struct frustum *f) {
+    COUNT(leaf_of_type, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     int packets = (q->beams->count + LANES - 1) / LANES;
     for (int i = 0; i < leaf->count[type]; i += LANES) {
@@ -415,6 +419,7 @@ struct lone {
 
 static inline void solids_alone(const struct query *q, enum solid type, const struct leaf *leaf,
                                 struct lone *r) {
+    COUNT(solids_alone, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     for (int i = 0; i < leaf->count[type]; i += LANES) {
         ACTIVE(count_of(first_lanes(leaf->count[type] - i)));
@@ -457,6 +462,7 @@ static void leaf_alone(const struct query *q, int number, struct lone *r) {
 }
 
 static void bvh_alone(const struct query *q, struct lone *r) {
+    COUNT(bvh_alone, call);
     const struct tree *tree = &q->scene->tree;
     struct waiting stack[STACK];
     int count = 0;
@@ -495,6 +501,7 @@ static void bvh_alone(const struct query *q, struct lone *r) {
 
 // Scalar, as a kd-tree is: the part of the ray in a cell is cut at each plane.
 static void kd_alone(const struct query *q, struct lone *r) {
+    COUNT(kd_alone, call);
     const struct tree *tree = &q->scene->tree;
     float o[3] = {first_of(r->origin.x), first_of(r->origin.y), first_of(r->origin.z)};
     float enter = 0, leave = larger(r->t, 0), low[3], per[3];
