@@ -24,8 +24,8 @@ struct reader {
     bool failed;
 };
 
-static const char *const TYPE_NAMES[SHAPE_TYPES] = {"sphere",     "box",   "torus",     "cone",
-                                                    "octahedron", "plane", "mandelbulb"};
+static const char *const TYPE_NAMES[SHAPE_TYPES] = {
+    "sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "rounded box"};
 static const char *const SHADOW_NAMES[] = {"none", "hard", "soft"};
 
 const char *shape_type_name(enum shape_type type) {
@@ -116,7 +116,7 @@ static json_t *member(struct reader *r, json_t *object, const char *key, json_ty
     return value;
 }
 
-enum range { ANY, POSITIVE, NOT_NEGATIVE, CELL, UNIT, FIELD_OF_VIEW };
+enum range { ANY, POSITIVE, NOT_NEGATIVE, CELL, ROUNDING, UNIT, FIELD_OF_VIEW };
 
 static double checked(struct reader *r, const char *key, json_t *value, enum range range) {
     if (!json_is_number(value)) {
@@ -130,10 +130,12 @@ static double checked(struct reader *r, const char *key, json_t *value, enum ran
         fail(r, key, "%g is not > 0", x);
     else if (range == POSITIVE && x < SMALLEST)
         fail(r, key, "%g is under %g, the smallest length there is", x, SMALLEST);
-    else if ((range == NOT_NEGATIVE || range == CELL) && !(x >= 0))
+    else if ((range == NOT_NEGATIVE || range == CELL || range == ROUNDING) && !(x >= 0))
         fail(r, key, "%g is not >= 0", x);
     else if (range == CELL && !(x == 0 || x >= SMALLEST))
         fail(r, key, "%g is neither 0 nor a cell of at least %g", x, SMALLEST);
+    else if (range == ROUNDING && !(x == 0 || x >= SMALLEST))
+        fail(r, key, "%g is neither 0 nor a radius of at least %g", x, SMALLEST);
     else if (range == UNIT && !(x >= 0 && x <= 1))
         fail(r, key, "%g is not in 0 to 1", x);
     else if (range == FIELD_OF_VIEW && !(x >= 1 && x <= 170))
@@ -348,7 +350,7 @@ static int material_index(json_t *materials, const char *wanted) {
 static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
     static const char *const keys[SHAPE_TYPES][4] = {
         {"radius"},
-        {"half_size"},
+        {"half_size", "rounding"},
         {"major_radius", "minor_radius"},
         {"bottom_radius", "top_radius", "half_height"},
         {"radius"},
@@ -361,7 +363,13 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
     only_keys(r, object, known);
     switch (shape->type) {
     case SHAPE_SPHERE: shape->sphere.radius = number(r, object, "radius", POSITIVE); break;
-    case SHAPE_BOX: vector(r, object, "half_size", POSITIVE, shape->box.half_size); break;
+    case SHAPE_BOX:
+        vector(r, object, "half_size", POSITIVE, shape->box.half_size);
+        if (json_object_get(object, "rounding"))
+            shape->box.rounding = number(r, object, "rounding", ROUNDING);
+        if (shape->box.rounding > 0)
+            shape->type = SHAPE_ROUNDED_BOX;
+        break;
     case SHAPE_TORUS:
         shape->torus.major_radius = number(r, object, "major_radius", POSITIVE);
         shape->torus.minor_radius = number(r, object, "minor_radius", POSITIVE);
@@ -476,7 +484,7 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
     if (!type)
         return;
     int found = -1;
-    for (int i = 0; i < SHAPE_TYPES; i++)
+    for (int i = 0; i < SHAPE_ROUNDED_BOX; i++) // which is a box in the file
         if (strcmp(json_string_value(type), TYPE_NAMES[i]) == 0)
             found = i;
     if (found < 0) {

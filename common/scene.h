@@ -21,6 +21,7 @@ enum shape_type {
     SHAPE_OCTAHEDRON,
     SHAPE_PLANE,
     SHAPE_MANDELBULB,
+    SHAPE_ROUNDED_BOX, // in the file a box whose rounding is not 0: what has none pays for none
     SHAPE_TYPES
 };
 
@@ -50,6 +51,7 @@ struct shape {
         } sphere;
         struct {
             double half_size[3];
+            double rounding; // what it is grown by: its distance is that much less
         } box;
         struct {
             double major_radius, minor_radius; // about the y axis

@@ -58,6 +58,11 @@ CALL double sdf_box(struct vec3 p, const struct shape *shape) {
     return vec_norm(outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
 }
 
+CALL double sdf_rounded_box(struct vec3 p, const struct shape *shape) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, shape) - shape->box.rounding;
+}
+
 CALL double sdf_torus(struct vec3 p, const struct shape *shape) {
     COUNT(sdf_torus, call);
     double ring = vec_norm(new_vector(p.x, 0.0, p.z)) - shape->torus.major_radius;
@@ -138,6 +143,7 @@ CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
     case SHAPE_CONE: return sdf_cone(p, shape);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, shape);
     case SHAPE_PLANE: return sdf_plane(p, shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, shape);
     default: return sdf_mandelbulb(p, shape);
     }
 }

@@ -91,6 +91,11 @@ CALL double sdf_box(const struct vec3 *p, const struct shape *shape) {
     return vec_norm(&outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
 }
 
+CALL double sdf_rounded_box(const struct vec3 *p, const struct shape *shape) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, shape) - shape->box.rounding;
+}
+
 CALL double sdf_torus(const struct vec3 *p, const struct shape *shape) {
     COUNT(sdf_torus, call);
     struct vec3 flat = {p->x, 0.0, p->z};
@@ -178,6 +183,7 @@ CALL double distance_to_shape(const struct vec3 *point, const struct placed *pla
     case SHAPE_CONE: return sdf_cone(&p, &placed->shape);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &placed->shape);
     case SHAPE_PLANE: return sdf_plane(&p, &placed->shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &placed->shape);
     default: return sdf_mandelbulb(&p, &placed->shape);
     }
 }

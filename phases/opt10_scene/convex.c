@@ -42,6 +42,11 @@ INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
         real end = least_of(until_bounds(origin, direction, &scene->model.march), hit->t);
         struct among among = {
             vec_set(eyes[i].at), vec_set(eyes[i].rest), direction, active, no_lane(), end};
+        if (s->alike >= 0 || s->led) {
+            if (!s->led)
+                enter_alike(scene->placed, i, &among, hit);
+            return;
+        }
         met = enter_cells(s, &among, &t, &local);
     } else {
         COUNT(look, solid);

@@ -81,7 +81,7 @@ static enum way way_of(const struct shape *shape, bool repeated, const struct li
 
 static struct placed place_shape(int index, const struct shape *shape,
                                  const struct limits *limits) {
-    struct placed p = {.type = shape->type, .index = (float)index};
+    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
@@ -99,6 +99,10 @@ static struct placed place_shape(int index, const struct shape *shape,
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;
@@ -134,6 +138,8 @@ static double bound_of(const struct shape *shape) {
     case SHAPE_SPHERE: return shape->sphere.radius;
     case SHAPE_BOX:
         return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_ROUNDED_BOX:
+        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
     case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
     case SHAPE_CONE:
         return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
@@ -155,6 +161,10 @@ static bool cells_hold(const struct shape *shape, struct placed *p, const struct
     switch (shape->type) {
     case SHAPE_SPHERE: half[0] = half[1] = half[2] = shape->sphere.radius; break;
     case SHAPE_BOX: memcpy(half, shape->box.half_size, sizeof half); break;
+    case SHAPE_ROUNDED_BOX:
+        for (int i = 0; i < 3; i++)
+            half[i] = shape->box.half_size[i] + shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         half[0] = half[2] = shape->torus.major_radius + shape->torus.minor_radius;
         half[1] = shape->torus.minor_radius;
@@ -227,6 +237,24 @@ static void plant(struct prepared *prepared) {
     tree_build(&prepared->tree, prepared->leaves, solids);
 }
 
+// Of a repeated shape the others behind it that are repeated so in the same frame.
+static void find_alike(struct placed *placed, int first, int count) {
+    struct placed *s = &placed[first], *last = s;
+    memcpy(s->around, s->box, sizeof s->box);
+    for (int i = first + 1; i < count && s->repeated && !s->led; i++) {
+        struct placed *p = &placed[i];
+        if (!p->repeated || memcmp(p->centre, s->centre, sizeof s->centre) != 0 ||
+            memcmp(p->row, s->row, sizeof s->row) != 0 ||
+            memcmp(p->wide_cell, s->wide_cell, sizeof s->wide_cell) != 0)
+            continue;
+        last->alike = i;
+        last = p;
+        p->led = true;
+        for (int k = 0; k < 3; k++)
+            s->around[k] = fmaxf(s->around[k], p->box[k]);
+    }
+}
+
 static void place_all(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
@@ -253,6 +281,8 @@ static void place_all(struct prepared *prepared, const struct model *model) {
               prepared->bulbs > 1)))
             prepared->solids = false;
     }
+    for (int i = 0; i < model->shape_count && prepared->repeats; i++)
+        find_alike(prepared->placed, i, model->shape_count);
     plant(prepared);
 }
 

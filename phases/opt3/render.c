@@ -39,6 +39,10 @@ static struct placed place_shape(int index, const struct shape *shape) {
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = shape->sphere.radius; break;
     case SHAPE_BOX: memcpy(p.size, shape->box.half_size, sizeof p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        memcpy(p.size, shape->box.half_size, sizeof p.size);
+        p.a = shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         p.a = shape->torus.major_radius;
         p.b = shape->torus.minor_radius;

@@ -75,6 +75,11 @@ static inline real sdf_box(struct vec p, const struct placed *s) {
     return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
 }
 
+static inline real sdf_rounded_box(struct vec p, const struct placed *s) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, s) - set(s->a);
+}
+
 static inline real sdf_torus(struct vec p, const struct placed *s) {
     COUNT(sdf_torus, call);
     real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
@@ -161,6 +166,7 @@ distance_to_shape(struct vec point, const struct placed *placed, mask done) {
     case SHAPE_CONE: return sdf_cone(p, placed);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
     case SHAPE_PLANE: return sdf_plane(p, placed);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
     default: return sdf_mandelbulb(p, placed, done);
     }
 }

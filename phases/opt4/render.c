@@ -84,6 +84,10 @@ static struct placed place_shape(int index, const struct shape *shape,
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;

@@ -80,6 +80,8 @@ static float reach_of(const struct shape *shape) {
     switch (shape->type) {
     case SHAPE_SPHERE: return (float)shape->sphere.radius;
     case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
+    case SHAPE_ROUNDED_BOX:
+        return (float)(hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding);
     case SHAPE_TORUS: return (float)(shape->torus.major_radius + shape->torus.minor_radius);
     case SHAPE_CONE:
         return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
@@ -109,6 +111,10 @@ static struct placed place_shape(int index, const struct shape *shape,
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;

@@ -188,7 +188,8 @@ static struct vec gradient_of(int shape, mask found, mask contact, float step,
     ACTIVE(count_of(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;
-    case SHAPE_BOX: exact = box_gradient(p, placed); break;
+    case SHAPE_BOX:
+    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
     case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
     case SHAPE_CONE: exact = cone_gradient(p, placed); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;

@@ -163,6 +163,11 @@ static inline real sdf_box(struct vec p, const struct placed *s) {
     return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
 }
 
+static inline real sdf_rounded_box(struct vec p, const struct placed *s) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, s) - set(s->a);
+}
+
 static inline real sdf_torus(struct vec p, const struct placed *s) {
     COUNT(sdf_torus, call);
     real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
@@ -286,6 +291,7 @@ distance_at(struct vec p, const struct placed *placed, enum shape_type type, mas
     case SHAPE_CONE: return sdf_cone(p, placed);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
     case SHAPE_PLANE: return sdf_plane(p, placed);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
     default: return sdf_mandelbulb(p, placed, live);
     }
 }
@@ -467,6 +473,7 @@ __attribute__((always_inline)) static inline void shape_distances(struct group *
     case SHAPE_TORUS: EACH(AT_POINT, SHAPE_TORUS); break;
     case SHAPE_CONE: EACH(AT_POINT, SHAPE_CONE); break;
     case SHAPE_OCTAHEDRON: EACH(AT_POINT, SHAPE_OCTAHEDRON); break;
+    case SHAPE_ROUNDED_BOX: EACH(AT_POINT, SHAPE_ROUNDED_BOX); break;
     default: EACH(AT_POINT, SHAPE_PLANE); break;
     }
 #undef EACH

@@ -41,7 +41,8 @@ static inline real flat_within(struct vec p, const struct placed *s) {
         real z = absolute(absolute(p.z) - set(s->size[2]));
         return set(SHARP) * most_of(least_of(x, y), least_of(most_of(x, y), z));
     }
-    case SHAPE_OCTAHEDRON: // an edge is where a coordinate is 0
+    case SHAPE_ROUNDED_BOX: return set(0.0f); // flat here, round there: march
+    case SHAPE_OCTAHEDRON:                    // an edge is where a coordinate is 0
         COUNT(flat_within, octahedron);
         return set(SHARP) * least_of(absolute(p.x), least_of(absolute(p.y), absolute(p.z)));
     case SHAPE_CONE: {

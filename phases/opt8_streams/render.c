@@ -80,6 +80,8 @@ static float reach_of(const struct shape *shape) {
     switch (shape->type) {
     case SHAPE_SPHERE: return (float)shape->sphere.radius;
     case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
+    case SHAPE_ROUNDED_BOX:
+        return (float)(hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding);
     case SHAPE_TORUS: return (float)(shape->torus.major_radius + shape->torus.minor_radius);
     case SHAPE_CONE:
         return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
@@ -120,6 +122,10 @@ static struct placed place_shape(int index, const struct shape *shape,
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;
@@ -160,6 +166,8 @@ static double bound_of(const struct shape *shape) {
     case SHAPE_SPHERE: return shape->sphere.radius;
     case SHAPE_BOX:
         return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_ROUNDED_BOX:
+        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
     case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
     case SHAPE_CONE:
         return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),

@@ -129,6 +129,41 @@ mask enter_cells(const struct placed *s, const struct among *among, real *t, str
     return found;
 }
 
+void enter_alike(const struct placed *placed, int first, const struct among *among,
+                 struct found *hit) {
+    ACTIVE(count_of(among->active));
+    COUNT(enter_alike, call);
+    const struct placed *s = &placed[first];
+    struct vec o = among->origin, d = turned(s, among->direction);
+    struct walk w = {axis_of(o.x, d.x, s->cell[0], s->around[0]),
+                     axis_of(o.y, d.y, s->cell[1], s->around[1]),
+                     axis_of(o.z, d.z, s->cell[2], s->around[2]), among->end};
+    for (mask going = among->active; any(going);) {
+        mask met = next_box(&w, going, no_lane()), entered = no_lane();
+        if (!any(met))
+            break;
+        ACTIVE(count_of(met));
+        COUNT(enter_alike, met);
+        real from = most_of(into_box(&w), set(0.0f));
+        struct vec start = at_copy(s, among, d, &w, from);
+        for (int i = first; i >= 0; i = placed[i].alike) {
+            COUNT(enter_alike, shape);
+            real in;
+            struct vec at;
+            mask behind, here = enter(start, d, &placed[i], met, &in, &at, &behind);
+            // As in enter_cells(); no copy reaches out of its cell, so that this cell's nearest is the first.
+            here = either(here, both(behind, greater(from, set(0.0f))));
+            here = both(here, less(from + in, hit->t));
+            entered = either(entered, here);
+            hit->t = choose(here, from + in, hit->t);
+            hit->shape = choose(here, set(placed[i].index), hit->shape);
+            hit->local = vec_choose(here, at, hit->local);
+        }
+        hit->found = either(hit->found, entered);
+        going = next_cells(&w, but_not(entered, met));
+    }
+}
+
 static inline mask in_box(const struct placed *s, struct vec p) {
     COUNT(in_box, call);
     return both(less(absolute(p.x), set(s->box[0])),

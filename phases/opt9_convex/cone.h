@@ -33,6 +33,11 @@ static inline real reach_of(struct vec n, real length, const struct placed *s) {
         COUNT(reach_of, box);
         return mul_add(set(s->size[0]), absolute(n.x),
                        mul_add(set(s->size[1]), absolute(n.y), set(s->size[2]) * absolute(n.z)));
+    case SHAPE_ROUNDED_BOX:
+        COUNT(reach_of, rounded);
+        return mul_add(set(s->size[0]), absolute(n.x),
+                       mul_add(set(s->size[1]), absolute(n.y),
+                               mul_add(set(s->size[2]), absolute(n.z), set(s->a) * length)));
     case SHAPE_OCTAHEDRON:
         COUNT(reach_of, octahedron);
         return set(s->a) * most_of(absolute(n.x), most_of(absolute(n.y), absolute(n.z)));
@@ -88,7 +93,8 @@ static inline real flat_within(struct vec p, const struct placed *s) {
         real z = absolute(absolute(p.z) - set(s->size[2]));
         return set(SHARP) * most_of(least_of(x, y), least_of(most_of(x, y), z));
     }
-    case SHAPE_OCTAHEDRON: // an edge is where a coordinate is 0
+    case SHAPE_ROUNDED_BOX: return set(0.0f); // flat here, round there: march
+    case SHAPE_OCTAHEDRON:                    // an edge is where a coordinate is 0
         COUNT(flat_within, octahedron);
         return set(SHARP) * least_of(absolute(p.x), least_of(absolute(p.y), absolute(p.z)));
     case SHAPE_CONE: {

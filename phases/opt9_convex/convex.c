@@ -45,6 +45,11 @@ static void first_hit(const struct ray *ray, const struct eye *eyes, const int *
             COUNT(first_hit, repeated);
             struct among among = {vec_set(eyes[i].at), vec_set(eyes[i].rest),   direction, active,
                                   no_lane(),           least_of(bounds, hit->t)};
+            if (s->alike >= 0 || s->led) {
+                if (!s->led)
+                    enter_alike(scene->placed, i, &among, hit);
+                continue;
+            }
             met = enter_cells(s, &among, &t, &local);
         } else {
             COUNT(first_hit, solid);

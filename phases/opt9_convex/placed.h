@@ -38,6 +38,11 @@ struct placed {
     bool convex;
     float box
         [3]; // repeated: half of a box that holds it, and the rounding of a walk through its cells
+    // Repeated: the next shape that is so in the same frame, −1: none; whether there is one before; of the first of
+    // them half of a box about all.
+    int alike;
+    bool led;
+    float around[3];
     // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
     // shine_from, its highlight is less than 1e-9 of the light.
     float color[3], share, shininess, shine_from;

@@ -31,6 +31,41 @@ static inline mask enter_box(struct vec c, struct vec d, const struct placed *s,
     return not_less(out, *t);
 }
 
+// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the distance: it is convex
+// along a ray, so that none goes too far, and a ray that comes no nearer has missed. A flat part is there at once.
+static inline mask enter_rounded_box(struct vec c, struct vec d, const struct placed *s, mask near,
+                                     real *t) {
+    COUNT(enter_rounded_box, call);
+    COUNT(enter_rounded_box, scalar);
+    real zero = set(0.0f), out = set(INFINITY), at = set(-INFINITY);
+    real close = set(0x1p-22f * s->bound);
+    slab(c.x, d.x, s->size[0] + s->a, &at, &out);
+    slab(c.y, d.y, s->size[1] + s->a, &at, &out);
+    slab(c.z, d.z, s->size[2] + s->a, &at, &out);
+    mask going = both(near, not_less(out, at)), found = no_lane();
+    for (int step = 0; step < 64 && any(going); step++) {
+        ACTIVE(count_of(going));
+        COUNT(enter_rounded_box, step);
+        struct vec p = vec_along(c, d, at);
+        real x = most_of(absolute(p.x) - set(s->size[0]), zero);
+        real y = most_of(absolute(p.y) - set(s->size[1]), zero);
+        real z = most_of(absolute(p.z) - set(s->size[2]), zero);
+        real far = vec_norm((struct vec){x, y, z}), h = far - set(s->a);
+        real rate = mul_add(
+            x, negate_where(negative(p.x), d.x), // of far, times it
+            mul_add(y, negate_where(negative(p.y), d.y), z * negate_where(negative(p.z), d.z)));
+        mask reached = both(going, not_less(close, h));
+        mask gone = either(not_less(rate, zero), greater(at, out));
+        // What is left where it is reached is rounding, too, and must not become a long way at a tangent.
+        real least = most_of(choose(reached, far * set(0.1f), zero), set(1e-30f));
+        at = choose(going, at + h * far / most_of(zero - rate, least), at);
+        found = either(found, reached);
+        going = but_not(either(reached, gone), going);
+    }
+    *t = at;
+    return found;
+}
+
 static inline mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_octahedron, call);
     real out = set(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
@@ -153,6 +188,7 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
         in = set(0.0f) - half;
         break;
     case SHAPE_BOX: near = both(near, enter_box(c, d, s, &in)); break;
+    case SHAPE_ROUNDED_BOX: near = both(near, enter_rounded_box(c, d, s, near, &in)); break;
     case SHAPE_CONE: near = both(near, enter_cone(c, d, s, &in)); break;
     case SHAPE_OCTAHEDRON: near = both(near, enter_octahedron(c, d, s, &in)); break;
     default:
@@ -184,6 +220,19 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
         mask on_x = both(not_less(x, y), not_less(x, z)), on_y = but_not(on_x, not_less(y, z));
         return (struct vec){with_sign_of(p.x, keep(on_x, one)), with_sign_of(p.y, keep(on_y, one)),
                             with_sign_of(p.z, drop(either(on_x, on_y), one))};
+    }
+    case SHAPE_ROUNDED_BOX: {
+        COUNT(normal_on, rounded);
+        real x = absolute(p.x) - set(s->size[0]), y = absolute(p.y) - set(s->size[1]);
+        real z = absolute(p.z) - set(s->size[2]), most = most_of(x, most_of(y, z));
+        // Where float does not see the rounding it is a box.
+        mask sharp = not_less(set(0.0f), most), on_x = not_less(x, most), on_y = not_less(y, most);
+        struct vec away = {most_of(x, set(0.0f)), most_of(y, set(0.0f)), most_of(z, set(0.0f))};
+        struct vec face = {keep(on_x, one), keep(but_not(on_x, on_y), one),
+                           drop(either(on_x, on_y), one)};
+        away = vec_choose(sharp, face, vec_scale(away, one / vec_norm(away)));
+        return (struct vec){with_sign_of(p.x, away.x), with_sign_of(p.y, away.y),
+                            with_sign_of(p.z, away.z)};
     }
     case SHAPE_CONE: {
         COUNT(normal_on, cone);

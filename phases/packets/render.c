@@ -21,7 +21,8 @@ struct kept {
 static const char *unsupported_shape(const struct scene *scene, char *error, size_t size) {
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct shape *s = &scene->model.shapes[i];
-        if (s->type == SHAPE_TORUS || s->type == SHAPE_OCTAHEDRON || s->type == SHAPE_MANDELBULB)
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_PLANE && s->type != SHAPE_BOX &&
+            s->type != SHAPE_CONE)
             snprintf(
                 error, size,
                 "shapes[%d] is of type \"%s\": packets has closed forms of spheres, planes, boxes "

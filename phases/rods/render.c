@@ -48,6 +48,10 @@ static struct placed place_shape(const struct shape *shape) {
         p.a = shape->torus.major_radius;
         p.b = shape->torus.minor_radius;
         break;
+    case SHAPE_ROUNDED_BOX:
+        memcpy(p.size, shape->box.half_size, sizeof shape->box.half_size);
+        p.a = shape->box.rounding;
+        break;
     case SHAPE_CONE:
         p.a = shape->cone.bottom_radius;
         p.b = shape->cone.top_radius;

@@ -85,6 +85,11 @@ static inline double sdf_box(const double *p, const struct placed *s) {
     return vec_norm(outside) + least_of(most_of(q[0], most_of(q[1], q[2])), 0.0);
 }
 
+static inline double sdf_rounded_box(const double *p, const struct placed *s) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, s) - s->a;
+}
+
 static inline double sdf_torus(const double *p, const struct placed *s) {
     COUNT(sdf_torus, call);
     double ring = sqrt(p[0] * p[0] + p[2] * p[2]) - s->a;
@@ -180,6 +185,7 @@ static inline double distance_to_shape(const double *point, const struct placed 
     case SHAPE_CONE: return sdf_cone(p, placed);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
     case SHAPE_PLANE: return sdf_plane(p, placed);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
     default: return sdf_mandelbulb(p, placed);
     }
 }

@@ -39,6 +39,7 @@ static void FN(in_copy)(const struct shape *shape, struct FN(ray) ray, struct IV
     case SHAPE_SPHERE: FN(in_sphere)(shape, &ray, range, parts); break;
     case SHAPE_PLANE: FN(in_plane)(shape, &ray, range, parts); break;
     case SHAPE_BOX: FN(in_box)(shape, &ray, range, parts); break;
+    case SHAPE_ROUNDED_BOX: FN(in_rounded_box)(shape, &ray, range, parts); break;
     case SHAPE_CONE: FN(in_cone)(shape, &ray, range, parts); break;
     case SHAPE_TORUS: FN(in_torus)(shape, &ray, range, parts, evals); break;
     case SHAPE_OCTAHEDRON: FN(in_octahedron)(shape, &ray, range, parts); break;

@@ -215,6 +215,14 @@ static void surface_normal(const struct shape *shape, int face, const struct ivq
         for (int i = 0; i < 3; i++)
             n[i] = point_q(shape->plane.normal[i]);
         break;
+    case SHAPE_ROUNDED_BOX: // away from the nearest point of the box that is grown
+        for (int i = 0; i < 3; i++) {
+            struct ivq half = point_q(shape->box.half_size[i]), over = sub_q(p[i], half),
+                       under = add_q(p[i], half);
+            n[i] = (struct ivq){(under.lo < 0 ? under.lo : 0) + (over.lo > 0 ? over.lo : 0),
+                                (under.hi < 0 ? under.hi : 0) + (over.hi > 0 ? over.hi : 0)};
+        }
+        break;
     case SHAPE_OCTAHEDRON:
         for (int i = 0; i < 3; i++)
             n[i] = point_q(face >> i & 1 ? 1 : -1);

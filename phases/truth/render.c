@@ -26,7 +26,8 @@ static bool same_surface(const struct shape *a, const struct shape *b) {
         return false;
     switch (a->type) {
     case SHAPE_SPHERE: return a->sphere.radius == b->sphere.radius;
-    case SHAPE_BOX: return memcmp(&a->box, &b->box, sizeof a->box) == 0;
+    case SHAPE_BOX:
+    case SHAPE_ROUNDED_BOX: return memcmp(&a->box, &b->box, sizeof a->box) == 0;
     case SHAPE_TORUS: return memcmp(&a->torus, &b->torus, sizeof a->torus) == 0;
     case SHAPE_CONE: return memcmp(&a->cone, &b->cone, sizeof a->cone) == 0;
     case SHAPE_OCTAHEDRON: return a->octahedron.radius == b->octahedron.radius;

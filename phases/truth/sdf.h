@@ -30,6 +30,10 @@ static inline struct dd sdf_box(const struct dd p[3], const struct shape *shape)
     return outside.hi > 0 ? dd_sqrt(outside) : dd_min(most, zero);
 }
 
+static inline struct dd sdf_rounded_box(const struct dd p[3], const struct shape *shape) {
+    return dd_sub(sdf_box(p, shape), dd_from(shape->box.rounding));
+}
+
 static inline struct dd length_2(struct dd x, struct dd y) {
     return dd_sqrt(dd_add(dd_sqr(x), dd_sqr(y)));
 }
@@ -146,6 +150,7 @@ static inline struct dd distance_to(const struct solid *solid, const struct dd p
     case SHAPE_CONE: return sdf_cone(local, solid->shape);
     case SHAPE_OCTAHEDRON: return sdf_octahedron(local, solid->shape);
     case SHAPE_PLANE: return sdf_plane(local, solid->shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(local, solid->shape);
     default: return sdf_mandelbulb(local, solid->shape);
     }
 }

@@ -11,6 +11,8 @@ enum { MOST_PARTS = 8, MOST_ROOTS = 16, MOST_CELLS = 2000, MOST_ROUNDS = 5000 };
 #define FINE 0x1p-47
 #include "solve_body.h"
 
+#include "rounded_body.h"
+
 #include "torus_body.h"
 
 #include "first_body.h" // in this order
@@ -24,6 +26,8 @@ enum { MOST_PARTS = 8, MOST_ROOTS = 16, MOST_CELLS = 2000, MOST_ROUNDS = 5000 };
 #define FN(name) name##_q
 #define FINE ((quad)0x1p-106)
 #include "solve_body.h"
+
+#include "rounded_body.h"
 
 #include "torus_body.h"
 

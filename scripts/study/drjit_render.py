@@ -49,7 +49,8 @@ def plane(p, s):
 
 def box(p, s):
     q = abs(p) - Array3f(*s["half_size"])
-    return dr.norm(dr.maximum(q, 0)) + dr.minimum(dr.maximum(q.x, dr.maximum(q.y, q.z)), 0)
+    distance = dr.norm(dr.maximum(q, 0)) + dr.minimum(dr.maximum(q.x, dr.maximum(q.y, q.z)), 0)
+    return distance - s["rounding"] if s.get("rounding") else distance
 
 
 def torus(p, s):

@@ -24,6 +24,7 @@ SHAPES: dict[str, dict[str, Any]] = {
     "cone": {"bottom_radius": 1.25, "top_radius": 0.5, "half_height": 0.75},
     "torus": {"major_radius": 1, "minor_radius": 0.25},
     "octahedron": {"radius": 1.25},
+    "rounded box": {"half_size": [1, 0.75, 0.5], "rounding": 0.25},
 }
 ROTATION = [30, -77.5, 101.3]
 POSITION = [0.1, -2, 3]
@@ -46,7 +47,7 @@ def scene(kind: str, **frame: Any) -> dict[str, Any]:
             "surface_offset": 1e-3,
         },
         "materials": {"white": {"color": [1, 1, 1], "reflectivity": 0, "shininess": 10}},
-        "shapes": [{"type": kind, "material": "white", **SHAPES[kind], **frame}],
+        "shapes": [{"type": kind.split()[-1], "material": "white", **SHAPES[kind], **frame}],
     }
 
 
@@ -80,6 +81,12 @@ def surface(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np
         p[np.arange(n), axis] = side * half[axis]
         normal[np.arange(n), axis] = side
         return p, normal
+    if kind == "rounded box":  # out over one axis a face, over two an edge, over all a corner
+        side, out = rng.choice([-1.0, 1.0], (n, 3)), rng.integers(1, 8, n)[:, None] >> np.arange(3) & 1 > 0
+        half, normal = np.array(size["half_size"]), np.where(out, abs(_unit(rng, n)), 0) * side
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        inner = np.where(out, side, rng.uniform(-1, 1, (n, 3))) * half
+        return inner + normal * size["rounding"], normal
     if kind == "octahedron":
         p, signs = rng.dirichlet((1, 1, 1), n) * size["radius"], rng.choice([-1.0, 1.0], (n, 3))
         return p * signs, signs / math.sqrt(3)
@@ -105,6 +112,12 @@ def _corners(kind: str, rng: np.random.Generator, n: int) -> np.ndarray:
             p = signs * np.array(size["half_size"])
             along = np.eye(3)[rng.integers(0, 3, n)]
             return np.where(rng.random(n)[:, None] < 0.5, p, p * (1 - along * (1 - t)))
+        case "rounded box":  # seams of faces, edges and corners, and what is the inner box's
+            over = rng.choice([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.8, 0], [0, 0, 0]], n)
+            p = signs * (np.array(size["half_size"]) + size["rounding"] * over)
+            return np.where(
+                rng.random(n)[:, None] < 0.5, p, p * (1 - np.eye(3)[rng.integers(0, 3, n)] * (1 - t))
+            )
         case "octahedron":
             i = rng.integers(0, 3, n)
             share = np.where(rng.random(n)[:, None] < 0.5, 1, abs(t))

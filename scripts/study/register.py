@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from study import ablations, compilers, flops, roof, stats
+from study import ablations, compilers, flops, lattice, roof, stats
 from study.analysis import Data
 from study.compilers import known, read
 from study.stats import Interval
@@ -219,6 +219,21 @@ def _normalize(data: Data, claim: Claim) -> Found:
     return sized(Found(text, verdict, why, gain["value"], low, high, n), claim["n"], unit="vectors = ")
 
 
+def _rtrm(data: Data, claim: Claim) -> Found:
+    """Beside figures of another machine: that decides nothing."""
+    result = lattice.read(data.path / lattice.FILE)
+    named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
+    fastest = lattice.best(result, 2)
+    if not named or fastest is None:
+        return missing("time of scene lattice on two threads")
+    one, ends = named[0], (named[0]["program_low"], named[0]["program_high"])
+    low, high = (end if known(end) else math.nan for end in ends)
+    text = (
+        f"{one['program']:.2f}× its figure of another machine; {fastest['phase']} {fastest['program']:.2f}×"
+    )
+    return Found(text, NEVER, claim["note"], one["program"], low, high, one["n"])
+
+
 def _later(data: Data, claim: Claim) -> Found:
     return Found("", NEVER)
 
@@ -237,5 +252,6 @@ CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "compilers": compilers.slightly_better,
     "best_compiler": compilers.best,
     "normalize": _normalize,
+    "rtrm": _rtrm,
     "later": _later,
 }

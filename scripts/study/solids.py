@@ -51,6 +51,8 @@ def shape_of(data: dict[str, Any]) -> Shape:
         sizes: dict[str, Any] = {"normal": [x / length for x in n], "offset": float(data["offset"]) / length}
     elif kind == "box":
         sizes = {"half_size": _doubles(data["half_size"])}
+        if data.get("rounding"):
+            kind, sizes["rounding"] = "rounded box", float(data["rounding"])
     else:
         names = {
             "torus": ("major_radius", "minor_radius"),
@@ -94,6 +96,8 @@ def solids(shape: Shape, scale: int, a: Balls, b: Balls) -> list[list[Poly]]:
         case "box":
             half = [arb(h) * scale for h in shape.sizes["half_size"]]
             return [[p for x, d, h in zip(a, b, half, strict=True) for p in ([x - h, d], [-x - h, -d])]]
+        case "rounded box":
+            return _rounded([arb(h) * scale for h in shape.sizes["half_size"]], size["rounding"], a, b)
         case "octahedron":
             sides = ([arb(s) for s in signs] for signs in product((-1, 1), repeat=3))
             return [[[_dot(n, a) - size["radius"], _dot(n, b)] for n in sides]]
@@ -101,6 +105,30 @@ def solids(shape: Shape, scale: int, a: Balls, b: Balls) -> list[list[Poly]]:
             return [_cone(size["bottom_radius"], size["top_radius"], size["half_height"], a, b)]
         case _:
             return _torus(size["major_radius"], size["minor_radius"], a, b)
+
+
+def _rounded(half: Balls, radius: arb, a: Balls, b: Balls) -> list[list[Poly]]:
+    """Three boxes, each wider along one axis, a cylinder about each edge and a ball about each corner."""
+
+    def between(i: int, h: arb) -> list[Poly]:
+        return [[a[i] - h, b[i]], [-a[i] - h, -b[i]]]
+
+    def about(centre: Balls, axes: tuple[int, ...]) -> Poly:
+        zero = arb(0)
+        square = square_of(
+            [a[i] - centre[i] if i in axes else zero for i in range(3)],
+            [b[i] if i in axes else zero for i in range(3)],
+        )
+        return [square[0] - radius * radius, *square[1:]]
+
+    corners = [[h * s for h, s in zip(half, signs, strict=True)] for signs in product((-1, 1), repeat=3)]
+    found = [
+        [p for i, h in enumerate(half) for p in between(i, h + radius if i == wide else h)]
+        for wide in range(3)
+    ]
+    for along, axes in enumerate(((1, 2), (0, 2), (0, 1))):
+        found += [[about(c, axes), *between(along, half[along])] for c in corners if c[along] > 0]
+    return found + [[about(c, (0, 1, 2))] for c in corners]
 
 
 def _cone(bottom: arb, top: arb, h: arb, a: Balls, b: Balls) -> list[Poly]:
@@ -126,6 +154,8 @@ def radius_of(shape: Shape) -> float:
     match shape.kind:
         case "box":
             size = math.hypot(*s["half_size"])
+        case "rounded box":
+            size = math.hypot(*s["half_size"]) + s["rounding"]
         case "torus":
             size = s["major_radius"] + s["minor_radius"]
         case "cone":
@@ -146,9 +176,10 @@ def distance(shape: Shape, scale: int, p: Balls) -> arb:
             return _length(p) - size["radius"]
         case "plane":
             return _dot([arb(x) for x in shape.sizes["normal"]], p) - size["offset"]
-        case "box":
+        case "box" | "rounded box":
             q = [abs(x) - arb(h) * scale for x, h in zip(p, shape.sizes["half_size"], strict=True)]
-            return _length([x.max(zero) for x in q]) + q[0].max(q[1]).max(q[2]).min(zero)
+            box = _length([x.max(zero) for x in q]) + q[0].max(q[1]).max(q[2]).min(zero)
+            return box - size.get("rounding", zero)
         case "torus":
             ring = _length([p[0], p[2]]) - size["major_radius"]
             return _length([ring, p[1]]) - size["minor_radius"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import packets, packets_page, rods, rods_page, rods_pictures
+from study import lattice, lattice_page, packets, packets_page, rods, rods_page, rods_pictures
 from study.sections import Section, part, reading
 from study.show import Column
 
@@ -41,6 +41,13 @@ def section(path: Path) -> Section:
             caption = "Rods, then packets: the throttle's choice of each scene"
             parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE)
         rows = rods_page.system_rows(result, throttled)
+    with reading(path / lattice.FILE, f"scripts/lattice.py --run {path}"):
+        latticed = lattice.read(path / lattice.FILE)
+        if latticed["rows"]:
+            caption = "CPU-RTRM's scene by every phase of the ladder"
+            parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS)
+            remarks.append(lattice_page.note(latticed))
+            rows += lattice_page.system_rows(latticed)
     with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
         traced = packets.read(path / packets.FILE)
         drawn = drawn | packets_page.drawings(traced)

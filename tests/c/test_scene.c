@@ -32,7 +32,7 @@ static const char WHOLE[] =
     "'shapes':[{'type':'sphere','radius':1.5,'material':'mirror','position':[1,2,3],"
     "'rotation_degrees':[10,20,30],'repeat':[4,0,5],"
     "'path':{'type':'circle','centre':[0,1,3],'axis':[0,0,2],'period':8}},"
-    "{'type':'box','half_size':[1,2,3],'material':'white',"
+    "{'type':'box','half_size':[1,2,3],'rounding':0.25,'material':'white',"
     "'path':{'type':'line','to':[4,-8,0.5],'period':2}},"
     "{'type':'torus','major_radius':2,'minor_radius':0.5,'material':'white'},"
     "{'type':'cone','bottom_radius':2,'top_radius':1,'half_height':3,'material':'white'},"
@@ -181,6 +181,14 @@ static void limits_are_refused(void **state) {
         {"shapes[0].repeat[1]", "-2", NULL, "-2 is not >= 0"},
         {"shapes[0].repeat[1]", "1e-40", NULL, "1e-40 is neither 0 nor a cell of at least 1e-09"},
         {"shapes[1].half_size[2]", "0", NULL, "0 is not > 0"},
+        {"shapes[1].rounding", "-0.1", NULL, "-0.1 is not >= 0"},
+        {"shapes[1].rounding", "1e-12", NULL, "1e-12 is neither 0 nor a radius of at least 1e-09"},
+        {"shapes[0].rounding", "0.1", NULL,
+         "unknown key; known here: type, material, position, rotation_degrees, repeat, path, "
+         "radius"},
+        {"shapes[1].type", "'rounded box'", NULL,
+         "\"rounded box\" is not a shape; there are sphere, box, torus, cone, octahedron, plane, "
+         "mandelbulb"},
         {"shapes[2].major_radius", "0", NULL, "0 is not > 0"},
         {"shapes[2].minor_radius", "-0.5", NULL, "-0.5 is not > 0"},
         {"shapes[3].bottom_radius", "0", NULL, "0 is not > 0"},
@@ -245,6 +253,10 @@ static void limits_themselves_are_accepted(void **state) {
         {"shapes[1].path.to", "[1e9,-1e9,1e9]"},
         {"shapes[0].rotation_degrees", "[0,0,0]"},
         {"shapes[0].repeat", "[0,0,0]"},
+        {"shapes[1].rounding", NULL},
+        {"shapes[1].rounding", "0"},
+        {"shapes[1].rounding", "1e-9"},
+        {"shapes[1].rounding", "1e9"},
     };
     for (size_t i = 0; i < COUNT(cases); i++) {
         if (!accepted(cases[i][0], cases[i][1]))
@@ -304,7 +316,7 @@ static void every_value_is_checked(void **state) {
         bool element = ends_in(path, "]");
         bool optional = ends_in(path, "position") && path[0] == 's';
         optional = optional || ends_in(path, "rotation_degrees") || ends_in(path, "repeat");
-        optional = optional || ends_in(path, "].path");
+        optional = optional || ends_in(path, "].path") || ends_in(path, "rounding");
         bool material = strncmp(path, "materials.", 10) == 0 && !strchr(path + 10, '.');
         if (!element && !optional && !material)
             refused(path, NULL, NULL, NULL);
@@ -464,8 +476,8 @@ static void values_arrive(void **state) {
     json_decref(root);
     const struct model *m = &scene.model;
     const struct view *v = &scene.view;
-    static const enum shape_type types[] = {SHAPE_SPHERE,    SHAPE_BOX,        SHAPE_TORUS,
-                                            SHAPE_CONE,      SHAPE_OCTAHEDRON, SHAPE_PLANE,
+    static const enum shape_type types[] = {SHAPE_SPHERE,    SHAPE_ROUNDED_BOX, SHAPE_TORUS,
+                                            SHAPE_CONE,      SHAPE_OCTAHEDRON,  SHAPE_PLANE,
                                             SHAPE_MANDELBULB};
     assert_int_equal(m->shape_count, 7);
     assert_int_equal(m->material_count, 2);
@@ -493,6 +505,7 @@ static void values_arrive(void **state) {
     }
     assert_true(s[0].sphere.radius == 1.5 && s[4].octahedron.radius == 1.25);
     assert_memory_equal(s[1].box.half_size, ((double[]){1, 2, 3}), sizeof s->position);
+    assert_true(s[1].box.rounding == 0.25);
     assert_true(s[2].torus.major_radius == 2 && s[2].torus.minor_radius == 0.5);
     assert_true(s[3].cone.bottom_radius == 2 && s[3].cone.top_radius == 1);
     assert_true(s[3].cone.half_height == 3);
@@ -699,6 +712,20 @@ static void features_are_found(void **state) {
     scene_free(&scene);
 }
 
+// What is not rounded is of the plain type, so that no phase pays for what it does not have.
+static void a_box_without_rounding_is_plain(void **state) {
+    (void)state;
+    static const char *const none[] = {NULL, "0", "0.0", "-0.0"};
+    for (size_t i = 0; i < COUNT(none); i++) {
+        assert_true(accepted("shapes[1].rounding", none[i]));
+        assert_int_equal(scene.model.shapes[1].type, SHAPE_BOX);
+        assert_true(scene.model.shapes[1].box.rounding == 0);
+        assert_int_equal(scene.model.features.count[SHAPE_BOX], 1);
+        assert_int_equal(scene.model.features.count[SHAPE_ROUNDED_BOX], 0);
+        scene_free(&scene);
+    }
+}
+
 static void hash_of(const json_t *root, size_t flags, const struct scene_overrides *overrides,
                     char hash[17]) {
     char *text = json_dumps(root, flags);
@@ -786,6 +813,7 @@ int main(void) {
         cmocka_unit_test(shapes_follow_their_paths),
         cmocka_unit_test(a_circle_keeps_its_distance),
         cmocka_unit_test(features_are_found),
+        cmocka_unit_test(a_box_without_rounding_is_plain),
         cmocka_unit_test(hash_follows_content),
         cmocka_unit_test(overrides_replace),
     };

@@ -55,6 +55,8 @@ def _transforms() -> dict[str, dict]:
         for name, cells in {"x": [3.4, 0, 0], "y": [0, 3.2, 0], "z": [0, 0, 4], "all": CELLS}.items():
             found[f"{kind}_repeated_{name}"] = scene([shape(kind, repeat=cells)])
         found[f"{kind}_turned_repeated"] = scene([shape(kind, repeat=CELLS, **turned)])
+    found["rounded"] = scene([shape("box", rounding=0.4)])
+    found["rounded_turned_repeated"] = scene([shape("box", rounding=0.25, repeat=CELLS, **TURNED)])
     for axis, name in enumerate("xyz"):
         degrees = [50 * (i == axis) for i in range(3)]
         found[f"turned_about_{name}"] = scene([shape("box", rotation_degrees=degrees)])
@@ -90,6 +92,10 @@ def _light() -> dict[str, dict]:
     bright = {"emission": [90, 80, 70], "shadows": "soft"}
     for bounces in (0, 1, 3):
         lit[f"mirrors_{bounces}"] = scene(mirrors, march={"max_bounces": bounces}, light=bright)
+    rounded = [mirrors[0], *(shape("box", rounding=0.2, position=[x, -0.4, 0], material=m)
+                             for x, m in ((-1.9, "plain"), (1.4, "mirror")))]  # fmt: skip
+    for kind in ("hard", "soft"):
+        lit[f"rounded_{kind}"] = scene(rounded, light=bright | {"shadows": kind})
     lit["mirrors_fog_sky"] = scene(mirrors, fog=0.002, light=bright, background=[0.9, 0.5, 0.1])
     walls = [shape("plane", normal=[0, 0, sign], offset=-6, material="mirror") for sign in (-1, 1)]
     beads = shape("sphere", radius=0.8, repeat=[3, 3, 0])

@@ -68,7 +68,7 @@ def plane(p: Array, shape: dict) -> Array:
 def box(p: Array, shape: dict) -> Array:
     half = np.array(shape["half_size"], float)
     outside = np.linalg.norm(p - np.clip(p, -half, half), axis=1)
-    return np.where(outside > 0, outside, -np.min(half - np.abs(p), axis=1))
+    return np.where(outside > 0, outside, -np.min(half - np.abs(p), axis=1)) - shape.get("rounding", 0)
 
 
 def torus(p: Array, shape: dict) -> Array:

@@ -78,7 +78,7 @@ UNLIKE = ["plane_repeated_x", "plane_repeated_y", "plane_repeated_z", "plane_rep
 UNLIKE += ["plane_turned_repeated"]
 # Scenes of solids and planes whose picture is what a march has found when its step cap or hit distance ends
 # it. A phase of exact hits (phase.json) draws these, and any under an override of either, as truth does.
-ENDED = ["max_steps_1", "max_steps_2", "max_steps_20", "hit_distance", "two_spheres"]
+ENDED = ["max_steps_1", "max_steps_2", "max_steps_20", "hit_distance", "two_spheres", "lattice"]
 UNLIKE += ENDED
 UNLIKE += ["camera_within_a_shape", "camera_under_the_floor", "camera_at_a_centre"]
 
@@ -170,7 +170,7 @@ def test_features_show(phase: str) -> None:
         ("shadows_soft", "shadow_strength"),
     ]
     pairs += [("shadows_none", "fog"), ("mirrors_0", "mirrors_1"), ("mirrors_facing_1", "mirrors_facing_2")]
-    pairs += [(kind, f"{kind}_turned") for kind in SIZES]
+    pairs += [("box", "rounded"), *((kind, f"{kind}_turned") for kind in SIZES)]
     pairs += [(kind, f"{kind}_repeated_{axis}") for kind in SIZES for axis in "xyz"]
     for before, after in pairs:
         a, b = (feature(phase, name, 48, 27) for name in (before, after))
@@ -427,6 +427,8 @@ def shapes(draw: st.DrawFn) -> dict:
     sizes = {key: draw(length) for key in SIZES[kind]}
     if kind == "box":
         sizes = {"half_size": draw(st.tuples(length, length, length).map(list))}
+        x, y, _ = sizes["half_size"]
+        sizes["rounding"] = x / 4 if x > y else 0
     elif kind == "plane":
         sizes = {
             "normal": draw(vector.filter(lambda n: np.linalg.norm(n) > 0.01)),

@@ -65,6 +65,12 @@ SIZES = {
 }
 
 
+def rounded(shape: dict) -> None:
+    """Some boxes: by their sizes, so that no draw is another one for it."""
+    if shape["type"] == "box" and shape["half_size"][0] > shape["half_size"][1]:
+        shape["rounding"] = shape["half_size"][1] / 2 if shape["half_size"][1] > 2e-9 else 0
+
+
 # The ends of what the loader lets through, and what lies between.
 LENGTHS = st.sampled_from([1e-9, 1e-6, 1e-3, 0.1, 1.0, 3.0, 100.0, 1e4, 1e9])
 ANY = st.one_of(st.just(0), LENGTHS, LENGTHS.map(lambda x: -x), st.floats(-2, 2))
@@ -84,6 +90,7 @@ def extreme(draw: st.DrawFn) -> dict:
             ):
                 size = st.tuples(*[LENGTHS] * 3).map(list) if key == "half_size" else LENGTHS
                 shape[key] = draw(st.one_of(st.just(shape[key]), size))
+        rounded(shape)
         if kind == "plane":  # the loader divides it by the normal's length, a sixteenth at least
             shape["offset"] = min(shape["offset"], 1e7)
         for key, values in {
@@ -132,6 +139,7 @@ def shapes(draw: st.DrawFn, kinds: list[str]) -> dict:
     }.items():
         if draw(st.booleans()):
             shape[key] = draw(values)
+    rounded(shape)
     return shape
 
 

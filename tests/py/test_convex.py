@@ -186,6 +186,11 @@ REPEATED = {
     "boxes that touch, hard shadows": scene(
         [shape("box", repeat=[2.4, 0, 4])], light=lit("hard", [3, 4, -1])
     ),
+    "rounded boxes, turned": scene([shape("box", rounding=0.3, repeat=[5, 4.6, 5.4], **TURNED)]),
+    "rounded boxes, mirrors and hard shadows": scene(
+        [shape("box", rounding=0.2, repeat=[4, 0, 4], half_size=[0.9, 0.7, 0.8], material="mirror"), FLOOR],
+        light=lit("hard", [1, 3, -3]) | {"emission": [90, 80, 70]},
+    ),
     "along walls of cells": scene(
         [shape("box", repeat=GRID, rotation_degrees=[90, 0, 0])],
         camera=looks([2.2, 2.43, -2.17], [2.2, 1.31, 9]),

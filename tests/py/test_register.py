@@ -192,3 +192,15 @@ def test_the_hottest_are_taken_together(data: Data) -> None:
         }
         put(data, "hotspots.json", {"profiles": [one]})
         assert register.CHECKS["hottest"](data, claim)[1] == verdict
+
+
+def test_the_figure_of_another_program_and_machine_decides_nothing(data) -> None:
+    (claim,) = [c for c in paper.read("claims").to_dict("records") if c["quantity"] == "rtrm"]
+    assert register.CHECKS["rtrm"](data, claim).verdict == OPEN
+    row = {"phase": "opt5_threads", "n": 720, "threads": 2, "ms": 66.2, "program_ms": 33.1, "program": 0.5}
+    row |= {"program_low": None, "program_high": None, "light": None}
+    fast = row | {"phase": "opt10_scene", "ms": 3.31, "program": 10.0}
+    put(data, "lattice.json", {"rows": [row, fast, row | {"threads": 1}]})
+    found = register.CHECKS["rtrm"](data, claim)
+    assert found.verdict == NEVER and found.value == 0.5 and "another machine" in found.why
+    assert found.here == "0.50× its figure of another machine; opt10_scene 10.00×"

@@ -9,7 +9,7 @@ from study.hard.scenes import scene, shape
 
 SIZE = (32, 24)
 LENGTHS = ("radius", "half_size", "major_radius", "minor_radius", "bottom_radius", "top_radius",
-           "half_height", "offset", "position", "repeat")  # fmt: skip
+           "half_height", "rounding", "offset", "position", "repeat")  # fmt: skip
 SHAPES = (
     shape("plane", normal=[0, 1, 0], offset=-24),
     shape("box", half_size=[8, 6, 8], position=[-20, -8, 64], rotation_degrees=[20, 40, 0]),

@@ -1,0 +1,139 @@
+"""scripts/lattice.py: figures by hand, the table of a made-up result, a small run, bad arguments."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+import started
+
+from study import lattice, lattice_page, registry, systems
+from study.cli import StudyError
+from study.registry import ROOT
+
+ERROR = {f"{kind}_ppm": 0.0 for kind in ("false_hits", "false_misses", "wrong_shape", "wrong")}
+ERROR |= {"dt_p50": 0.0, "dt_p99": 0.5, "dt_p100": 1.0, "psnr_db": 60.0, "evaluations": 1.0, "known": 1.0}
+ERROR |= {"non_finite": 0}
+NAMES = ["baseline", "opt4", "opt10_scene"]
+
+
+def made_up() -> dict:
+    """Six launches each: opt10_scene takes 10 ms on one thread and 5 on two; half of it is the light's."""
+    size, ms = lattice.PROGRAM["size"], {"baseline": 1000.0, "opt4": 100.0, "opt10_scene": 10.0}
+    times = {}
+    for point in lattice.points(NAMES, [(1000, 562), size], [1, 2]):
+        one = ms[point.phase] / point.threads * (1 if point.lit else 0.5)
+        times[point] = [one * 1e6] * 6
+    program = {**lattice.PROGRAM, "ms": {str(k): v for k, v in lattice.PROGRAM["ms"].items()}}
+    rows = lattice.rows(times, dict.fromkeys(NAMES, ERROR))
+    about = {"error_size": [320, 180], "still_lit": 0.01, "known": 1.0}
+    return json.loads(json.dumps({"program": program, "paper": 14, "rows": rows, **about}))
+
+
+def test_points():
+    """Threads where a phase has them, the unlit scene at the last size alone."""
+    points = lattice.points(NAMES, [(1000, 562), (1280, 720)], [1, 2, 2])
+    assert len(points) == len(set(points)) == 2 * (1 + 1 + 2) + 3
+    assert {p.phase for p in points if p.threads == 2} == {"opt10_scene"}
+    assert all(p.size == (1280, 720) and p.threads == 1 for p in points if not p.lit)
+
+
+def test_ratios_and_shares_by_hand():
+    found = {(r["phase"], r["n"], r["threads"]): r for r in made_up()["rows"]}
+    assert len(found) == 8
+    one, two = (found["opt10_scene", 720, threads] for threads in (1, 2))
+    assert one["program"] == pytest.approx(5.77) and two["program"] == pytest.approx(33.1 / 5)
+    assert one["light"] == one["light_low"] == one["light_high"] == 0.5 and two["light"] is None
+    assert found["opt10_scene", 562, 1]["program"] is None is found["opt10_scene", 562, 1]["program_ms"]
+    assert found["opt4", 720, 1]["program"] == pytest.approx(0.577)
+
+
+def test_intervals_have_their_ends_the_right_way_round():
+    size = lattice.PROGRAM["size"]
+    times = {
+        lattice.Point("opt4", size, 1): [10e6, 11e6, 12e6, 13e6, 14e6, 15e6],
+        lattice.Point("opt4", size, 1, lit=False): [9e6, 9e6, 9e6, 9e6, 9e6, 10e6],
+    }
+    (row,) = lattice.rows(times, {"opt4": ERROR})
+    assert row["ms_low"] < row["ms"] < row["ms_high"]
+    assert row["program_low"] < row["program"] < row["program_high"]
+    assert row["light"] == pytest.approx(1 - 9 / 12.5)
+    assert row["light_low"] < row["light"] < row["light_high"]
+
+
+def test_the_table_of_systems(tmp_path):
+    (tmp_path / lattice.FILE).write_text(json.dumps(made_up()))
+    said = {row["what"]: row for row in lattice_page.system_rows(lattice.read(tmp_path / lattice.FILE))}
+    assert len(said) == 3
+    one = said["lattice 1280×720, opt10_scene, 1 thread, ms"]
+    assert one["article"].startswith("57.7 (its own program") and "not measured here" in one["article"]
+    assert one["ours"].split()[0] == "10.0" and one["ratio"].startswith("5.77×")
+    claim = said["times as fast as CPU-RTRM, with threads"]
+    assert claim["article"].startswith("14×") and claim["ratio"] == "0.473× of it"  # 6.62 over 14
+    section = systems.section(tmp_path)
+    assert [part.name for part in section.parts] == ["systems", "lattice"]
+    assert "not measured on this machine" in section.remarks[0] and "1\u00a0%" in section.remarks[0]
+    (tmp_path / lattice.FILE).write_text('{"rows": [1]}')
+    with pytest.raises(StudyError, match=r"lattice\.json: not what scripts/lattice\.py writes"):
+        systems.section(tmp_path)
+
+
+def test_few_launches_are_said_to_be(tmp_path):
+    times = {lattice.Point("opt4", lattice.PROGRAM["size"], 1): [10e6]}
+    (row,) = lattice.rows(times, {"opt4": ERROR})
+    assert math.isnan(row["ms_low"]) and "insufficient" in lattice_page.sentence(row)
+
+
+def test_the_unlit_scene_is_the_scene_but_for_its_light(tmp_path):
+    scene = registry.find_scene(lattice.SCENE)
+    made = json.loads(lattice.unlit(scene, tmp_path).read_text())
+    light = made.pop("light")
+    whole = json.loads(json.dumps(scene.data))
+    own = whole.pop("light")
+    assert made == whole and light | {"position": 0} == own | {"position": 0}
+    away = np.array(light["position"]) - whole["camera"]["position"]
+    to = -np.array(whole["camera"]["position"])
+    assert np.allclose(away / 1e4, to / np.linalg.norm(to))
+    planes = {"id": np.array([[0, 0, 1, -1]]), "N.x": np.zeros((1, 4))}
+    planes |= {"N.y": np.array([[1, -1, 1, -1]]), "N.z": np.zeros((1, 4))}  # the camera looks down
+    assert lattice.still_lit(scene, planes) == pytest.approx(1 / 3)
+
+
+def test_a_small_run(tmp_path):
+    words = [
+        "--phase",
+        "opt9_convex",
+        "opt4",
+        "-n",
+        "18",
+        "--error-n",
+        "18",
+        "--launches",
+        "1",
+        "--threads",
+        "1",
+    ]
+    command = [sys.executable, str(ROOT / "scripts" / "lattice.py"), *words, "--run", str(tmp_path)]
+    done = started.run(command, timeout=120)
+    assert done.returncode == 0, done.stderr
+    result = lattice.read(tmp_path / lattice.FILE)
+    assert [r["phase"] for r in result["rows"]] == ["opt9_convex", "opt4"] and result["known"] == 1
+    exact, march = result["rows"]
+    assert exact["wrong_ppm"] == 0 < march["wrong_ppm"] and exact["program"] is None
+    assert 0 < result["still_lit"] < 0.2 and "opt9_convex 32×18" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--phase", "opt99"], "no phase 'opt99'"),
+        (["-n", "3"], "must be a whole number of at least 9"),
+        (["--threads", "999"], "--threads 999: there are"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, message):
+    done = started.run([sys.executable, str(ROOT / "scripts" / "lattice.py"), *arguments])
+    assert done.returncode == 2 and message in done.stderr.strip().splitlines()[-1]

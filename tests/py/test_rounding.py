@@ -1,0 +1,114 @@
+"""Boxes with rounding, and the scene that has them: by the words of its description, and what they cost."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import CELLS, TURNED, scene, shape
+from conformance.harness import distances
+from study import images, registry
+from study.build import build
+
+LATTICE = registry.find_scene("lattice")
+PHASES = list(registry.phases())
+
+
+def described(p: np.ndarray) -> np.ndarray:
+    """The words: q = mod(p, 4) − 2; the less of a cube, |max(|q| − 1, 0)| − 0.1 + min(0, most of |q| − 1),
+    and a sphere of radius 1.3."""
+    q = np.mod(p, 4) - 2
+    over = np.abs(q) - 1
+    cube = np.linalg.norm(np.maximum(over, 0), axis=1) - 0.1 + np.minimum(0, over.max(axis=1))
+    return np.minimum(cube, np.linalg.norm(q, axis=1) - 1.3)
+
+
+def points(count: int) -> np.ndarray:
+    """In 40³ about the origin, a third of them near the surface; as floats have them."""
+    random = np.random.default_rng(4)
+    p = random.uniform(-20, 20, (count, 3))
+    near = p[: count // 3]
+    for _ in range(2):
+        here = described(near)
+        slope = [(described(near + step) - here) / 1e-4 for step in np.eye(3) * 1e-4]
+        near -= here[:, None] * np.array(slope).T
+    return p.astype(np.float32).astype(float)
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_the_lattice_is_as_described(phase):
+    p = points(1500)
+    found, nearest = distances(phase, LATTICE.path, p)
+    wall = np.abs(np.mod(p, 4)).min(axis=1)
+    assert (np.minimum(wall, 4 - wall) > 1e-6).all(), "on a cell's wall either side is right"
+    off = np.abs(found - described(p))
+    tolerance = 1e-14 * 40 if registry.phases()[phase].precision == "double" else 32 * 2.0**-23 * 35
+    assert (off <= tolerance).all(), f"off by {off.max():.2e} at {p[off.argmax()]}"
+    assert (nearest == 0).sum() > 100 and (nearest == 1).sum() > 100
+
+
+def test_its_nearest_copy_is_the_cells_own():
+    """So that the union of the repeated shapes is exact: over all copies, none is nearer."""
+    p = np.random.default_rng(5).uniform(0, 4, (4000, 3))
+    least = np.full(len(p), np.inf)
+    for cell in itertools.product(range(-1, 2), repeat=3):
+        q = p - 2 - 4 * np.array(cell)
+        over = np.abs(q) - 1
+        cube = np.linalg.norm(np.maximum(over, 0), axis=1) - 0.1 + np.minimum(0, over.max(axis=1))
+        least = np.minimum(least, np.minimum(cube, np.linalg.norm(q, axis=1) - 1.3))
+    assert np.abs(least - described(p)).max() == 0
+
+
+def test_its_numbers_are_the_descriptions():
+    data = LATTICE.data
+    cube, ball = data["shapes"]
+    assert data["camera"] == {
+        "position": [0, 2.052, -1.947],
+        "look_at": [0, 0, 0],
+        "up": [0, 1, 0],
+        "vertical_fov_degrees": 60,
+    }
+    march = data["march"]
+    assert (march["max_steps"], march["hit_distance"], march["normal_step"]) == (64, 0.005, 1e-3)
+    assert data["light"]["position"] == data["camera"]["position"] and data["light"]["shadows"] == "none"
+    assert cube["repeat"] == ball["repeat"] == [4, 4, 4] and data["fog"] == 0 == max(data["background"])
+    assert data["materials"]["green"]["color"] == [0.15, 0.8, 0.2]
+
+
+def drawn(phase, whole, folder, target="render", size=(48, 27)):
+    path, out = folder / "scene.json", folder / "picture.exr"
+    path.write_text(json.dumps(whole))
+    command = [build(phase, target), path, "-n", size[1], "-w", size[0], "--aov", "-o", out, "--json"]
+    done = subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=60)
+    return images.read(out), json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("phase", ["baseline", "opt4", "opt8_streams", "opt9_convex"])
+def test_none_costs_nothing(phase, tmp_path):
+    """A rounding of 0 is none: not a bit, and not a count, is different."""
+    plain, none = (
+        drawn(phase, scene([shape("box", repeat=CELLS, **TURNED, **more)]), tmp_path, "render-count", (16, 9))
+        for more in ({}, {"rounding": 0})
+    )
+    for name, plane in plain[0].items():
+        assert np.array_equal(plane, none[0][name], equal_nan=True), name
+    assert plain[1]["by_function"] == none[1]["by_function"]
+    assert not none[1]["by_function"].get("sdf_rounded_box", {}).get("calls")
+
+
+@pytest.mark.parametrize(("rounding", "half"), [(1e-9, 1), (1e-4, 1), (0.5, 1e-9), (5, 0.1)])
+def test_extremes_against_truth(rounding, half, tmp_path):
+    """Rounding that float does not see, boxes that are nearly balls: where solids are hit in closed form."""
+    whole = scene([shape("box", half_size=[half] * 3, rounding=rounding, rotation_degrees=[30, 40, 0])])
+    whole["camera"]["position"] = [0.4, 1.1, -4 * (half + rounding)]
+    mine, exact = (drawn(phase, whole, tmp_path)[0] for phase in ("opt9_convex", "truth"))
+    assert np.array_equal(mine["id"], exact["id"]) and 0.05 < (exact["id"] >= 0).mean() < 0.9
+    hit = exact["id"] >= 0
+    assert np.abs(mine["Z"][hit] - exact["Z"][hit]).max() <= 4e-6 * exact["Z"][hit].max()
+    turned = np.stack([mine[f"N.{a}"] - exact[f"N.{a}"] for a in "xyz"], axis=-1)[hit]
+    few = 0.005 if rounding > 1e-8 else 0.0
+    assert (np.linalg.norm(turned, axis=-1) > 1e-3).mean() <= few
