@@ -525,21 +525,18 @@ static void kd_alone(const struct query *q, struct lone *r) {
         while (node->axis < 3) {
             COUNT(kd_alone, node);
             int a = node->axis;
-            float first = node->split - o[a], slack = low[a] * fabsf(per[a]);
-            bool from_above = first < 0 || (first == 0 && per[a] < 0);
-            float at = first * per[a];
-            // Either side is looked into that the ray may touch, rounding included.
-            bool goes_on = at - slack <= leave && at + slack >= 0;
-            bool near_too = enter <= at + slack || !(at + slack >= 0);
-            int near = node->below + from_above, far = node->below + !from_above;
-            if (goes_on && near_too) {
-                stack[count].node = far;
+            float at = (node->split - o[a]) * per[a], slack = low[a] * fabsf(per[a]);
+            // Before `at` the ray is on the side that it comes from, behind it on the other; within what is rounded it
+            // may be on either.
+            int before = node->below + (per[a] < 0), behind = node->below + !(per[a] < 0);
+            if (enter <= at + slack && at - slack <= leave) {
+                stack[count].node = behind;
                 stack[count].enter = larger(enter, at - slack);
                 stack[count++].leave = leave;
                 leave = smaller(leave, at + slack);
-                number = near;
+                number = before;
             } else {
-                number = goes_on ? far : near;
+                number = enter <= at + slack ? before : behind;
             }
             node = &tree->kd[number];
         }

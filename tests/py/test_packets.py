@@ -92,6 +92,7 @@ SCENES = {
     "flat": scene(
         [
             shape("box", half_size=[3, 1e-9, 3], position=[0, 1, 0], rotation_degrees=[0, 0, 20]),
+            shape("box", half_size=[3, 1e-9, 3], position=[0, 0.5, 0]),
             shape("box", half_size=[1e-9, 1e-9, 2]),
             shape("box", half_size=[1e6, 1e-6, 1e-9], position=[0, -1, 0]),
             *many(9, 3, kinds=("sphere", "box")),
@@ -292,6 +293,7 @@ REFUSED = {
     "mandelbulb": (scene([shape("mandelbulb")], **HARD), "closed forms of spheres", "mandelbulb"),
     "repeat": (scene([shape("box", repeat=[4, 0, 0])], **HARD), "repeated without end", "repeat"),
     "soft": (scene([shape("sphere")], light={"shadows": "soft"}), "no", "shadows"),
+    "rounded": (scene([shape("box", rounding=0.1)], **HARD), "shapes[0] is of type", "rounded box"),
     "outside": (
         scene([shape("sphere")], **HARD, camera={"position": [0, 0, -200]}),
         "camera",
