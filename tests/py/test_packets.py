@@ -81,10 +81,18 @@ def many(count, seed, kinds=("sphere", "box", "cone"), spread=6.0, size=0.4):
 
 
 HARD = {"light": {"shadows": "hard"}, "march": {"max_bounces": 3}}
+TWINS = many(40, 21, kinds=("sphere",))  # each stands in its place twice
 SCENES = {
     "room": scene(
         [FLOOR, *many(24, 5, spread=2.0, size=0.25)], **HARD, camera={"position": [0.4, 1.1, -7]}, fog=1e-4
     ),
+    # Secondary rays begin within rounding of what they leave.
+    "close": scene(
+        [FLOOR | {"material": "mirror"}, *many(9, 6, spread=1.5)],
+        light={"shadows": "hard"},
+        march={"surface_offset": 1e-9, "max_bounces": 2},
+    ),
+    "twins": scene([*TWINS, *reversed(TWINS)], **HARD),
     "mixed": scene([FLOOR, shape("plane", normal=[1, 0.2, 0], offset=-9), *many(300, 1)], **HARD),
     "coincident": scene([shape("sphere", radius=1, material="plain")] * 4096, **HARD),
     "one": scene([shape("cone")], **HARD),
@@ -133,7 +141,11 @@ def test_closed_forms_hit_where_truth_proves(kind, limit, written):
         origin, direction = given[:, :3], given[:, 3:]
         size = np.linalg.norm(origin, axis=1) + np.where(true >= 0, low, 0)
         size = 1e-6 * (4 + size + np.where(index >= 0, np.abs(t), 0))
-        usable = (status == 2) & (geometry.shape_distance(origin, data["shapes"][0]) > 2 * size)
+        height = geometry.shape_distance(origin, data["shapes"][0])
+        usable = (status == 2) & (height > 2 * size)
+        within = height < -2 * size  # a march from there ends at once, behind by its depth
+        assert (index[within] == 0).all() and within.sum() > 50
+        assert (np.abs(t - height)[within] <= size[within]).all()
         hit, there = usable & (index >= 0), usable & (true >= 0)
         assert hit.sum() > 600 and there.sum() > 600
         at = origin[hit] + t[hit, None] * direction[hit]
@@ -157,6 +169,7 @@ def bundle(count, seed, spread=7.0):
     """Rays that go together by 256, then rays that do not; directions along axes, zero, not numbers."""
     dice = np.random.default_rng(seed)
     eye = np.repeat(dice.uniform(-spread, spread, (count // 256, 3)), 256, axis=0)
+    eye[256:] += 0.5 * dice.normal(size=eye[256:].shape)  # some from one place, some from near it
     aim = np.repeat(dice.normal(size=(count // 256, 3)), 256, axis=0)
     together = aim / np.linalg.norm(aim, axis=1, keepdims=True) + 0.1 * dice.normal(size=aim.shape)
     apart = dice.normal(size=(count, 3))
@@ -172,7 +185,7 @@ def bundle(count, seed, spread=7.0):
     return np.hstack([o, d, dice.uniform(0, 12, (len(o), 1))]).astype("<f4")
 
 
-@pytest.mark.parametrize("name", [n for n in SCENES if n != "room"])
+@pytest.mark.parametrize("name", [n for n in SCENES if n not in ("room", "close")])
 def test_every_way_meets_the_same_to_the_bit(name, written):
     path, rays = written(name, SCENES[name]), bundle(512, 11)
     for kind in ("primary", "shadow"):
@@ -186,7 +199,7 @@ def test_every_way_meets_the_same_to_the_bit(name, written):
             assert same.all(), f"{kind} {words}: {(~same).sum()} other answers, ray {np.argmin(same)}"
         assert np.isnan(first[0]).sum() == 0
         if kind == "primary":
-            assert (first[0][:, 1] >= 0).sum() > 5 and set(np.unique(first[0][:, 1])) <= {
+            assert (first[0][:, 1] >= 0).any() and set(np.unique(first[0][:, 1])) <= {
                 -1.0,
                 *map(float, range(len(SCENES[name]["shapes"]))),
             }
@@ -255,7 +268,9 @@ def test_threads_and_trees_draw_the_same_bits(draw):
             )
 
 
-@pytest.mark.parametrize(("name", "limit"), list(itertools.product(["room", "spheres40"], ["", "none"])))
+@pytest.mark.parametrize(
+    ("name", "limit"), [*itertools.product(["room", "spheres40"], ["", "none"]), ("close", "")]
+)
 def test_pictures_are_truths(draw, name, limit):
     """Hits, normals and colours, mirrors, hard shadows and fog among them."""
     exact, _ = draw("truth", name)
@@ -265,7 +280,8 @@ def test_pictures_are_truths(draw, name, limit):
         known = exact["status"] >= 2
         assert (mine["id"] != exact["id"])[known].sum() <= 2 and known.mean() > 0.99
         hit = known & (mine["id"] == exact["id"]) & (mine["id"] >= 0)
-        assert np.percentile(np.abs(mine["Z"][hit] - exact["Z"][hit]), 99) < 1e-5
+        off = np.abs(mine["Z"][hit] - exact["Z"][hit]) / np.maximum(1, exact["Z"][hit])
+        assert np.percentile(off, 99) < 3e-6
         for axis in ("N.x", "N.y", "N.z"):
             assert np.percentile(np.abs(mine[axis] - exact[axis])[hit], 99) < 1e-4
         off = np.abs(images.clamped(images.rgb(mine)) - images.clamped(images.rgb(exact))).max(axis=-1)
