@@ -15,16 +15,15 @@
 
 struct bulb {
     real x, y, z, m, dz;
-    mask escaped, far;
+    mask on, far; // on: have not escaped
 };
 
 static inline struct bulb bulb_begin(struct vec p, mask done) {
     ACTIVE(LANES - count_of(done));
     COUNT(bulb_begin, call);
     real square = mul_add(p.x, p.x, mul_add(p.y, p.y, mul_add(p.z, p.z, set(1e-30f))));
-    struct bulb b = {p.x, p.y, p.z, square, set(1.5f), done, no_lane()};
-    b.far = greater(b.m, set(1024.0f));
-    b.escaped = either(done, b.far);
+    struct bulb b = {p.x, p.y, p.z, square, set(1.5f), no_lane(), greater(square, set(1024.0f))};
+    b.on = not_in(either(done, b.far));
     return b;
 }
 
@@ -43,7 +42,7 @@ static inline struct half_vec bulb_first(half x, half y, half z) {
     half r = half_rough_inverse_root(k3), h = k3 * r, error = half_neg_mul_add(h, r, one);
     half more = error * half_mul_add(error, half_set(0.375), half_set(0.5));
     half rho = half_mul_add(h, more, h), per = half_mul_add(r, more, r);
-    half b2 = (rho + rho) * y, k1 = half_mul_add(k4, k4, half_set(0.0) - b2 * b2);
+    half b2 = (rho + rho) * y, k1 = half_neg_mul_add(b2, b2, k4 * k4);
     half q = (k4 + k4) * b2, k = k1 * q, z4 = z * ((per + per) * (per + per));
     half sin2 = x * z4, cos2 = half_neg_mul_add(z, z4, two);
     half cos4 = half_neg_mul_add(sin2, sin2, two), sin4 = sin2 * cos2, k_sin4 = k * sin4;
@@ -55,16 +54,16 @@ static inline struct half_vec bulb_first(half x, half y, half z) {
 // What comes of an iteration for those that have not escaped before.
 static inline void bulb_grow(struct bulb *b, real bailout) {
     COUNT(bulb_grow, call);
-    real m = b->m, square = m * m;
-    real slope = mul_add(square * (square * rough_inverse_root(m)), set(8.0f) * b->dz, set(1.0f));
+    real m = b->m, square = m * m, r = root_guess(m), h = m * r;
+    real more = mul_add(neg_mul_add(h, r, set(1.0f)), set(4.0f), set(8.0f)); // 8·√m/h
+    b->dz = mul_add_where(b->on, b->dz, square * h * m * more, set(1.0f));
     real grown = mul_add(b->x, b->x, mul_add(b->y, b->y, b->z * b->z));
-    b->m = choose(b->escaped, m, grown);
-    b->dz = choose(b->escaped, b->dz, slope);
-    b->escaped = either(b->escaped, greater(grown, bailout));
+    b->m = choose(b->on, grown, m);
+    b->on = and_not_greater(b->on, grown, bailout);
 }
 
 static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
-    ACTIVE(LANES - count_of(b->escaped));
+    ACTIVE(count_of(b->on));
     COUNT(bulb_step, call);
     real x = b->x, y = b->y, z = b->z;
     real k3 = mul_add(x, x, mul_add(z, z, set(1e-30f))), k4 = neg_mul_add(y, y, k3);
@@ -118,10 +117,10 @@ __attribute__((always_inline)) static inline void bulbs_end(const struct placed 
         for (int k = 0; k < ABREAST; k++)
             bulb_step(&b[k], p[k], bailout);
         if (soon || i % 2 == 1) {
-            mask escaped = b[0].escaped;
+            mask on = b[0].on;
             for (int k = 1; k < ABREAST; k++)
-                escaped = both(escaped, b[k].escaped);
-            if (all(escaped))
+                on = either(on, b[k].on);
+            if (!any(on))
                 break;
         }
     }
@@ -135,25 +134,6 @@ bulbs(const struct placed *s, const struct vec *p, const mask *done, bool soon, 
     for (int k = 0; k < ABREAST; k++)
         b[k] = bulb_begin(p[k], done[k]);
     bulbs_end(s, 0, soon, b, p, distance);
-}
-
-// The same with the first iteration of the points themselves, `exact`, of which p are the nearest floats or nearly.
-__attribute__((always_inline)) static inline void exact_bulbs(const struct placed *s,
-                                                              const struct wide_vec *exact,
-                                                              const struct vec *p, const mask *done,
-                                                              real *distance) {
-    struct bulb b[ABREAST];
-    for (int k = 0; k < ABREAST; k++) {
-        b[k] = bulb_begin(p[k], done[k]);
-        COUNT(bulb_first, both);
-        struct half_vec low = bulb_first(exact[k].x.low, exact[k].y.low, exact[k].z.low);
-        struct half_vec high = bulb_first(exact[k].x.high, exact[k].y.high, exact[k].z.high);
-        b[k].x = narrowed(low.x, high.x);
-        b[k].y = narrowed(low.y, high.y);
-        b[k].z = narrowed(low.z, high.z);
-        bulb_grow(&b[k], set(s->bailout));
-    }
-    bulbs_end(s, 1, false, b, p, distance);
 }
 
 #endif

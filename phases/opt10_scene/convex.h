@@ -42,27 +42,34 @@ enum shadow_field {
     S_FIELDS
 };
 // Rays through a Mandelbulb's bounding sphere, in its frame, from where they are nearest to its centre: `before`
-// from their origin. What is a double is two floats, the second B_REST behind the first.
+// from their origin.
 enum bulb_field {
     B_ORIGIN,
     B_DIRECTION = 3,
-    B_T = 6, // from there; until `to`
-    B_REST,
-    B_TO = 2 * B_REST,
-    B_SLOT,
+    B_T = 6, // from there, as two floats; until `to`
+    B_MORE,
+    B_TO,
     B_BEFORE,
     B_HEIGHT,
     B_SLOPE,
-    B_BORN, // in steps of all; not on the desk
-    B_FIELDS
+    B_SLOT,
+    B_RAY,  // its place on the desk
+    B_BORN, // of a lane: in steps of all; of a ray: how many it has had
+    B_LANE,
+    B_REST = B_LANE, // what origin and direction are more, as doubles
+    B_FIELDS = B_REST + 6
 };
-enum { BULB_ROOM = TILE_PIXELS + LANES };
+// Of those that wait to go on in close.h: t as two floats.
+enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + LANES };
 
 // A worker's own.
 struct desk {
     float color[3 * COLOR_ROOM]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
-    float bulb[B_BORN][BULB_ROOM];
+    float bulb[B_FIELDS][BULB_ROOM];
+    float close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_ROOM]; // rays of these, see close.h
+    int close_first, closes, opens;
     float met[TILE_PIXELS],
         met_shape[TILE_PIXELS], // where rays meet a Mandelbulb, ∞: nowhere, and which
         met_at[3][TILE_PIXELS]; // in its frame

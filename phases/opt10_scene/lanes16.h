@@ -124,6 +124,21 @@ static inline real guess_inverse(real a) {
     return _mm512_castsi512_ps(bits);
 }
 
+// 1/√a to 14 bits (8 lanes: 12), for normal a > 0.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return _mm512_rsqrt14_ps(a);
+}
+
+// a·b + c in the lanes of m, a in the others.
+static inline real mul_add_where(mask m, real a, real b, real c) {
+    return _mm512_mask_fmadd_ps(a, m.all, b, c);
+}
+
+static inline mask and_not_greater(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGT_UQ)};
+}
+
 // 1/√a and 1/a to 14 bits, for normal a > 0.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
@@ -196,6 +211,12 @@ static inline void pack(mask m, real a, float to[LANES]) {
 // The other way round: floats in a row into the lanes of `to`.
 static inline real expand(real a, unsigned to, const float *from) {
     return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);
+}
+
+// The same for many, whose floats are in rows `stride` apart.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    for (int i = 0; i < count; i++)
+        to[i] = expand(to[i], lanes, from + (size_t)i * (size_t)stride);
 }
 
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.

@@ -235,6 +235,11 @@ static void plant(struct prepared *prepared) {
             leaf->centre[k] = p->position[k];
     }
     tree_build(&prepared->tree, prepared->leaves, solids);
+    for (int i = 0; i < solids; i++) {
+        struct placed *p = &prepared->placed[prepared->tree.shape[i]];
+        p->alone = tree_gap(&prepared->tree, i);
+        p->rank = i;
+    }
 }
 
 // Of a repeated shape the others behind it that are repeated so in the same frame.
@@ -406,7 +411,7 @@ static bool beside_copies(const struct placed *p, const double from[3], double f
 }
 
 // Whether the frame can be had without marching camera rays: the camera is within the bounds and outside of
-// every shape's bounding sphere (repeated: box) and plane.
+// every solid's bounding sphere (repeated: box) and plane.
 static bool set_eyes(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
     bool clear = dot(view->position, view->position) < radius * radius;
@@ -433,7 +438,9 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
             eye->at[k] = (float)dot(p->row[k], from);
             eye->centre[k] = (float)-dot(from, axis[k]);
         }
-        clear = clear && sqrt(dot(from, from)) > (double)p->bound + far;
+        // A Mandelbulb's rays are marched wherever they begin.
+        clear = clear &&
+                (p->type == SHAPE_MANDELBULB || sqrt(dot(from, from)) > (double)p->bound + far);
     }
     return clear;
 }

@@ -33,5 +33,8 @@ bool tree_reserve(struct tree *tree, int leaves);
 // In the order of the leaves that is best for the tree, which they are left in.
 void tree_build(struct tree *tree, struct leaf *leaves, int count);
 void tree_free(struct tree *tree);
+// How far it is from the centre of leaf i to the nearest of the other leaves' spheres; ∞: there is none, 0 or
+// less: it is in one.
+float tree_gap(const struct tree *tree, int i);
 
 #endif

@@ -552,24 +552,99 @@ static void look_around(struct walk *w, const struct convex *work) {
     real h = least_of(m->t, m->previous + m->previous);
     crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
     struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
-    w->waits = not_less(distance_between(p, w->near.centre), set(0.5f * w->near.within));
+    w->waits = not_less(distance_between(p, w->near.centre), set(w->near.room));
 }
 
-// See nearest(); what is known of the list's shapes is packed.
-static real nearest_about(const struct vicinity *v, const struct near *nears, real t, mask still,
+// See nearest(); what is known of the list's shapes is packed. The one that was the nearest is asked first: what sleeps
+// beside that is told for all at once, for a branch on each one's distance waits for its root.
+static inline void ask_about(struct vicinity *v, int k, const struct near *nears, real t,
+                             const struct prepared *scene, real *least) {
+    COUNT(nearest_about, awake);
+    real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
+    v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
+    v->recent = any(less(h, *least)) ? k : v->recent;
+    *least = least_of(*least, h);
+}
+
+static real nearest_about(struct vicinity *v, const struct near *nears, real t, mask still,
                           const struct prepared *scene) {
     ACTIVE(LANES - count_of(still));
     real least = set(INFINITY);
-    for (int k = 0; k < v->count; k++) {
-        COUNT(nearest_about, shape);
-        if (!any(but_not(still, not_less(least + t, v->wakes[k]))))
-            continue;
-        COUNT(nearest_about, awake);
-        real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
-        v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
-        least = least_of(least, h);
+    if (v->count == 0)
+        return least;
+    int asked = v->recent;
+    ask_about(v, asked, nears, t, scene, &least);
+    for (int first = 0; first < v->count; first += 64) {
+        int count = v->count - first < 64 ? v->count - first : 64;
+        unsigned long long awake = 0;
+        COUNT(nearest_about, row);
+        for (int k = 0; k < count; k++) {
+            COUNT(nearest_about, shape);
+            mask wakes = not_less(least + t, v->wakes[first + k]);
+            awake |= (unsigned long long)any(but_not(still, wakes)) << k;
+        }
+        for (; awake; awake &= awake - 1)
+            if (first + __builtin_ctzll(awake) != asked)
+                ask_about(v, first + __builtin_ctzll(awake), nears, t, scene, &least);
     }
     return least;
+}
+
+// One step of all rays but those that stand still.
+static inline void step_but(struct march *m, mask still, real h, real strength, real hit) {
+    real previous = m->previous, from = m->from;
+    m->done = still;
+    step(m, h, strength, hit, 0.0f);
+    m->previous = choose(still, previous, m->previous);
+    m->from = choose(still, from, m->from);
+}
+
+// The first steps of rays that are from one solid, as long as no other can be as near: from its position no other's bounding
+// sphere is nearer than `alone`. The planes' heights are in `nears`.
+static void leave_solid(struct walk *w, int shape, mask own, const struct near *nears,
+                        real strength, real hit, const struct convex *work) {
+    COUNT(leave_solid, call);
+    COUNT(leave_solid, scalar);
+    const struct prepared *scene = work->scene;
+    const struct placed *s = &scene->placed[shape];
+    struct march *m = &w->march;
+    struct near near;
+    see_along(&w->rays, shape, &near, work);
+    real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+    mask still = either(not_in(own), m->done), done = m->done;
+    for (int left = scene->model.march.max_steps; left > 0; left--) {
+        ACTIVE(LANES - count_of(still));
+        COUNT(leave_solid, asked);
+        real h = distance_along(&near, m->t, s), room = alone - h;
+        struct vec p = vec_along(near.origin, near.direction, m->t);
+        mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
+        still = either(still, not_in(sure));
+        if (all(still))
+            break;
+        for (int k = 0; k < scene->plane_count; k++) {
+            COUNT(leave_solid, plane);
+            const struct near *plane = &nears[scene->planes[k]];
+            h = least_of(h, mul_add(m->t, plane->direction.x, plane->origin.x));
+        }
+        step_but(m, still, h, strength, hit);
+        done = either(done, but_not(still, m->done));
+        still = either(still, m->done);
+    }
+    m->done = done;
+}
+
+static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,
+                         const struct convex *work) {
+    float shapes[LANES];
+    unload(w->rays.shape, shapes);
+    for (unsigned rest = bits(not_in(w->march.done)); rest;) {
+        int shape = (int)shapes[__builtin_ctz(rest)];
+        mask own = both(lanes_of(rest), same_shape(w->rays.shape, shape));
+        rest &= ~bits(own);
+        COUNT(leave_solids, shape);
+        if (work->scene->placed[shape].way != LINEAR)
+            leave_solid(w, shape, own, nears, strength, hit, work);
+    }
 }
 
 static void walk_on(struct walk *w, real strength, real hit, const struct convex *work) {
@@ -590,11 +665,7 @@ static void walk_on(struct walk *w, real strength, real hit, const struct convex
     mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
     w->waits = either(w->waits, not_in(sure));
     still = either(done, w->waits);
-    real previous = m->previous, from = m->from;
-    m->done = still;
-    step(m, h, strength, hit, 0.0f);
-    m->previous = choose(still, previous, m->previous);
-    m->from = choose(still, from, m->from);
+    step_but(m, still, h, strength, hit);
     m->done = either(done, but_not(still, m->done));
 }
 
@@ -613,6 +684,7 @@ static void cast_crowd(int first, const struct convex *work) {
         .until = set(0.0f),
         .asked = set(INFINITY)};
     begin(&w.rays, desk->near, &desk->casters[0], work, &w.march);
+    leave_solids(&w, desk->near, strength, hit, work);
     for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
         walk_on(&w, strength, hit, work);
     add_light(w.rays.active,
@@ -705,7 +777,7 @@ void cast_shadows(const struct convex *work) {
     }
 #ifndef SCENE_KERNEL
     if (IS_CROWD(work->scene)) {
-        crowd_sort(work->desk);
+        crowd_sort(work->desk, work->scene);
         for (int first = 0; first < work->desk->shadows; first += LANES)
             cast_crowd(first, work);
         work->desk->shadows = 0;

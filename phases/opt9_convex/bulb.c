@@ -3,121 +3,88 @@
 // estimate and the distance to the scene's plane, as in every phase; rays that miss the bounding sphere take none.
 // Where a march ends hangs on the last digits of its steps: places and the first iteration are doubles (bulb.h).
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
-#include "bulb.h"
-#include "stage.h"
+#include "close.h"
 
-enum { REFILL = LANES / 4 }; // ended lanes
 // Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
 #define COARSE 1e-4f
 
 struct lanes {
-    real field[B_FIELDS];
+    real field[B_LANE];
     unsigned live; // a bit for each lane
 };
 
-static int refill(struct lanes *to, int next, int count, float steps, const struct desk *desk) {
+static int refill_bulb(struct lanes *to, int next, int count, float steps,
+                       float (*from)[BULB_ROOM]) {
+    COUNT(refill_bulb, call);
     unsigned ended = ~to->live & ((1u << LANES) - 1);
     int more = __builtin_popcount(ended) - (count - next);
     for (; more > 0; more--)
         ended &= ended - 1;
     if (!ended)
         return next;
-    for (int i = 0; i < B_BORN; i++)
-        to->field[i] = expand(to->field[i], ended, &desk->bulb[i][next]);
-    to->field[B_BORN] = choose(lanes_of(ended), set(steps), to->field[B_BORN]);
+    ACTIVE(__builtin_popcount(ended));
+    COUNT(refill_bulb, taken);
+    expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
+    to->field[B_BORN] = choose(lanes_of(ended), set(steps) - to->field[B_BORN], to->field[B_BORN]);
     to->live |= ended;
     return next + __builtin_popcount(ended);
 }
 
 struct packet {
-    struct wide_vec origin, direction;
-    struct vec near_origin, near_direction;
-    wide t;
-    real at; // t, as a float
-    real to, born;
-    real height, slope; // of the plane
-    mask done, met;
+    struct vec origin, direction;
+    real t, rest, to, born; // t: two floats
+    real height, slope;     // of the plane
+    mask done, met, close;
 };
-
-static inline wide wide_field(const struct lanes *from, int field) {
-    return wide_sum(from->field[field], from->field[field + B_REST]);
-}
-
-static inline struct wide_vec wide_fields(const struct lanes *from, int first) {
-    return (struct wide_vec){wide_field(from, first), wide_field(from, first + 1),
-                             wide_field(from, first + 2)};
-}
 
 static inline struct vec fields(const struct lanes *from, int first) {
     return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
 }
 
 static inline struct packet packet_of(const struct lanes *from) {
-    return (struct packet){wide_fields(from, B_ORIGIN), wide_fields(from, B_DIRECTION),
-                           fields(from, B_ORIGIN),      fields(from, B_DIRECTION),
-                           wide_field(from, B_T),       from->field[B_T],
-                           from->field[B_TO],           from->field[B_BORN],
-                           from->field[B_HEIGHT],       from->field[B_SLOPE],
-                           lanes_of(~from->live),       no_lane()};
+    return (struct packet){fields(from, B_ORIGIN),
+                           fields(from, B_DIRECTION),
+                           from->field[B_T],
+                           from->field[B_MORE],
+                           from->field[B_TO],
+                           from->field[B_BORN],
+                           from->field[B_HEIGHT],
+                           from->field[B_SLOPE],
+                           lanes_of(~from->live),
+                           no_lane(),
+                           no_lane()};
 }
 
-static inline wide wide_along(wide origin, wide direction, wide t) {
-    return (wide){half_mul_add(direction.low, t.low, origin.low),
-                  half_mul_add(direction.high, t.high, origin.high)};
-}
-
-static inline struct wide_vec place_of(const struct packet *p) {
-    COUNT(place_of, call);
-    return (struct wide_vec){wide_along(p->origin.x, p->direction.x, p->t),
-                             wide_along(p->origin.y, p->direction.y, p->t),
-                             wide_along(p->origin.z, p->direction.z, p->t)};
-}
-
-// `oldest`: rays that old have had their steps.
-static inline void advance(struct packet *p, bool exact, real h, real hit_distance, real oldest) {
+// `oldest`: rays that old have had their steps. close: after such a step a ray goes on in close.h.
+static inline void advance(struct packet *p, real h, real hit_distance, real oldest, real close) {
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance, call);
-    real t = p->at;
-    real height = mul_add(t, p->slope, p->height), least = least_of(h, height);
+    real height = mul_add(p->t, p->slope, p->height), least = least_of(h, height);
     mask reached = but_not(p->done, less(least, hit_distance));
-    real step = drop(p->done, least);
-    p->at = t + step;
-    if (exact) {
-        COUNT(advance, exact);
-        p->t.low += half_low(step);
-        p->t.high += half_high(step);
-        p->at = narrow(p->t);
-    }
+    real step = drop(p->done, least + p->rest), t = p->t + step;
+    p->rest = choose(p->done, p->rest, step - (t - p->t));
+    p->t = t;
     p->met = either(p->met, both(reached, not_less(height, h)));
-    mask over = either(greater(t + step, p->to), not_less(oldest, p->born));
+    mask over = either(greater(p->t, p->to), not_less(oldest, p->born));
     p->done = either(p->done, either(reached, over));
+    p->close = either(p->close, but_not(p->done, less(least, close)));
+    p->done = either(p->done, p->close);
 }
 
-// What has ended gives its answer and is no longer live.
-__attribute__((always_inline)) static inline void
-retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk *desk) {
+// What has ended gives its answer, what is close waits, and both are no longer live.
+static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
+                        struct desk *desk) {
     ACTIVE(count_of(lanes_of(from->live)));
     COUNT(retire_bulb, call);
-    real t = p->at;
-    struct vec at;
-    from->field[B_T + B_REST] = set(0.0f);
-    if (exact) {
-        COUNT(retire_bulb, exact);
-        struct wide_vec place = place_of(p);
-        at = (struct vec){narrow(place.x), narrow(place.y), narrow(place.z)};
-        from->field[B_T + B_REST] =
-            narrow((wide){p->t.low - half_low(t), p->t.high - half_high(t)});
-    } else {
-        COUNT(retire_bulb, coarse);
-        at = vec_along(p->near_origin, p->near_direction, t);
-    }
+    struct vec at = vec_along(p->origin, p->direction, p->t);
     float place[3][LANES], way[LANES], slots[LANES];
     unload(at.x, place[0]);
     unload(at.y, place[1]);
     unload(at.z, place[2]);
-    unload(from->field[B_BEFORE] + t, way);
+    unload(from->field[B_BEFORE] + p->t, way);
     unload(from->field[B_SLOT], slots);
-    from->field[B_T] = t;
+    from->field[B_T] = p->t;
+    from->field[B_MORE] = p->rest;
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), slot = (int)slots[lane];
@@ -128,13 +95,18 @@ retire_bulb(const struct packet *p, bool exact, struct lanes *from, struct desk 
                 desk->met_at[i][slot] = place[i][lane];
         }
     }
+    mask close = both(p->close, lanes_of(ended));
+    if (any(close)) {
+        COUNT(retire_bulb, close);
+        wait_close(close, from->field[B_RAY], p->t, p->rest, set(steps) - from->field[B_BORN],
+                   desk);
+    }
     from->live &= ~ended;
 }
 
 // A step of all packets. How many lanes have ended.
 __attribute__((always_inline)) static inline int
-step_bulbs(const struct placed *s, bool exact, struct packet *p, real hit_distance, real oldest) {
-    struct wide_vec place[ABREAST];
+step_bulbs(const struct placed *s, struct packet *p, real hit_distance, real oldest, real close) {
     struct vec at[ABREAST];
     mask done[ABREAST];
     real h[ABREAST];
@@ -142,30 +114,25 @@ step_bulbs(const struct placed *s, bool exact, struct packet *p, real hit_distan
     for (int k = 0; k < ABREAST; k++) {
         ACTIVE(LANES - count_of(p[k].done));
         COUNT(step_bulbs, packet);
-        if (exact)
-            place[k] = place_of(&p[k]);
-        at[k] = vec_along(p[k].near_origin, p[k].near_direction, p[k].at);
+        at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
     }
-    if (exact)
-        exact_bulbs(s, place, at, done, h);
-    else
-        bulbs(s, at, done, false, h);
+    bulbs(s, at, done, false, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
-        advance(&p[k], exact, h[k], hit_distance, oldest);
+        advance(&p[k], h[k], hit_distance, oldest, close);
         ended += count_of(p[k].done);
     }
     return ended;
 }
 
-__attribute__((always_inline)) static inline void march_all(const struct placed *s, bool exact,
-                                                            int count, const struct limits *limits,
-                                                            struct desk *desk) {
+static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int count,
+                         const struct limits *limits, float close, struct desk *desk) {
+    COUNT(march_floats, call);
     struct lanes lanes[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
         lanes[k].live = 0;
-        for (int i = 0; i < B_FIELDS; i++) // a point to work on, and nothing comes of it
+        for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
             lanes[k].field[i] = set(2.0f);
     }
     float hit = (float)limits->hit_distance;
@@ -177,21 +144,21 @@ __attribute__((always_inline)) static inline void march_all(const struct placed 
         struct packet p[ABREAST];
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill(&lanes[k], next, count, steps, desk);
+            next = refill_bulb(&lanes[k], next, count, steps, rays);
             ACTIVE(count_of(lanes_of(lanes[k].live)));
-            COUNT(march_bulb, packet);
+            COUNT(march_floats, packet);
             p[k] = packet_of(&lanes[k]);
             ended += count_of(p[k].done);
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
         while (ended < enough) {
-            COUNT(march_bulb, step);
+            COUNT(march_floats, step);
             steps += 1.0f;
-            ended = step_bulbs(s, exact, p, hit_distance, set(steps - most));
+            ended = step_bulbs(s, p, hit_distance, set(steps - most), set(close));
         }
         live = 0;
         for (int k = 0; k < ABREAST; k++) {
-            retire_bulb(&p[k], exact, &lanes[k], desk);
+            retire_bulb(&p[k], &lanes[k], steps, desk);
             live |= lanes[k].live;
         }
     } while (next < count || live);
@@ -200,10 +167,23 @@ __attribute__((always_inline)) static inline void march_all(const struct placed 
 void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk) {
     COUNT(march_bulb, call);
     desk->shape = s->index;
-    if ((float)limits->hit_distance < COARSE)
-        march_all(s, true, count, limits, desk);
-    else
-        march_all(s, false, count, limits, desk);
+    bool coarse = !((float)limits->hit_distance < COARSE);
+    march_floats(s, desk->bulb, count, limits, coarse ? 0.0f : CLOSE, desk);
+    if (coarse)
+        return;
+    struct close_lanes lanes[ABREAST];
+    struct pieces pieces = {.next = 0, .count = 0};
+    memset(lanes, 0, sizeof lanes);
+    float steps = 0.0f;
+    for (;;) {
+        march_close(s, limits, lanes, &pieces, &steps, desk);
+        if (desk->opens == 0)
+            break;
+        int opens = desk->opens;
+        desk->opens = 0;
+        march_floats(s, desk->open, opens, limits, CLOSE, desk);
+    }
+    desk->closes = desk->close_first = 0;
 }
 
 static inline wide wide_times(wide a, wide b) {
@@ -246,9 +226,15 @@ int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wid
     ACTIVE(count_of(near));
     COUNT(gather_bulb, near);
     float (*field)[BULB_ROOM] = desk->bulb;
-    const wide values[] = {c.x, c.y, c.z, d.x, d.y, d.z, way};
-    for (int i = 0; i < B_REST; i++)
+    const wide values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
+    for (int i = 0; i < 6; i++)
         pack_wide(near, values[i], field + i, count);
+    real t = narrow(way);
+    pack(near, t, field[B_T] + count);
+    pack(near, narrow((wide){way.low - half_low(t), way.high - half_high(t)}),
+         field[B_MORE] + count);
+    unload(lane_numbers() + set((float)count), field[B_RAY] + count);
+    unload(set(0.0f), field[B_BORN] + count);
     pack(near, to - before, field[B_TO] + count);
     pack(near, lane_numbers() + set((float)slot), field[B_SLOT] + count);
     pack(near, before, field[B_BEFORE] + count);

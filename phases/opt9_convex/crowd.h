@@ -31,14 +31,15 @@ static inline real distance_between(struct vec a, struct vec b) {
 
 struct vicinity {
     struct vec centre;
-    float within;
+    float within, room; // room: for rays to take a step in it
     int count;
     int *list;
+    int recent;  // which of the list was the nearest to one of the rays
     real *wakes; // of the list: where t + the nearest distance is less, so is that one
 };
 
 // Sorts the shadow rays that wait, so that those of a packet are near each other: desk->order[0].
-void crowd_sort(struct desk *desk);
+void crowd_sort(struct desk *desk, const struct prepared *scene);
 // Sets the rays' end, their first entry into a solid and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
 // Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the

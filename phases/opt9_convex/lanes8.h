@@ -121,6 +121,21 @@ static inline real inverse_root(real a) {
     return set(1.0f) / _mm256_sqrt_ps(a);
 }
 
+// 1/√a to 12 bits (16 lanes: 14), for normal a > 0.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return _mm256_rsqrt_ps(a);
+}
+
+// a·b + c in the lanes of m, a in the others.
+static inline real mul_add_where(mask m, real a, real b, real c) {
+    return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.all);
+}
+
+static inline mask and_not_greater(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGT_UQ))};
+}
+
 // 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
@@ -194,13 +209,13 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
-// The other way round: floats in a row into the lanes of `to`.
-static inline real expand(real a, unsigned to, const float *from) {
-    float lanes[LANES];
-    unload(a, lanes);
-    for (; to; to &= to - 1)
-        lanes[__builtin_ctz(to)] = *from++;
-    return load(lanes);
+// The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    for (; lanes; lanes &= lanes - 1, from++) {
+        float *lane = (float *)to + __builtin_ctz(lanes);
+        for (int i = 0; i < count; i++)
+            lane[i * LANES] = from[(size_t)i * (size_t)stride];
+    }
 }
 
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.

@@ -49,6 +49,9 @@ struct placed {
     // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
     // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
+    // Of a crowd's solid: no other's bounding sphere is nearer to its position, and its place in the tree.
+    float alone;
+    int rank;
 };
 
 struct prepared {

@@ -1,5 +1,5 @@
 // Persistent workers that sleep on a condition variable between frames and draw tiles from one
-// atomic counter. Which worker draws which tile differs from frame to frame; what is in it does not.
+// atomic counter, of both ends. Which worker draws which tile differs from frame to frame; what is in it does not.
 #include "threads.h"
 
 #include <pthread.h>
@@ -7,6 +7,7 @@
 #include <stdalign.h>
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,8 +21,8 @@ struct worker {
 };
 
 struct team {
-    // Hot: everyone writes it at every tile.
-    alignas(APART) atomic_int next;
+    // Hot: everyone writes it at every tile. How many were taken from the front, and above 32 bits from the end.
+    alignas(APART) _Atomic uint64_t taken;
     // Cold: a few times a frame, under the lock.
     alignas(APART) pthread_mutex_t lock;
     pthread_cond_t begin, rest;
@@ -68,24 +69,37 @@ static void *own_memory(size_t size) {
     return own ? memset(own, 0, whole) : NULL;
 }
 
-static void draw_tiles(struct team *team, void *own) {
+// Some at a time, fewer towards the end, so that no worker waits long for the last. Half of the workers begin at the
+// picture's end: each writes where it wrote the frame before, and not lines that another's cache still has (scene0, two
+// threads: 0.2 of 4.8 ms). How many there are; 0: none are left.
+static int take_tiles(struct team *team, bool from_end, int *first) {
+    uint64_t taken = atomic_load_explicit(&team->taken, memory_order_relaxed);
+    for (;;) {
+        int front = (int)(uint32_t)taken, back = (int)(taken >> 32);
+        int left = team->tiles - front - back, some = left / (16 * team->count);
+        some = some < 1 ? 1 : some > 16 ? 16 : some;
+        if (left <= 0)
+            return 0;
+        *first = from_end ? team->tiles - back - some : front;
+        uint64_t more = (uint64_t)some << (from_end ? 32 : 0);
+        if (atomic_compare_exchange_weak_explicit(&team->taken, &taken, taken + more,
+                                                  memory_order_relaxed, memory_order_relaxed))
+            return some;
+    }
+}
+
+static void draw_tiles(struct team *team, const struct worker *self) {
     if (team->count == 1) { // an atomic operation would wait for all that was stored
         for (int tile = 0; tile < team->tiles; tile++)
-            render_tile(team->job, tile, own);
+            render_tile(team->job, tile, self->own);
         return;
     }
-    // The lock has published what a tile needs; the counter only has to count. Some at a time, fewer towards the end, so that
-    // no worker waits long for the last.
-    for (;;) {
-        int left = team->tiles - atomic_load_explicit(&team->next, memory_order_relaxed);
-        int some = left / (16 * team->count);
-        some = some < 1 ? 1 : some > 16 ? 16 : some;
-        int tile = atomic_fetch_add_explicit(&team->next, some, memory_order_relaxed);
-        if (tile >= team->tiles)
-            return;
-        for (int i = tile; i < tile + some && i < team->tiles; i++)
-            render_tile(team->job, i, own);
-    }
+    // The lock has published what a tile needs; the counter only has to count.
+    bool from_end = (self - team->worker) % 2;
+    int first;
+    for (int count; (count = take_tiles(team, from_end, &first)) > 0;)
+        for (int i = 0; i < count; i++)
+            render_tile(team->job, first + i, self->own);
 }
 
 static void *live(void *argument) {
@@ -105,7 +119,7 @@ static void *live(void *argument) {
         seen = team->frame;
         team->busy++;
         pthread_mutex_unlock(&team->lock);
-        draw_tiles(team, self->own);
+        draw_tiles(team, self);
         pthread_mutex_lock(&team->lock);
         if (--team->busy == 0)
             pthread_cond_signal(&team->rest);
@@ -176,7 +190,7 @@ void team_run(struct team *team, const void *job, int tiles) {
     pthread_mutex_lock(&team->lock);
     team->job = job;
     team->tiles = tiles;
-    atomic_store_explicit(&team->next, 0, memory_order_relaxed);
+    atomic_store_explicit(&team->taken, 0, memory_order_relaxed);
     team->frame++;
     team->open = true;
     pthread_cond_broadcast(&team->begin);
@@ -190,7 +204,7 @@ void team_run(struct team *team, const void *job, int tiles) {
         pinned = error == 0;
         state_unpinned(team, !pinned, error);
     }
-    draw_tiles(team, self->own);
+    draw_tiles(team, self);
     if (pinned)
         pthread_setaffinity_np(pthread_self(), sizeof before, &before);
     pthread_mutex_lock(&team->lock);
