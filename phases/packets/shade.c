@@ -153,6 +153,27 @@ static void cast(const struct work *work, const struct lit *at, struct vec brigh
     desk->shadows += count_of(at->lit);
 }
 
+// Rays of a packet.
+struct ray {
+    struct vec point, direction;
+};
+
+// What the hits in `mirrors` see waits for the next round.
+static void reflect(const struct work *work, mask mirrors, struct ray from, struct vec normal,
+                    real weight, int first) {
+    struct desk *desk = work->desk;
+    struct rays *rays = &desk->rays;
+    COUNT(reflect, call);
+    struct rays *to = &desk->mirrored;
+    real offset = set((float)work->scene->model.march.surface_offset);
+    pack_vec(mirrors, vec_along(from.point, normal, offset), to->origin, to->count);
+    pack_vec(mirrors, vec_reflect(from.direction, normal), to->direction, to->count);
+    pack(mirrors, weight, to->weight + to->count);
+    pack(mirrors, load(rays->pixel + first), to->pixel + to->count);
+    pack(mirrors, load(desk->shape + first), to->own + to->count);
+    to->count += count_of(mirrors);
+}
+
 static void shade_packet(const struct work *work, int bounce, bool normals, int first) {
     ACTIVE(count_of(first_lanes(work->desk->rays.count - first)));
     COUNT(shade_packet, call);
@@ -203,15 +224,8 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
         }
         mask mirrors = both(found, greater(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && any(mirrors)) {
-            COUNT(shade_packet, mirrors);
-            struct rays *to = &desk->mirrored;
-            real offset = set((float)model->march.surface_offset);
-            pack_vec(mirrors, vec_along(p, surface.normal, offset), to->origin, to->count);
-            pack_vec(mirrors, vec_reflect(d, surface.normal), to->direction, to->count);
-            pack(mirrors, weight * surface.share, to->weight + to->count);
-            pack(mirrors, load(rays->pixel + first), to->pixel + to->count);
-            pack(mirrors, load(desk->shape + first), to->own + to->count);
-            to->count += count_of(mirrors);
+            reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share,
+                    first);
         }
     } else if (normals) {
         unload_vec((struct vec){zero, zero, zero}, desk->normal, first);
