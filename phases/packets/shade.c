@@ -224,6 +224,7 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
         }
         mask mirrors = both(found, greater(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && any(mirrors)) {
+            COUNT(shade_packet, mirrors);
             reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share,
                     first);
         }
