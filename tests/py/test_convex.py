@@ -459,17 +459,25 @@ def test_few_steps_are_each_taken(steps: str, tmp_path: Path) -> None:
 def test_the_workers_are_the_parents() -> None:
     """Their tests are opt5_threads's: refused threads, pins, memory; sleep between frames; no data race.
 
-    But for `draw_tiles`, which takes several tiles at a time: that none is forgotten or drawn twice is seen
-    by the pictures of any number of threads (above; forgotten pixels are NaN).
+    But for which tiles a worker takes, several at a time and from both ends: that none is forgotten or drawn
+    twice is seen by the pictures of any number of threads (above; forgotten pixels are NaN).
     """
-    drawn = re.compile(r"static void draw_tiles\(.*?\n}\n", re.DOTALL)
+    taken = re.compile(
+        r"^(// atomic counter.*|#include <stdint.h>|    // Hot: .*|.*(next|taken)(;|, 0, ).*)\n"
+        r"|^(// .*\n)*static (int take|void draw)_tiles\((.|\n)*?\n}\n\n?",
+        re.MULTILINE,
+    )
     for name in ("threads.h", "threads.c"):
         texts = {}
         for phase in ("opt6_wide", PHASE, "opt10_scene"):
             text = (ROOT / "phases" / phase / name).read_text().replace(phase, "opt6_wide")
             texts[phase] = re.sub(r"OPT(9|10)_", "OPT6_", text)
         assert texts[PHASE] == texts["opt10_scene"], name
-        assert drawn.sub("", texts[PHASE]).split() == drawn.sub("", texts["opt6_wide"]).split(), name
+        mine, parents = (
+            re.sub(r"draw_tiles\(.*\);", "draw_tiles", taken.sub("", texts[phase])).split()
+            for phase in (PHASE, "opt6_wide")
+        )
+        assert mine == parents, name
 
 
 def agree(image: dict[str, np.ndarray], base: dict[str, np.ndarray]) -> np.ndarray:
