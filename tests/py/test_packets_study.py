@@ -79,7 +79,7 @@ def made_up(embree: bool = True) -> dict:
     rows = [
         {"phase": phase, "hit_distance": None, "target_db": 80, "psnr_db": 90.0, "wrong_ppm": 0.0}
         | {"non_finite": 0, "threads": [timed]}
-        for phase in ("packets", "opt4")
+        for phase in ("packets", "opt4", "opt8_streams")
     ]
     drawn = [{"scene": "spheres40", "width": 160, "n": 90, "rows": rows}]
     return {"article": packets.ARTICLE, "goals": packets.GOALS, "rays": rays, "drawn": drawn}
@@ -94,7 +94,11 @@ def test_the_page_by_hand(tmp_path):
     assert "≥ 1×: not met" in primary and "≥ 0.5×: met" in mirror and "≥ 0.5×: met" in scattered  # 0.55
     assert "met" not in shadow and "0 of 1,000 others" in primary
     drawn = show.markdown(show.table(packets_page.drawn_rows(made_up()), packets_page.DRAWN))
-    assert drawn.count("base") == 1 and "4.00× [3.00" in drawn
+    assert drawn.count("base") == 1 and drawn.count("4.00× [3.00") == 2
+    said = {row["what"]: row for row in packets_page.system_rows(made_up())}
+    whole = said["spheres40 160×90, ms a frame, one thread"]
+    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams at equal error")
+    assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
     assert packets_page.faults(made_up()) == []
     for name in packets_page.drawings(made_up()).values():
         assert name.make() is not None
