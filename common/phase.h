@@ -51,6 +51,17 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attri
 // record says it with every frame, so that what another setting gave cannot pass for the phase's own.
 const char *phase_settings(const struct prepared *prepared) __attribute__((weak));
 
+// Only of phases of closed forms, for tests and for what times rays (hits.c): rays as arrays, of which each has room for
+// 64 bytes more. Directions are of unit length.
+struct ray_set {
+    size_t count;
+    const float *origin[3], *direction[3];
+    const float *far; // where each ends; NULL: nowhere
+    bool any;         // asked for is whether something is met, not where
+    float *t, *shape; // of the first hit: +inf and −1 on a miss; of any: −inf in t, and no shape
+};
+bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
+
 // Only of the phases of family "truth", for tests (rays.c): the first hit of each ray, origin xyz and
 // direction xyz, as status (2 proved, 1 converged only, 0 undecided), index of the shape (−1: none), and the
 // enclosure of s in p = origin + s·direction, s ≥ 0 (+inf on a proved miss), and what it cost in evaluations.

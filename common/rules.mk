@@ -8,6 +8,7 @@
 #   build/NAME/probe          distances at given points, for tests
 #   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
 #   build/truth/rays          proved first hits of given rays, for tests
+#   build/packets/hits        what given rays meet, timed, beside Embree where it is (hits.c)
 #   build/ceilings            what one core can do at best (ceilings.c)
 #   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
 #   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
@@ -123,6 +124,22 @@ $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.
 # First hits of given rays in proved enclosures, for tests: phases of family truth only (phase.h).
 $(BUILD)/%/rays: $(BUILD)/common/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
+
+# What given rays meet, and the time of it: phases of closed forms only (phase.h). Embree where its header is; installed
+# later it builds anew.
+EMBREE := $(if $(SANITIZE),,$(wildcard /usr/include/embree3/rtcore.h /usr/local/include/embree3/rtcore.h))
+$(BUILD)/common/with_embree: FORCE
+	@mkdir -p $(@D)
+	@echo '$(EMBREE)' | cmp -s - $@ || echo '$(EMBREE)' >$@
+
+$(BUILD)/common/embree.o: COMMON_CFLAGS += $(if $(EMBREE),-DWITH_EMBREE)
+$(BUILD)/common/embree.o: $(BUILD)/common/with_embree
+
+$(BUILD)/%/hits.o: common/hits.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
+
+$(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+	$(CC) $(SANITIZERS) $^ $(LIBS) $(if $(EMBREE),-lembree3) -o $@
 
 # The counting build: the same sources with the macros of flops.h switched on.
 $(BUILD)/%/count/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk

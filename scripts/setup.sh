@@ -1,7 +1,7 @@
 #!/bin/sh
 # setup.sh study|test: installs what the study, or the tests, need and this machine lacks; quick when nothing does.
-# What adds a table but can be done without (perf, llvm-mca) is tried until apt has answered, and named in a line
-# when it does not come.
+# What adds a table but can be done without (perf, llvm-mca, Embree) is tried until apt has answered, and named in a
+# line when it does not come.
 #
 # System packages come by apt-get (Debian 12 and later, Ubuntu 24.04 and later), as root or by sudo where it asks
 # for no password; Python packages from requirements.lock, checked by hash, into .venv. Exit status: 0 all is there,
@@ -111,8 +111,12 @@ rm -f build/setup.probe
 
 # --- Optional ones. Ubuntu's perf comes with its kernel's tools, and is not there for WSL2's kernel.
 
-optional() { # command, what it adds, packages of which the first that exists is taken
-    command -v "$1" >/dev/null && return
+there() { # a command, or a library's header by its path
+    command -v "$1" >/dev/null || case "$1" in */*) [ -e "$1" ] ;; *) false ;; esac
+}
+
+optional() { # command or header, what it adds, packages of which the first that exists is taken
+    there "$1" && return
     command=$1 adds=$2
     shift 2
     grep -qsx "$command" build/setup.without && return
@@ -126,7 +130,7 @@ optional() { # command, what it adds, packages of which the first that exists is
             say "installing $package by apt-get: $adds"
             if $sudo env DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends "$package" \
                 >"$log" 2>&1 </dev/null; then
-                command -v "$command" >/dev/null && return
+                there "$command" && return
             elif grep -qE 'Failed to fetch|Unable to fetch|Could not get lock|No space left' "$log"; then
                 answered= # another time it may come
             fi
@@ -139,6 +143,7 @@ optional() { # command, what it adds, packages of which the first that exists is
 }
 optional perf "table of hotspots" linux-perf linux-tools-generic
 optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
+optional "${STEPWISE_INCLUDE:-/usr/include}/embree3/rtcore.h" "packet ray tracer beside Embree" libembree-dev
 
 # --- Python packages
 

@@ -203,7 +203,7 @@ def prepare_step() -> Iterator[Tally]:
             *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
             *(f"{name}/{target}" for name in patches for target in ("render", "render-count", variants[1])),
             *("calibration/calibrate", "calibration/calibrate-blocks", "common/qemu_plugin.so", "truth/rays"),
-            *("functions/bench", "rsqrt", "opt2@opt3/render"),
+            *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits"),
         ],
         "build/clang": [
             *(f"{name}/{target}" for name in ladder if not embeds(name) for target in variants),

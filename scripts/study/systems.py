@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from study import fixed, fixed_page, fixed_pictures, lattice, lattice_page, rods, rods_page, rods_pictures
+from study import (
+    fixed,
+    fixed_page,
+    fixed_pictures,
+    lattice,
+    lattice_page,
+    packets,
+    packets_page,
+    rods,
+    rods_page,
+    rods_pictures,
+)
 from study.sections import Section, part, reading
 from study.show import Column
 
@@ -56,6 +67,12 @@ def section(path: Path) -> Section:
             drawn |= fixed_page.drawings(integers)
             remarks.append(fixed_page.NOTE)
             pictures[path / "images" / f"{fixed_pictures.PICTURES}.png"] = fixed_pictures.CAPTION
+    with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
+        traced = packets.read(path / packets.FILE)
+        drawn = drawn | packets_page.drawings(traced)
+        parts += packets_page.parts(traced)
+        remarks += packets_page.remarks(traced)
+        rows += packets_page.system_rows(traced)
     if rows:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}

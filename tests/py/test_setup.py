@@ -20,7 +20,7 @@ CUT_OFF = "echo 'E: Failed to fetch http://deb.example/perf.deb'; exit 100"
 
 @pytest.fixture
 def tree(tmp_path: Path) -> Path:
-    """A tree where all is there but perf and llvm-mca, and a PATH of its own: bin/."""
+    """A tree where all is there but perf and llvm-mca, and a PATH and headers of its own: bin/, include/."""
     (tmp_path / "scripts").mkdir()
     shutil.copy(ROOT / "scripts" / "setup.sh", tmp_path / "scripts")
     (tmp_path / "bin").mkdir()
@@ -28,6 +28,8 @@ def tree(tmp_path: Path) -> Path:
         found = shutil.which(tool)
         assert found, tool
         (tmp_path / "bin" / tool).symlink_to(found)
+    (tmp_path / "include" / "embree3").mkdir(parents=True)
+    (tmp_path / "include" / "embree3" / "rtcore.h").touch()
     (tmp_path / "requirements.lock").write_text("")
     (tmp_path / ".venv" / "bin").mkdir(parents=True)
     (tmp_path / ".venv" / "bin" / "python").symlink_to(str(shutil.which("python3")))
@@ -50,7 +52,7 @@ def setup(tree: Path, update: str = "", install: str = "exit 100") -> tuple[str,
     command(tree, "apt-get", f'echo "$*" >>{log}\n{case}')
     done = subprocess.run(
         [tree / "bin" / "sh", tree / "scripts" / "setup.sh", "study"],
-        env={"PATH": str(tree / "bin")},
+        env={"PATH": str(tree / "bin"), "STEPWISE_INCLUDE": str(tree / "include")},
         capture_output=True,
         text=True,
     )
@@ -64,6 +66,20 @@ def test_what_apt_does_not_have_is_asked_for_once(tree: Path) -> None:
     assert remembered and "perf is not here and could not be installed" in said
     assert [line.split()[0] for line in asked] == ["update", "install", "install", "install"]
     assert setup(tree) == ("", [], True)
+
+
+def test_a_library_is_known_by_its_header(tree: Path) -> None:
+    for name in ("perf", "llvm-mca"):
+        command(tree, name, ":")
+    header = tree / "include" / "embree3" / "rtcore.h"
+    header.unlink()
+    said, asked, _ = setup(tree)
+    assert "rtcore.h is not here" in said and "beside Embree" in said
+    assert [line.split()[-1] for line in asked] == ["update", "libembree-dev"] or "-q" in asked[0]
+    assert asked[-1].endswith("libembree-dev") and setup(tree) == ("", [], False)
+    (tree / "build" / "setup.without").unlink()
+    said, _, _ = setup(tree, install=f"/bin/touch {header}")
+    assert "could not" not in said and setup(tree) == ("", [], False)
 
 
 @pytest.mark.parametrize("trouble", [{"update": UNREACHABLE}, {"update": "exit 100"}, {"install": CUT_OFF}])

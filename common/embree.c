@@ -1,0 +1,236 @@
+// Embree 3 beside a phase (hits.c): spheres as its points of a radius (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as
+// squares of four times the bounds. Single-threaded, its best build quality.
+#include "hits.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "timer.h"
+
+#ifdef WITH_EMBREE
+#include <embree3/rtcore.h>
+
+struct beside {
+    RTCDevice device;
+    RTCScene scene;
+    bool coherent;
+    size_t packets;
+    struct RTCRayHit16 *sixteen;
+    struct RTCRayHit *one;
+    size_t count;
+    int *shape_of; // geometry 0: its spheres; geometry 1 + i: plane i
+    int spheres;
+};
+
+const char *beside_version(void) {
+    return "Embree " RTC_VERSION_STRING;
+}
+
+static bool add_spheres(struct beside *b, const struct model *model) {
+    for (int i = 0; i < model->shape_count; i++)
+        b->spheres += model->shapes[i].type == SHAPE_SPHERE;
+    RTCGeometry geometry = rtcNewGeometry(b->device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
+    float *at = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 16,
+                                        (size_t)b->spheres);
+    int next = 0;
+    for (int i = 0; i < model->shape_count && at; i++) {
+        const struct shape *s = &model->shapes[i];
+        if (s->type != SHAPE_SPHERE)
+            continue;
+        for (int k = 0; k < 3; k++)
+            at[4 * next + k] = (float)s->position[k];
+        at[4 * next + 3] = (float)s->sphere.radius;
+        b->shape_of[next++] = i;
+    }
+    rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_HIGH);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(b->scene, geometry, 0);
+    rtcReleaseGeometry(geometry);
+    return at != NULL;
+}
+
+// n is unit; the plane is not turned.
+static bool add_plane(struct beside *b, const struct model *model, int index, int number) {
+    const struct shape *s = &model->shapes[index];
+    const double *n = s->plane.normal;
+    int least = fabs(n[0]) < fabs(n[1]) ? 0 : 1;
+    least = fabs(n[2]) < fabs(n[least]) ? 2 : least;
+    double axis[3] = {least == 0, least == 1, least == 2}, u[3], v[3], length = 0, offset;
+    for (int k = 0; k < 3; k++)
+        u[k] = axis[(k + 1) % 3] * n[(k + 2) % 3] - axis[(k + 2) % 3] * n[(k + 1) % 3];
+    for (int k = 0; k < 3; k++)
+        length += u[k] * u[k];
+    for (int k = 0; k < 3; k++)
+        u[k] /= sqrt(length);
+    for (int k = 0; k < 3; k++)
+        v[k] = n[(k + 1) % 3] * u[(k + 2) % 3] - n[(k + 2) % 3] * u[(k + 1) % 3];
+    offset =
+        s->plane.offset + n[0] * s->position[0] + n[1] * s->position[1] + n[2] * s->position[2];
+    RTCGeometry geometry = rtcNewGeometry(b->device, RTC_GEOMETRY_TYPE_QUAD);
+    float *at =
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, 4);
+    unsigned *corner =
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4, 16, 1);
+    static const int side[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
+    for (int i = 0; i < 4 && at && corner; i++) {
+        corner[i] = (unsigned)i;
+        for (int k = 0; k < 3; k++)
+            at[3 * i + k] = (float)(n[k] * offset + 4 * model->march.bounds_radius *
+                                                        (side[i][0] * u[k] + side[i][1] * v[k]));
+    }
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometryByID(b->scene, geometry, (unsigned)(1 + number));
+    rtcReleaseGeometry(geometry);
+    b->shape_of[b->spheres + number] = index;
+    return at && corner;
+}
+
+static const char *unlike(const struct model *model) {
+    if (model->features.rotation || model->features.repetition)
+        return "not compared: the scene has rotations or repetitions";
+    for (int i = 0; i < model->shape_count; i++)
+        if (model->shapes[i].type != SHAPE_SPHERE && model->shapes[i].type != SHAPE_PLANE)
+            return "not compared: the scene has shapes other than spheres and planes";
+    return NULL;
+}
+
+static void put_rays(struct beside *b, const struct ray_arrays *rays, bool any, bool packets) {
+    for (size_t i = 0; i < b->packets * 16; i++) {
+        bool there = i < rays->count;
+        float far = !there ? -1.0f : any ? rays->far[i] : INFINITY;
+        float at[6];
+        for (int k = 0; k < 3; k++) {
+            at[k] = there ? rays->origin[k][i] : 0;
+            at[3 + k] = there ? rays->direction[k][i] : 1;
+        }
+        if (!packets && there) {
+            struct RTCRayHit *r = &b->one[i];
+            r->ray =
+                (struct RTCRay){at[0], at[1], at[2], 0, at[3], at[4], at[5], 0, far, ~0u, 0, 0};
+            r->hit.geomID = r->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+        }
+        if (!packets)
+            continue;
+        struct RTCRayHit16 *r = &b->sixteen[i / 16];
+        size_t lane = i % 16;
+        r->ray.org_x[lane] = at[0];
+        r->ray.org_y[lane] = at[1];
+        r->ray.org_z[lane] = at[2];
+        r->ray.dir_x[lane] = at[3];
+        r->ray.dir_y[lane] = at[4];
+        r->ray.dir_z[lane] = at[5];
+        r->ray.tnear[lane] = r->ray.time[lane] = 0;
+        r->ray.tfar[lane] = far;
+        r->ray.mask[lane] = ~0u;
+        r->ray.flags[lane] = r->ray.id[lane] = 0;
+        r->hit.geomID[lane] = r->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
+    }
+}
+
+static void get_hits(const struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
+    for (size_t i = 0; i < rays->count; i++) {
+        const struct RTCRayHit16 *r = &b->sixteen[i / 16];
+        size_t lane = i % 16;
+        unsigned geometry = packets ? r->hit.geomID[lane] : b->one[i].hit.geomID;
+        unsigned primitive = packets ? r->hit.primID[lane] : b->one[i].hit.primID;
+        bool met = geometry != RTC_INVALID_GEOMETRY_ID;
+        rays->t[1][i] = packets ? r->ray.tfar[lane] : b->one[i].ray.tfar;
+        rays->shape[1][i] =
+            any    ? 0
+            : !met ? -1
+                   : (float)b->shape_of[geometry ? (unsigned)b->spheres + geometry - 1 : primitive];
+    }
+}
+
+struct beside *beside_start(const struct model *model, const struct ray_arrays *rays, bool coherent,
+                            const char **why) {
+    if ((*why = unlike(model)))
+        return NULL;
+    *why = "not compared: Embree cannot be started, or memory is short";
+    struct beside *b = calloc(1, sizeof *b);
+    if (!b)
+        return NULL;
+    b->coherent = coherent;
+    b->count = rays->count;
+    b->packets = (rays->count + 15) / 16;
+    b->shape_of = calloc((size_t)model->shape_count, sizeof *b->shape_of);
+    b->sixteen = aligned_alloc(64, (b->packets + 1) * sizeof *b->sixteen);
+    b->one = aligned_alloc(64, (16 * b->packets + 16) * sizeof *b->one);
+    b->device = rtcNewDevice("threads=1");
+    bool made = b->shape_of && b->sixteen && b->one && b->device;
+    if (made) {
+        b->scene = rtcNewScene(b->device);
+        rtcSetSceneBuildQuality(b->scene, RTC_BUILD_QUALITY_HIGH);
+        made = add_spheres(b, model);
+        for (int i = 0, planes = 0; i < model->shape_count && made; i++)
+            if (model->shapes[i].type == SHAPE_PLANE)
+                made = add_plane(b, model, i, planes++);
+        rtcCommitScene(b->scene);
+    }
+    if (made)
+        return b;
+    beside_end(b);
+    return NULL;
+}
+
+uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
+    static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
+                                               -1, -1, -1, -1, -1, -1, -1, -1};
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags =
+        b->coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    put_rays(b, rays, any, packets);
+    uint64_t begin = timer_ns();
+    for (size_t i = 0; i < (packets ? b->packets : b->count); i++) {
+        if (packets && any)
+            rtcOccluded16(valid, b->scene, &context, (struct RTCRay16 *)&b->sixteen[i].ray);
+        else if (packets)
+            rtcIntersect16(valid, b->scene, &context, &b->sixteen[i]);
+        else if (any)
+            rtcOccluded1(b->scene, &context, &b->one[i].ray);
+        else
+            rtcIntersect1(b->scene, &context, &b->one[i]);
+    }
+    uint64_t took = timer_ns() - begin;
+    get_hits(b, rays, any, packets);
+    return took;
+}
+
+void beside_end(struct beside *b) {
+    if (!b)
+        return;
+    if (b->scene)
+        rtcReleaseScene(b->scene);
+    if (b->device)
+        rtcReleaseDevice(b->device);
+    free(b->shape_of);
+    free(b->sixteen);
+    free(b->one);
+    free(b);
+}
+
+#else
+
+struct beside *beside_start(const struct model *model, const struct ray_arrays *rays, bool coherent,
+                            const char **why) {
+    (void)model, (void)rays, (void)coherent;
+    *why = "not compared: built without Embree (libembree-dev)";
+    return NULL;
+}
+
+const char *beside_version(void) {
+    return "";
+}
+
+uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
+    (void)b, (void)rays, (void)any, (void)packets;
+    return 0;
+}
+
+void beside_end(struct beside *b) {
+    (void)b;
+}
+
+#endif

@@ -1,0 +1,200 @@
+// hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays: what given rays meet, and how long that
+// takes, of a phase of closed forms; beside it, on the same rays in the same run and by turns, Intel's Embree, where it
+// was there to build with.
+//
+// Reads float32 septuples (origin, unit direction, far) from standard input until its end, and traces them in their
+// order, on one thread. --any: whether anything is met before far, not where. --embree: beside it; --coherent: it is told that they
+// go the same way (the phase is told nothing). FILE gets float32 pairs (t, shape) of the phase, and behind them Embree's;
+// of --any t is −inf where something is in the way, and the shape 0. Standard output gets one JSON object: ns per
+// repetition of each. Embree has spheres, and planes as squares of four times the bounds; of a scene with other shapes,
+// or without Embree, its times are null and "embree" says why.
+#include <getopt.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "hits.h"
+#include "phase_info.h"
+#include "timer.h"
+#include "variant.h"
+
+enum { SPARE = 16 };
+
+// All arrays of one length with `SPARE` floats behind it, in one piece.
+static bool make_rays(struct ray_arrays *r, size_t count) {
+    size_t room = (count + SPARE + 15) / 16 * 16;
+    r->count = count;
+    r->memory = aligned_alloc(64, 11 * room * sizeof(float));
+    if (!r->memory)
+        return false;
+    memset(r->memory, 0, 11 * room * sizeof(float));
+    for (int k = 0; k < 3; k++) {
+        r->origin[k] = r->memory + (size_t)k * room;
+        r->direction[k] = r->memory + (size_t)(3 + k) * room;
+    }
+    r->far = r->memory + 6 * room;
+    for (int who = 0; who < 2; who++) {
+        r->t[who] = r->memory + (size_t)(7 + 2 * who) * room;
+        r->shape[who] = r->memory + (size_t)(8 + 2 * who) * room;
+    }
+    return true;
+}
+
+// Standard input, to its end.
+static bool read_rays(struct ray_arrays *rays) {
+    size_t room = 1 << 16, count = 0, got;
+    float (*all)[7] = malloc(room * sizeof *all);
+    while (all && (got = fread(all + count, sizeof *all, room - count, stdin)) > 0) {
+        count += got;
+        if (count == room) {
+            void *more = realloc(all, (room *= 2) * sizeof *all);
+            if (!more)
+                free(all);
+            all = more;
+        }
+    }
+    bool made = all && !ferror(stdin) && make_rays(rays, count);
+    for (size_t i = 0; made && i < count; i++) {
+        for (int k = 0; k < 3; k++) {
+            rays->origin[k][i] = all[i][k];
+            rays->direction[k][i] = all[i][3 + k];
+        }
+        rays->far[i] = all[i][6];
+    }
+    free(all);
+    return made;
+}
+
+static uint64_t time_phase(const struct prepared *prepared, const struct ray_arrays *rays,
+                           bool any) {
+    struct ray_set set = {.count = rays->count, .far = any ? rays->far : NULL, .any = any};
+    for (int k = 0; k < 3; k++) {
+        set.origin[k] = rays->origin[k];
+        set.direction[k] = rays->direction[k];
+    }
+    set.t = rays->t[0];
+    set.shape = rays->shape[0];
+    uint64_t begin = timer_ns();
+    phase_hits(prepared, &set);
+    return timer_ns() - begin;
+}
+
+// Ours, Embree's packets and its single rays by turns, each first as often.
+static bool measure(const struct prepared *prepared, struct ray_arrays *rays, struct beside *beside,
+                    bool any, int reps, json_t *ns[3]) {
+    for (int i = 0; i < reps; i++)
+        for (int turn = 0; turn < 3; turn++) {
+            int who = (i + turn) % 3;
+            if (who > 0 && !beside)
+                continue;
+            uint64_t took = who == 0 ? time_phase(prepared, rays, any)
+                                     : beside_trace(beside, rays, any, who == 1);
+            if (json_array_append_new(ns[who], json_integer((json_int_t)took)) != 0)
+                return false;
+        }
+    return true;
+}
+
+static bool write_hits(const char *path, const struct ray_arrays *rays, bool both) {
+    FILE *file = fopen(path, "wb");
+    bool written = file != NULL;
+    for (int who = 0; who < 1 + both && written; who++)
+        for (size_t i = 0; i < rays->count && written; i++) {
+            float pair[2] = {rays->t[who][i], rays->shape[who][i]};
+            written = fwrite(pair, sizeof pair, 1, file) == 1;
+        }
+    return file && fclose(file) == 0 && written;
+}
+
+struct asked {
+    const char *out;
+    bool any, embree, coherent;
+    int reps;
+};
+
+static int run(const struct scene *scene, const struct asked *asked) {
+    struct ray_arrays rays = {0};
+    const char *why = "not asked for", *out = asked->out;
+    bool any = asked->any, coherent = asked->coherent;
+    int reps = asked->reps;
+    struct prepared *prepared = phase_prepare(&scene->model, 1);
+    if (!prepared || !read_rays(&rays)) {
+        fprintf(stderr, "hits: the rays cannot be read, or memory is short\n");
+        return 2;
+    }
+    uint64_t begin = timer_ns();
+    bool rebuilt = phase_update(prepared, &scene->model);
+    uint64_t update_ns = timer_ns() - begin;
+    begin = timer_ns();
+    struct beside *beside =
+        asked->embree ? beside_start(&scene->model, &rays, coherent, &why) : NULL;
+    uint64_t beside_ns = timer_ns() - begin;
+    json_t *ns[3] = {json_array(), json_array(), json_array()};
+    int status = 5;
+    if (rebuilt && measure(prepared, &rays, beside, any, reps, ns)) {
+        const char *said = phase_settings ? phase_settings(prepared) : "";
+        json_t *record =
+            json_pack("{s:s, s:s, s:i, s:s, s:s, s:I, s:b, s:b, s:O, s:O, s:O, s:s, s:I, s:I}",
+                      "phase", PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes,
+                      "isa", variant_here().isa, "settings", said, "count", (json_int_t)rays.count,
+                      "any", any, "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1],
+                      "embree1_ns", ns[2], "embree", beside ? beside_version() : why, "update_ns",
+                      (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
+        status = out && !write_hits(out, &rays, beside != NULL) ? 2 : 0;
+        if (status)
+            fprintf(stderr, "hits: %s cannot be written\n", out);
+        else
+            status =
+                record && json_dumpf(record, stdout, 0) == 0 && fputc('\n', stdout) != EOF ? 0 : 2;
+        json_decref(record);
+    }
+    for (int i = 0; i < 3; i++)
+        json_decref(ns[i]);
+    beside_end(beside);
+    phase_release(prepared);
+    free(rays.memory);
+    return status;
+}
+
+int main(int argc, char **argv) {
+    static const struct option known[] = {
+        {"any", no_argument, 0, 'a'},          {"embree", no_argument, 0, 'e'},
+        {"coherent", no_argument, 0, 'c'},     {"reps", required_argument, 0, 'r'},
+        {"output", required_argument, 0, 'o'}, {0, 0, 0, 0}};
+    struct asked asked = {0};
+    const char *missing = variant_missing(), *no;
+    long reps = 1;
+    for (int c; (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
+        asked.any = asked.any || c == 'a';
+        asked.embree = asked.embree || c == 'e';
+        asked.coherent = asked.coherent || c == 'c';
+        asked.out = c == 'o' ? optarg : asked.out;
+        reps = c == 'r' ? strtol(optarg, NULL, 10) : reps;
+        if (c == '?' || reps < 1 || reps > 1000000)
+            return 2;
+    }
+    struct scene scene;
+    char error[SCENE_ERROR_SIZE];
+    if (optind + 1 != argc) {
+        fprintf(
+            stderr,
+            "usage: hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays\n");
+        return 2;
+    }
+    if (missing) {
+        fprintf(stderr, "hits: the CPU lacks %s\n", missing);
+        return 3;
+    }
+    if (!scene_load(argv[optind], NULL, &scene, error)) {
+        fprintf(stderr, "hits: %s\n", error);
+        return 2;
+    }
+    if ((no = phase_unsupported(&scene)))
+        fprintf(stderr, "hits: %s\n", no);
+    asked.reps = (int)reps;
+    int status = no ? 4 : run(&scene, &asked);
+    scene_free(&scene);
+    return status;
+}

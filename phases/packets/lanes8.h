@@ -1,0 +1,161 @@
+// Eight lanes: AVX2 and FMA. See lanes.h.
+#ifndef PACKETS_LANES8_H
+#define PACKETS_LANES8_H
+
+typedef __m256 real;
+typedef struct {
+    __m256 all; // all bits of a lane set, or none
+} mask;
+
+static inline real set(float a) {
+    return _mm256_set1_ps(a);
+}
+
+static inline real load(const float from[LANES]) {
+    return _mm256_loadu_ps(from);
+}
+
+static inline void unload(real a, float to[LANES]) {
+    _mm256_storeu_ps(to, a);
+}
+
+static inline float first_of(real a) {
+    return _mm256_cvtss_f32(a);
+}
+
+static inline real lane_numbers(void) {
+    return _mm256_setr_ps(0, 1, 2, 3, 4, 5, 6, 7);
+}
+
+static inline mask less(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_LT_OQ)};
+}
+
+static inline mask greater(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_GT_OQ)};
+}
+
+static inline mask not_less(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_GE_OQ)};
+}
+
+static inline mask equal(real a, real b) {
+    return (mask){_mm256_cmp_ps(a, b, _CMP_EQ_OQ)};
+}
+
+static inline mask no_lane(void) {
+    return (mask){_mm256_setzero_ps()};
+}
+
+static inline mask lanes_of(unsigned which) {
+    const __m256i one = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    __m256i its = _mm256_and_si256(_mm256_set1_epi32((int)which), one);
+    return (mask){_mm256_castsi256_ps(_mm256_cmpeq_epi32(its, one))};
+}
+
+static inline mask both(mask a, mask b) {
+    return (mask){_mm256_and_ps(a.all, b.all)};
+}
+
+static inline mask either(mask a, mask b) {
+    return (mask){_mm256_or_ps(a.all, b.all)};
+}
+
+static inline mask but_not(mask a, mask b) {
+    return (mask){_mm256_andnot_ps(a.all, b.all)};
+}
+
+static inline unsigned bits(mask a) {
+    return (unsigned)_mm256_movemask_ps(a.all);
+}
+
+static inline real choose(mask m, real yes, real no) {
+    return _mm256_blendv_ps(no, yes, m.all);
+}
+
+static inline real keep(mask m, real a) {
+    return _mm256_and_ps(m.all, a);
+}
+
+static inline real negate_where(mask m, real a) {
+    return _mm256_xor_ps(a, _mm256_and_ps(m.all, set(-0.0f)));
+}
+
+static inline real least_of(real a, real b) {
+    return _mm256_min_ps(a, b);
+}
+
+static inline real most_of(real a, real b) {
+    return _mm256_max_ps(a, b);
+}
+
+static inline float least_lane(real a) {
+    COUNT(least_lane, call);
+    __m128 b = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    b = _mm_min_ps(b, _mm_movehl_ps(b, b));
+    return _mm_cvtss_f32(_mm_min_ss(b, _mm_shuffle_ps(b, b, 1)));
+}
+
+static inline float most_lane(real a) {
+    COUNT(most_lane, call);
+    __m128 b = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
+    b = _mm_max_ps(b, _mm_movehl_ps(b, b));
+    return _mm_cvtss_f32(_mm_max_ss(b, _mm_shuffle_ps(b, b, 1)));
+}
+
+static inline real absolute(real a) {
+    return _mm256_andnot_ps(set(-0.0f), a);
+}
+
+static inline real with_sign_of(real from, real a) {
+    return _mm256_or_ps(_mm256_and_ps(set(-0.0f), from), absolute(a));
+}
+
+static inline real root(real a) {
+    return _mm256_sqrt_ps(a);
+}
+
+static inline real mul_add(real a, real b, real c) {
+    return _mm256_fmadd_ps(a, b, c);
+}
+
+static inline real neg_mul_add(real a, real b, real c) {
+    return _mm256_fnmadd_ps(a, b, c);
+}
+
+static inline real mul_sub(real a, real b, real c) {
+    return _mm256_fmsub_ps(a, b, c);
+}
+
+static inline real newton_inverse_root(real a) {
+    real r = _mm256_rsqrt_ps(a);
+    return r * neg_mul_add(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real whole_near(real a) {
+    return _mm256_round_ps(a, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
+}
+
+static inline real exponent_of(real a) {
+    __m256i field = _mm256_srli_epi32(_mm256_castps_si256(a), 23);
+    return _mm256_cvtepi32_ps(_mm256_sub_epi32(field, _mm256_set1_epi32(127)));
+}
+
+static inline real mantissa_of(real a) {
+    __m256i fraction = _mm256_and_si256(_mm256_castps_si256(a), _mm256_set1_epi32(0x007fffff));
+    return _mm256_castsi256_ps(_mm256_or_si256(fraction, _mm256_set1_epi32(0x3f800000)));
+}
+
+static inline real scaled(real a, real n) {
+    __m256i power = _mm256_slli_epi32(_mm256_cvtps_epi32(n), 23);
+    return _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(a), power));
+}
+
+static inline void pack(mask m, real a, float to[LANES]) {
+    float lanes[LANES];
+    unload(a, lanes);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1)
+        *to++ = lanes[__builtin_ctz(rest)];
+}
+
+#endif

@@ -1,0 +1,297 @@
+// The phase's entry points, and the choice between the kernels for 4, 8 and 16 lanes: the same sources (tile.c,
+// trace.c, shade.c), built three times.
+#include <math.h>
+#include <stdalign.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "placed.h"
+#include "threads.h"
+#include "variant.h"
+
+// What the kernels read is `prepared`; the team stands behind it.
+struct kept {
+    struct prepared prepared;
+    struct team *team;
+    int lanes;
+    struct solid_in *solids; // room for all shapes
+};
+
+static const char *unsupported_shape(const struct scene *scene, char *error, size_t size) {
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct shape *s = &scene->model.shapes[i];
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_PLANE && s->type != SHAPE_BOX &&
+            s->type != SHAPE_CONE)
+            snprintf(
+                error, size,
+                "shapes[%d] is of type \"%s\": packets has closed forms of spheres, planes, boxes "
+                "and capped cones alone",
+                i, shape_type_name(s->type));
+        else if (s->repeat[0] > 0 || s->repeat[1] > 0 || s->repeat[2] > 0)
+            snprintf(error, size,
+                     "shapes[%d] is repeated without end, and a tree holds only so many shapes: "
+                     "packets renders scenes without \"repeat\"",
+                     i);
+        else
+            continue;
+        return error;
+    }
+    return NULL;
+}
+
+const char *phase_unsupported(const struct scene *scene) {
+    static char error[512];
+    struct settings settings;
+    const double *p = scene->view.position, bounds = scene->model.march.bounds_radius;
+    if (!settings_read(getenv("STEPWISE_PACKETS"), &settings, error))
+        return error;
+    if (scene->model.shadows == SHADOWS_SOFT)
+        return "soft shadows come from distances along the ray, and closed forms have none: "
+               "packets renders shadows \"hard\" or \"none\"";
+    if (!(p[0] * p[0] + p[1] * p[1] + p[2] * p[2] < bounds * bounds))
+        return "the camera is outside of march.bounds_radius, where a march ends at once: packets "
+               "needs it inside";
+    return unsupported_shape(scene, error, sizeof error);
+}
+
+const char *phase_settings(const struct prepared *prepared) {
+    return prepared->said;
+}
+
+// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
+// then (x,z), then (x,y).
+static void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static struct placed place_shape(const struct shape *shape, const struct material *material) {
+    struct placed p = {.type = shape->type};
+    double turn[3][3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++) {
+        p.position[i] = (float)shape->position[i];
+        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.color[i] = (float)material->color[i];
+        for (int j = 0; j < 3; j++)
+            p.turn[i][j] = (float)turn[i][j];
+    }
+    p.share = (float)(0.1 * material->reflectivity);
+    p.shininess = (float)material->shininess;
+    if (shape->type == SHAPE_SPHERE)
+        p.size[0] = (float)shape->sphere.radius;
+    if (shape->type == SHAPE_BOX)
+        for (int i = 0; i < 3; i++)
+            p.size[i] = (float)shape->box.half_size[i];
+    if (shape->type == SHAPE_CONE) { // half height; radius = slope·y + radius at the middle
+        double k =
+            (shape->cone.top_radius - shape->cone.bottom_radius) / (2 * shape->cone.half_height);
+        p.size[0] = (float)shape->cone.half_height;
+        p.size[1] = (float)k;
+        p.size[2] = (float)(0.5 * (shape->cone.top_radius + shape->cone.bottom_radius));
+        p.cosine = (float)(1 / sqrt(1 + k * k));
+    }
+    if (shape->type == SHAPE_PLANE) {
+        double offset = shape->plane.offset;
+        for (int j = 0; j < 3; j++) {
+            double n = 0;
+            for (int i = 0; i < 3; i++)
+                n += shape->plane.normal[i] * turn[i][j];
+            p.normal[j] = (float)n;
+            offset += n * shape->position[j];
+        }
+        p.offset = (float)offset;
+    }
+    return p;
+}
+
+// From the centre to the furthest point along an axis of the world.
+static double reach_of(const struct shape *shape, const struct placed *p, int axis) {
+    const double *half = shape->box.half_size;
+    double up = fabs((double)p->turn[1][axis]);
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return half[0] * fabs((double)p->turn[0][axis]) + half[1] * up +
+               half[2] * fabs((double)p->turn[2][axis]);
+    default: // a cylinder about the cone
+        return shape->cone.half_height * up +
+               fmax(shape->cone.bottom_radius, shape->cone.top_radius) * sqrt(fmax(1 - up * up, 0));
+    }
+}
+
+static struct solid_in solid_of(int index, const struct shape *shape, const struct placed *p) {
+    struct solid_in s = {.type = shape->type == SHAPE_SPHERE ? SOLID_SPHERE
+                                 : shape->type == SHAPE_BOX  ? SOLID_BOX
+                                                             : SOLID_CONE,
+                         .index = index};
+    for (int k = 0; k < 3; k++) {
+        double reach = reach_of(shape, p, k) * (1 + 1e-6) + 1e-7 * fabs(shape->position[k]);
+        s.box.lo[k] = (float)(shape->position[k] - reach);
+        s.box.hi[k] = (float)(shape->position[k] + reach);
+        s.field[F_CENTRE + k] = p->position[k];
+    }
+    if (s.type == SOLID_SPHERE) {
+        s.field[F_SQUARE] = (float)(shape->sphere.radius * shape->sphere.radius);
+        return s;
+    }
+    memcpy(&s.field[F_ROW], p->turn, sizeof p->turn);
+    memcpy(&s.field[F_SIZE], p->size, sizeof p->size);
+    return s;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    struct kept *kept = (struct kept *)prepared; // its first member
+    int solids = 0;
+    prepared->model = *model;
+    prepared->plane_count = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct shape *shape = &model->shapes[i];
+        prepared->placed[i] = place_shape(shape, &model->materials[shape->material]);
+        if (shape->type == SHAPE_PLANE)
+            prepared->planes[prepared->plane_count++] = i;
+        else if (shape->type == SHAPE_SPHERE || shape->type == SHAPE_BOX ||
+                 shape->type == SHAPE_CONE)
+            kept->solids[solids++] = solid_of(i, shape, &prepared->placed[i]);
+    }
+    return tree_build(&prepared->tree, prepared->settings.tree, kept->lanes, kept->solids, solids);
+}
+
+static size_t own_size(int lanes) {
+    return lanes == 16 ? lanes16_own_size() : lanes == 8 ? lanes8_own_size() : lanes4_own_size();
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct kept *kept = calloc(1, sizeof *kept);
+    if (!kept)
+        return NULL;
+    struct prepared *prepared = &kept->prepared;
+    size_t count = (size_t)model->shape_count;
+    char error[512];
+    kept->lanes = variant_here().lanes;
+    settings_read(getenv("STEPWISE_PACKETS"), &prepared->settings, error);
+    settings_say(&prepared->settings, prepared->said);
+    prepared->placed = calloc(count, sizeof *prepared->placed);
+    prepared->planes = calloc(count, sizeof *prepared->planes);
+    kept->solids = calloc(count, sizeof *kept->solids);
+    if (prepared->placed && prepared->planes && kept->solids && phase_update(prepared, model))
+        kept->team = team_start(threads, own_size(kept->lanes));
+    if (kept->team)
+        return prepared;
+    phase_release(prepared);
+    return NULL;
+}
+
+void phase_release(struct prepared *prepared) {
+    struct kept *kept = (struct kept *)prepared; // its first member
+    if (kept->team)
+        team_end(kept->team);
+    tree_free(&prepared->tree);
+    free(prepared->placed);
+    free(prepared->planes);
+    free(kept->solids);
+    free(kept);
+}
+
+// Apart from what the caller writes on its stack: all workers read it.
+struct frame_job {
+    alignas(APART) struct job job;
+    int lanes;
+};
+
+void render_tile(const void *data, int tile, void *own) {
+    const struct frame_job *job = data;
+    if (job->lanes == 16)
+        lanes16_tile(&job->job, tile, own);
+    else if (job->lanes == 8)
+        lanes8_tile(&job->job, tile, own);
+    else
+        lanes4_tile(&job->job, tile, own);
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    const struct kept *kept = (const struct kept *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame}, kept->lanes};
+    team_run(kept->team, &job,
+             kept->lanes == 16  ? lanes16_tiles(frame)
+             : kept->lanes == 8 ? lanes8_tiles(frame)
+                                : lanes4_tiles(frame));
+    return true;
+}
+
+bool phase_hits(const struct prepared *prepared, const struct ray_set *rays) {
+    const struct kept *kept = (const struct kept *)prepared; // its first member
+    const size_t most = 256;                                 // go together
+    for (size_t first = 0; first < rays->count; first += most) {
+        size_t count = rays->count - first < most ? rays->count - first : most;
+        if (kept->lanes == 16)
+            lanes16_hits(prepared, rays, first, count);
+        else if (kept->lanes == 8)
+            lanes8_hits(prepared, rays, first, count);
+        else
+            lanes4_hits(prepared, rays, first, count);
+    }
+    return true;
+}
+
+static double distance_to(const struct shape *shape, const double *point) {
+    double turn[3][3], p[3], q[3], m[3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++)
+        m[i] = point[i] - shape->position[i];
+    for (int i = 0; i < 3; i++)
+        p[i] = turn[i][0] * m[0] + turn[i][1] * m[1] + turn[i][2] * m[2];
+    switch (shape->type) {
+    case SHAPE_SPHERE: return sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) - shape->sphere.radius;
+    case SHAPE_PLANE: {
+        const double *n = shape->plane.normal;
+        return n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - shape->plane.offset;
+    }
+    case SHAPE_BOX: {
+        double square = 0;
+        for (int i = 0; i < 3; i++) {
+            q[i] = fabs(p[i]) - shape->box.half_size[i];
+            square += fmax(q[i], 0) * fmax(q[i], 0);
+        }
+        return sqrt(square) + fmin(fmax(q[0], fmax(q[1], q[2])), 0);
+    }
+    case SHAPE_CONE: { // in the plane of its axis: to the cap, to the side from rim to rim
+        double h = shape->cone.half_height, low = shape->cone.bottom_radius;
+        double across = shape->cone.top_radius - low, up = 2 * h, radius = hypot(p[0], p[2]);
+        double rim = p[1] < 0 ? low : shape->cone.top_radius;
+        double cap = hypot(fmax(radius - rim, 0), fabs(p[1]) - h);
+        double along = ((radius - low) * across + (p[1] + h) * up) / (across * across + up * up);
+        along = fmin(fmax(along, 0), 1);
+        double side = hypot(radius - low - along * across, p[1] + h - along * up);
+        bool inside = fabs(p[1]) < h && radius < low + across * (p[1] + h) / up;
+        return (inside ? -1 : 1) * fmin(cap, side);
+    }
+    default: return INFINITY;
+    }
+}
+
+// In double: no ray asks for it.
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    for (size_t i = 0; i < count; i++) {
+        distance[i] = INFINITY;
+        nearest[i] = 0;
+        for (int k = 0; k < prepared->model.shape_count; k++) {
+            double d = distance_to(&prepared->model.shapes[k], points + 3 * i);
+            if (d < distance[i]) {
+                distance[i] = d;
+                nearest[i] = k;
+            }
+        }
+    }
+    return true;
+}

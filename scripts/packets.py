@@ -1,0 +1,64 @@
+#!/usr/bin/env python3
+"""The packet ray tracer: rays a second beside Embree on the same rays, and against sphere tracing."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+import time
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import matplotlib
+
+from study import machine, packets, packets_page, registry, store
+from study.draw import STYLE, save
+
+DESCRIPTION = """\
+Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of
+lanes and root; beside Embree, where it was there to build with, on the same rays by turns, hit by hit
+compared. Then ray tracing against sphere tracing on the same scenes: time to equal error."""
+
+
+def arguments() -> argparse.Namespace:
+    parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite, or hits differ"})
+    add = parser.add_argument
+    add("--ray-n", type=cli.at_least(16), default=360, metavar="N", help="height of the rays' picture: 360")
+    add("-n", type=cli.at_least(16), default=180, help="height of the pictures; default: 180")
+    add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
+    add("--reps", type=cli.at_least(1), default=5, help="of the rays in each; default: 5")
+    add("--seed", type=int, help="of rays and order; default: random")
+    add("--run", type=Path, metavar="DIR", help="for packets.json, figures/; default: build/systems")
+    args = parser.parse_args()
+    args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
+    return args
+
+
+def main() -> int:
+    args = arguments()
+    folder = store.writable(args.run or registry.ROOT / "build" / "systems")
+    begun = time.monotonic()
+    made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
+    found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
+    about = {"launches": args.launches, "reps": args.reps, "seed": args.seed}
+    about["took_s"] = time.monotonic() - begun
+    result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})
+    store.write_json(folder / packets.FILE, result)
+    paths = []
+    with matplotlib.rc_context(STYLE):
+        for name, drawing in packets_page.drawings(result).items():
+            paths += save(drawing.make(), folder / "figures" / name, drawing.note)
+    if args.json:
+        cli.emit(result)
+    else:
+        print("\n".join([*packets_page.sentences(result), *map(str, paths)]))
+    bad = packets_page.faults(result)
+    for text in bad:
+        cli.say(f"FAIL {text}")
+    return cli.FAILED if bad else cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(main)

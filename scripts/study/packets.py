@@ -1,0 +1,203 @@
+"""What packets.json says: rays a second of phase packets beside Embree, by tree, width and root; and ray
+tracing against sphere tracing at equal error. The article: J. Bikker, "Architecture of a Real-Time
+Ray-Tracer".
+"""
+
+from __future__ import annotations
+
+import copy
+import random
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from study import packets_rays, registry, rods, run, stats, store, truth
+from study.packets_rays import KINDS, Rays
+from study.registry import Scene, find_phase, find_scene
+
+Row = dict[str, Any]
+FILE = "packets.json"
+ARTICLE = {"scalar_ms": 3156, "sse_ms": 172, "speed_up": 18.35, "cpu": "Core 2 Duo, 1.6 GHz"}
+GOALS = {"primary": 1.0, "shadow": None, "mirror": 0.5, "scattered": 0.5}  # of Embree's rays a second
+# Name → settings (phases/packets/settings.h), what the CPU may have.
+VARIANTS = {
+    "own": ("", ""),
+    "kd-tree": ("tree=kd", ""),
+    "8 lanes": ("", "avx2"),
+    "4 lanes": ("", "none"),
+    "each alone": ("rays=alone", ""),
+    "root by Newton": ("root=newton", ""),
+}
+MARCHED = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
+HIT_DISTANCES = (None, 1e-5, 1e-4, 1e-3)  # None: the scene's own
+GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR
+ENOUGH_DB = 80.0  # an RMS error of 1/39 of a display level, which nobody sees: as in phase.json
+
+
+def able(limit: str) -> bool:
+    """Whether this CPU has more lanes than that limit leaves, or as many: else it would be timed twice."""
+    variants = registry.find_phase("packets").variants
+    here = registry.variant_here(find_phase("packets"))["lanes"]
+    lanes = {"": here, "avx2": 8, "none": 4}[limit]
+    return lanes <= here and (limit == "" or lanes < here) and len(variants) == 3
+
+
+def agreement(data: Row, kind: str, rays: Rays, found: np.ndarray) -> Row:
+    """Ours against Embree's hits, ray by ray, of those within the bounds: Embree's planes are squares."""
+    ours, theirs = found.astype(float)
+    if kind == "shadow":
+        other = (ours[:, 0] == -np.inf) != (theirs[:, 0] == -np.inf)
+        return {"compared": len(rays), "other_shape": int(other.sum()), "dt_max": None}
+    bounds = data["march"]["bounds_radius"]
+
+    def inside(hits: np.ndarray) -> np.ndarray:
+        t = np.where(hits[:, 1] >= 0, hits[:, 0], 0)
+        return np.linalg.norm(rays[:, :3] + t[:, None] * rays[:, 3:6], axis=1) < 0.999 * bounds
+
+    usable = inside(ours) & inside(theirs)
+    same = usable & (ours[:, 1] == theirs[:, 1])
+    hit = same & (ours[:, 1] >= 0)
+    off = np.abs(ours[hit, 0] - theirs[hit, 0])
+    return {
+        "compared": int(usable.sum()),
+        "other_shape": int((usable & ~same).sum()),
+        "dt_max": float(off.max()) if off.size else None,
+    }
+
+
+def rate(ns: Sequence[float], count: int) -> Row:
+    """Million rays a second of launches' median times, with the interval."""
+    found = stats.median_interval([count / t * 1e3 for t in ns])
+    return {"mrays": found.value, "mrays_low": found.low, "mrays_high": found.high}
+
+
+def one_launch(scene: Scene, rays: Rays, kind: str, name: str, reps: int) -> tuple[Row, np.ndarray]:
+    """A process: medians over its repetitions in ns, ours and (with our own settings) Embree's."""
+    words, limit = VARIANTS[name]
+    record, found = packets_rays.hits(scene.path, rays, kind, words, limit, reps, name == "own")
+    keys = ("ns", "embree16_ns", "embree1_ns")
+    times = {key: float(np.median(record[key])) if record[key] else None for key in keys}
+    return times | {"embree": record["embree"], "lanes": record["lanes"]}, found
+
+
+def of_rays(scene: Scene, rays: Rays, kind: str, launches: int, reps: int, seed: int) -> Row:
+    """Every variant on the same rays, launches interleaved; Embree by turns with ours in each of ours."""
+    names = [name for name, (_, limit) in VARIANTS.items() if able(limit)]
+    times: dict[str, list[Row]] = {name: [] for name in names}
+    hits: dict[str, np.ndarray] = {}
+    dice = random.Random(f"{seed} {scene.name} {kind}")
+    for _ in range(launches):
+        for name in dice.sample(names, len(names)):
+            took, hits[name] = one_launch(scene, rays, kind, name, reps)
+            times[name].append(took)
+    ours, count = times["own"], len(rays)
+    found: Row = {"scene": scene.name, "kind": kind, "rays": count, "embree": ours[0]["embree"]}
+    found["variants"] = [
+        {"name": name, "lanes": rows[0]["lanes"], **rate([r["ns"] for r in rows], count)}
+        for name, rows in times.items()
+    ]
+    t, own = hits["root by Newton"][0][:, 0], hits["own"][0][:, 0]
+    both = np.isfinite(t) & np.isfinite(own)
+    off = np.abs(t[both].astype(float) - own[both])
+    found["newton_dt_max"] = float(off.max()) if off.size and kind != "shadow" else None
+    for key in ("embree16", "embree1"):
+        theirs = [r[f"{key}_ns"] for r in ours if r[f"{key}_ns"]]
+        found[key] = rate(theirs, count) if theirs else None
+        ratio = stats.ratio_interval(theirs, [r["ns"] for r in ours]) if theirs else None
+        for end in ("value", "low", "high"):
+            name = f"{key}_ratio" + ("" if end == "value" else f"_{end}")
+            found[name] = getattr(ratio, end) if ratio else None
+    found["agreement"] = agreement(scene.data, kind, rays, hits["own"]) if len(hits["own"]) > 1 else None
+    return found
+
+
+def solids() -> Row:
+    """scene0_plain without its torus and octahedron: a box, a sphere, a cone and a plane, no shadows."""
+    data = copy.deepcopy(find_scene("scene0_plain").data)
+    data["shapes"] = [s for s in data["shapes"] if s["type"] not in ("torus", "octahedron")]
+    return data
+
+
+def drawn_scenes(folder: Path) -> list[Scene]:
+    """Scenes that both ray tracing and sphere tracing render, shadows hard or none."""
+    found = [find_scene("spheres40"), find_scene("two_spheres")]
+    for name, data in (("trio_balls", packets_rays.balls()), ("scene0_solids", solids())):
+        path = folder / f"{name}.json"
+        store.write_json(path, data)
+        found.append(Scene(name, path, data, False))
+    return found
+
+
+def _error(phase: str, scene: Scene, size: tuple[int, int], exact: Any, hit: float | None) -> Row:
+    made = rods.picture(phase, "", scene, size, hit_distance=hit)
+    return {key: rods.errors(exact, made)[key] for key in ("psnr_db", "wrong_ppm", "non_finite")}
+
+
+def better(psnr: float | None) -> float:
+    """None stands for a picture without any difference."""
+    return np.inf if psnr is None else psnr
+
+
+def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, seed: int) -> Row:
+    """Times of packets and of the marching phases, each by the hit distance with which it is fastest among
+    those that reach the PSNR that both it, by the scene's own, and packets reach, or 80 dB.
+    """
+    size = scene.size(n)
+    exact = truth.picture(scene, size)
+    own = _error("packets", scene, size, exact, None)
+    rows: list[Row] = [{"phase": "packets", "hit_distance": None, "target_db": own["psnr_db"], **own}]
+    cases: dict[str, Callable[[], float]] = {}
+
+    def time_of(phase: str, count: int, hit: float | None) -> Callable[[], float]:
+        more = {"threads": count, "hit_distance": hit}
+        return lambda: rods.milliseconds(phase, "", scene, size, 5, **more)
+
+    for phase in MARCHED:
+        if not registry.cpu_supports(find_phase(phase)):
+            continue
+        tried = {hit: _error(phase, scene, size, exact, hit) for hit in HIT_DISTANCES}
+        target = min(better(own["psnr_db"]), better(tried[None]["psnr_db"]), ENOUGH_DB)
+        within = [h for h, e in tried.items() if better(e["psnr_db"]) >= target - GRANTED_DB]
+        first = {hit: time_of(phase, 1, hit)() for hit in within}
+        best = min(within, key=first.__getitem__)
+        rows.append({"phase": phase, "hit_distance": best, "target_db": target, **tried[best]})
+    for row in rows:
+        several = find_phase(row["phase"]).threads
+        for count in threads if several else threads[:1]:
+            cases[f"{row['phase']} {count}"] = time_of(row["phase"], count, row["hit_distance"])
+    times = rods.interleaved(cases, launches, seed)
+    for row in rows:
+        row["threads"] = []
+        for count in threads:
+            mine = times.get(f"{row['phase']} {count}")
+            if mine is None:
+                continue
+            gain = stats.ratio_interval(mine, times[f"packets {count}"])
+            row["threads"].append(
+                {
+                    "threads": count,
+                    **rods.timed(mine),
+                    "gain": gain.value,
+                    "gain_low": gain.low,
+                    "gain_high": gain.high,
+                }
+            )
+    return {"scene": scene.name, "width": size[0], "n": n, "rows": rows}
+
+
+def study(folder: Path, ray_n: int, n: int, launches: int, reps: int, seed: int) -> Row:
+    """All of packets.json but the context. `folder` gets the scenes that are made here."""
+    rows = []
+    for scene in packets_rays.scenes(folder):
+        rays = packets_rays.all_kinds(scene, ray_n, seed)
+        rows += [of_rays(scene, rays[kind], kind, launches, reps, seed) for kind in KINDS]
+    threads = [1, 2] if len(run.USABLE) > 1 else [1]
+    drawn = [equal_error(scene, n, threads, launches, seed) for scene in drawn_scenes(folder)]
+    return {"article": ARTICLE, "goals": GOALS, "ray_n": ray_n, "rays": rows, "drawn": drawn}
+
+
+def read(file: Path) -> Row:
+    """The file, or one with no rows. Raises StudyError."""
+    return store.read_json(file) if file.exists() else {"rays": [], "drawn": []}

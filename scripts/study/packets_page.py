@@ -1,0 +1,294 @@
+"""The packet ray tracer as tables and figures: from packets.json alone."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from study import show
+from study.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
+from study.packets import ENOUGH_DB, Row
+from study.sections import Part, part
+from study.show import Column
+
+FIGURE, EQUAL = "packets-rays", "packets-equal-error"
+OF_KIND = {
+    "primary": "camera",
+    "shadow": "to the light",
+    "mirror": "mirrored",
+    "scattered": "in any direction, in no order",
+}
+
+
+def _variant(row: Row, name: str) -> Row | None:
+    return next((v for v in row["variants"] if v["name"] == name), None)
+
+
+def _rate(row: Row | None) -> str:
+    return show.NOTHING if row is None else show.interval(row, "mrays", 3)
+
+
+def _of(name: str):
+    return lambda row: _rate(_variant(row, name))
+
+
+def _ratio(key: str):
+    return lambda row: show.NOTHING if row[key] is None else show.interval(row, key, 3, "×")
+
+
+def verdict(row: Row, goals: Row) -> str:
+    """Of the goal for this kind of rays against the faster of Embree's two ways."""
+    goal = goals[row["kind"]]
+    ratios = [row[f"{key}_ratio_low"] or row[f"{key}_ratio"] for key in ("embree16", "embree1")]
+    if goal is None or any(r is None for r in ratios):
+        return show.NOTHING
+    return f"≥ {goal:g}×: " + ("met" if min(ratios) >= goal else "not met")
+
+
+def _agreement(row: Row) -> str:
+    found = row["agreement"]
+    if found is None:
+        return show.NOTHING
+    off = "" if found["dt_max"] is None else f", |Δt| ≤ {show.number(found['dt_max'], 2)}"
+    return f"{found['other_shape']} of {found['compared']:,} others{off}"
+
+
+def ray_columns(goals: Row) -> list[Column]:
+    many = "million rays a second [95 %]"
+    return [
+        Column("", "scene", lambda r: r["scene"]),
+        Column("", "rays", lambda r: f"{OF_KIND[r['kind']]} ({r['rays']:,})"),
+        Column(many, "here", _of("own")),
+        Column(many, "Embree, packets of 16", lambda r: _rate(r["embree16"])),
+        Column(many, "Embree, single rays", lambda r: _rate(r["embree1"])),
+        Column("here over Embree [95 %]", "packets", _ratio("embree16_ratio")),
+        Column("here over Embree [95 %]", "single", _ratio("embree1_ratio")),
+        Column("", "goal, by the faster", lambda r: verdict(r, goals)),
+        Column("", "hits, ours and Embree's", _agreement),
+    ]
+
+
+VARIANTS = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "rays", lambda r: OF_KIND[r["kind"]]),
+    *(
+        Column("million rays a second [95 %]", text, _of(name))
+        for name, text in {
+            "own": "BVH, widest",
+            "kd-tree": "kd-tree",
+            "8 lanes": "8 lanes (AVX2)",
+            "4 lanes": "4 lanes (SSE2)",
+            "each alone": "each ray alone",
+            "root by Newton": "approximate root, one Newton step",
+        }.items()
+    ),
+    Column("", "|Δt| of that root", lambda r: show.number(r["newton_dt_max"], 2)),
+]
+
+
+def drawn_rows(result: Row) -> list[Row]:
+    """A row for each scene, phase and number of threads."""
+    return [
+        {"scene": f"{d['scene']}, {d['width']}×{d['n']}", **row, **timed}
+        for d in result["drawn"]
+        for row in d["rows"]
+        for timed in row["threads"]
+    ]
+
+
+def _hit(row: Row) -> str:
+    return "the scene's" if row["hit_distance"] is None else f"{row['hit_distance']:g}"
+
+
+DRAWN = [
+    Column("", "scene", lambda r: r["scene"]),
+    Column("", "phase", lambda r: r["phase"]),
+    Column("", "threads", lambda r: str(r["threads"])),
+    Column("", "hit distance", _hit),
+    Column("", "ms a frame [95 %]", lambda r: show.interval(r, "ms", 3)),
+    Column("", "packets is faster by [95 %]", lambda r: _gain(r)),
+    Column("to truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
+    Column("to truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
+]
+
+
+def _gain(row: Row) -> str:
+    return "base" if row["phase"] == "packets" else show.interval(row, "gain", 3, "×")
+
+
+NOTE = (
+    "Rays go through both tracers on one thread, in one order, by turns in one process; times are of tracing "
+    "alone. Embree is told which rays go the same way; ours finds out. Debian's build of Embree has its "
+    "assertions left on. Equal error: each marching phase by the hit distance with which it is fastest "
+    "among those that reach the PSNR that both it (by the scene's own) and packets reach, or 80 dB."
+)
+
+
+def sentences(result: Row) -> list[str]:
+    """For a terminal."""
+    found = [
+        f"{r['scene']}, {r['kind']}: {_rate(_variant(r, 'own'))} million rays a second; over Embree's "
+        f"packets {_ratio('embree16_ratio')(r)}, single rays {_ratio('embree1_ratio')(r)}; {_agreement(r)}"
+        for r in result["rays"]
+    ]
+    return found + [
+        f"{r['scene']}, {r['phase']}, {r['threads']} threads: {show.interval(r, 'ms', 3)} ms, "
+        f"{show.number(r['psnr_db'])} dB; packets {_gain(r)}"
+        for r in drawn_rows(result)
+    ]
+
+
+LAST_MARCHED = ("opt8_streams",)  # of the ladder: behind it, closed forms are in it too
+MOST_OTHERS = 1e-4  # of the rays: those that graze
+
+
+def faults(result: Row) -> list[str]:
+    """What must not be: hits that Embree does not have, samples that are not finite."""
+    found = [
+        f"{r['scene']}, {r['kind']}: {r['agreement']['other_shape']} hits are others than Embree's"
+        for r in result["rays"]
+        if r["agreement"] and not (r["agreement"]["other_shape"] <= 2 + MOST_OTHERS * r["rays"])
+    ]
+    return found + [
+        f"{d['scene']}, {row['phase']}: {row['non_finite']} samples are not finite"
+        for d in result["drawn"]
+        for row in d["rows"]
+        if not (row["non_finite"] <= 0)
+    ]
+
+
+def system_rows(result: Row) -> list[Row]:
+    """Rows of the table of all systems. The article times the normalising of vectors, and no rays."""
+    found = []
+    for row in result["rays"]:
+        own = _variant(row, "own")
+        if row["kind"] not in ("primary", "mirror"):
+            continue
+        found.append(
+            {
+                "system": "packet ray tracer (P2)",
+                "what": f"{row['scene']}, rays {OF_KIND[row['kind']]}, million a second",
+                "article": "“millions of rays per second, per core”",
+                "ours": _rate(own),
+                "ratio": f"{_ratio('embree16_ratio')(row)} over Embree",
+                "error": "hits, ours and Embree's: " + _agreement(row),
+            }
+        )
+    for drawn in result["drawn"]:
+        rows = {row["phase"]: row for row in drawn["rows"]}
+        own, marched = rows["packets"], [row for name, row in rows.items() if name in LAST_MARCHED]
+        for other in marched:
+            timed = other["threads"][0]
+            found.append(
+                {
+                    "system": "packet ray tracer (P2)",
+                    "what": f"{drawn['scene']} {drawn['width']}×{drawn['n']}, ms a frame, one thread",
+                    "article": show.NOTHING,
+                    "ours": show.interval(own["threads"][0], "ms", 3),
+                    "ratio": f"{show.interval(timed, 'gain', 3, '×')} over {other['phase']} at equal error",
+                    "error": f"{show.number(own['psnr_db'])} dB, {own['wrong_ppm']:,.0f} ppm wrong hits",
+                }
+            )
+    return found
+
+
+def parts(result: Row) -> list[Part]:
+    """Its tables on the page; none without rows."""
+    if not result["rays"]:
+        return []
+    caption = "Packet ray tracing: rays a second, beside Embree on the same rays"
+    found = part("packets", caption, result["rays"], ray_columns(result["goals"]))
+    caption = "Ray tracing against sphere tracing: time to equal error"
+    found += part("packets-equal-error", caption, drawn_rows(result), DRAWN)
+    caption = "Packet ray tracing: trees, lanes, roots"
+    return found + part("packets-variants", caption, result["rays"], VARIANTS, folded=True)
+
+
+def remarks(result: Row) -> list[str]:
+    """How to read them."""
+    if not result["rays"]:
+        return []
+    why = {r["embree"] for r in result["rays"] if r["embree16"] is None}
+    return [NOTE, *(f"Embree: {text}." for text in sorted(why))]
+
+
+def draw_rays(result: Row) -> Figure:
+    """Million rays a second of ours and Embree's, a panel a scene."""
+    names = list(dict.fromkeys(r["scene"] for r in result["rays"]))
+    figure = Figure(figsize=(11, 4.4), layout="constrained")
+    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    bars = ("4 lanes", "8 lanes", "kd-tree", "own", "embree16", "embree1")
+    labels = ("here, 4 lanes (SSE2)", "here, 8 lanes (AVX2)", "here, kd-tree", "here, BVH, widest lanes")
+    labels += ("Embree, packets of 16", "Embree, single rays")
+    for panel, name in zip(panels, names, strict=True):
+        rows = [r for r in result["rays"] if r["scene"] == name]
+        for i, bar in enumerate(bars):
+            found = [r[bar] if bar.startswith("embree") else _variant(r, bar) for r in rows]
+            at = [place + (i - 2.5) / 7 for place, one in enumerate(found) if one]
+            panel.bar(
+                at,
+                [one["mrays"] for one in found if one],
+                1 / 7,
+                color=COLOURS[(i + 1) % len(COLOURS)],
+                hatch=HATCHES[i],
+                edgecolor="white",
+            )
+        panel.set(yscale="log", title=name)
+        panel.set_xticks(range(len(rows)), [r["kind"] for r in rows], fontsize=9)
+        plain_log(panel.yaxis)
+    panels[0].set_ylabel("million rays a second, one thread")
+    marks = [
+        Patch(facecolor=COLOURS[(i + 1) % len(COLOURS)], hatch=HATCHES[i], edgecolor="white", label=labels[i])
+        for i in range(len(bars))
+    ]
+    figure.legend(handles=marks, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
+    return figure
+
+
+def draw_equal(result: Row) -> Figure:
+    """Time on one thread against error to truth, a panel a scene."""
+    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    panels = figure.subplots(1, len(result["drawn"]), squeeze=False)[0]
+    names = list(dict.fromkeys(row["phase"] for d in result["drawn"] for row in d["rows"]))
+    looks = {
+        name: {
+            "marker": "*" if name == "packets" else MARKERS[i % len(MARKERS)],
+            "color": COLOURS[4] if name == "packets" else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]],
+            "markersize": 14 if name == "packets" else 7,
+            "linestyle": "none",
+        }
+        for i, name in enumerate(names)
+    }
+    for panel, drawn in zip(panels, result["drawn"], strict=True):
+        for row in drawn["rows"]:
+            shown = 160 if row["psnr_db"] is None else row["psnr_db"]
+            panel.plot([row["threads"][0]["ms"]], [shown], **looks[row["phase"]])
+        panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
+        panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread", ylim=(20, 165))
+        panel.margins(x=0.25)
+        plain_log(panel.xaxis)
+    panels[0].set_ylabel("PSNR to truth, dB (dotted: nobody sees more)")
+    marks = [Line2D([], [], label=name, **looks[name]) for name in names]
+    figure.legend(handles=marks, loc="outside upper center", ncols=len(names), frameon=False, fontsize=9)
+    return figure
+
+
+def drawings(result: Row) -> dict[str, Drawing]:
+    """What packets.json suffices for."""
+    if not result["rays"]:
+        return {}
+    found = {
+        FIGURE: Drawing(
+            "Rays a second: the packet ray tracer by lanes and tree, and Embree (higher is better)",
+            "The same rays, one thread; scattered: from the hits in any direction, in no order.",
+            lambda: draw_rays(result),
+        )
+    }
+    if result["drawn"]:
+        found[EQUAL] = Drawing(
+            "Ray tracing (star) against sphere tracing: time and error (upper left is better)",
+            "Each marching phase by the hit distance with which it is fastest at equal error.",
+            lambda: draw_equal(result),
+        )
+    return found

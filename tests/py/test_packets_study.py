@@ -1,0 +1,125 @@
+"""What scripts/packets.py measures with and says: its rays by hand, its comparison with Embree, its page."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from conformance import geometry
+from conformance.feature_scenes import FLOOR, scene, shape
+from study import packets, packets_page, packets_rays, show, systems
+from study.cli import StudyError
+
+DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
+INF = np.inf
+
+
+def test_camera_rays_are_the_camera_s_in_blocks():
+    """Each of geometry's, once; 16 in a row are 4×4 neighbours."""
+    rays = packets_rays.camera(DATA, 40, 24)
+    eye, expected = geometry.rays(DATA, 40, 24)
+    assert rays.shape == (960, 7) and np.allclose(rays[:, :3], eye) and np.isinf(rays[:, 6]).all()
+    flat = expected.reshape(-1, 3)
+    nearest = (rays[:, 3:6].astype(float) @ flat.T).argmax(1)
+    assert sorted(nearest) == list(range(960)) and np.allclose(rays[:, 3:6], flat[nearest], atol=1e-6)
+    block = nearest[:16]
+    assert set(block) == {40 * y + x for y in range(4) for x in range(4)}
+
+
+def test_secondary_rays_by_hand():
+    """A ray straight down onto the floor goes straight up; one that misses makes none."""
+    rays = np.array([[0, 1, 0, 0, -1, 0, INF], [0, 1, 0, 0, 1, 0, INF]], "<f4")
+    found = packets_rays.secondary(DATA, rays, np.array([2.5, INF]), np.array([0.0, -1.0]), 1)
+    offset = DATA["march"]["surface_offset"]
+    assert np.allclose(found["mirror"], [[0, -1.5 + offset, 0, 0, 1, 0, INF]])
+    light = np.array(DATA["light"]["position"], float)
+    to = np.array([0, -1.5, 0]) - light
+    shadow = found["shadow"][0]
+    assert np.allclose(shadow[:3], light) and np.allclose(shadow[3:6], to / np.linalg.norm(to), atol=1e-6)
+    assert np.isclose(shadow[6], np.linalg.norm(to) - 10 * offset)
+    assert found["scattered"][0, 4] > 0
+
+
+def test_the_scenes_made_for_it():
+    made = packets_rays.many(64)
+    assert {s["type"] for s in made["shapes"]} == {"sphere"} and len(made["shapes"]) == 64
+    assert len({s["radius"] for s in made["shapes"]}) == 1 and made["light"]["shadows"] == "hard"
+    assert {s["type"] for s in packets_rays.balls()["shapes"]} == {"sphere", "plane"}
+    assert {s["type"] for s in packets.solids()["shapes"]} == {"sphere", "plane", "box", "cone"}
+
+
+def test_hits_are_compared_ray_by_ray():
+    rays = np.array([[0, 0, 0, 0, 0, 1, INF]] * 4, "<f4")
+    ours = np.array([[3, 1], [INF, -1], [99.95, 0], [5, 1]])
+    theirs = np.array([[3.5, 1], [4, 1], [INF, -1], [5, 0]])
+    found = packets.agreement(DATA, "primary", rays, np.array([ours, theirs]))
+    assert found == {"compared": 3, "other_shape": 2, "dt_max": 0.5}  # the third is at the bounds
+    blocked = np.array([[[-INF, 0], [3, 0]], [[-INF, 0], [-INF, 0]]])
+    assert packets.agreement(DATA, "shadow", rays[:2], blocked)["other_shape"] == 1
+
+
+def made_up(embree: bool = True) -> dict:
+    """A packets.json of one scene whose numbers are easy."""
+    rate = {"mrays": 40.0, "mrays_low": 39.0, "mrays_high": 41.0}
+    variants = [{"name": name, "lanes": 16, **rate} for name in packets.VARIANTS]
+    rays = []
+    for kind in packets_rays.KINDS:
+        row = {"scene": "spheres40", "kind": kind, "rays": 1000, "variants": variants, "newton_dt_max": 1e-6}
+        row |= {"embree": "Embree 3.13.5" if embree else "not compared: built without Embree"}
+        for key, ratio in {"embree16": 2.0, "embree1": 0.6}.items():
+            row[key] = rate | {"mrays": 20.0} if embree else None
+            ends = {"": ratio, "_low": ratio - 0.05, "_high": ratio + 0.05}
+            row |= {f"{key}_ratio{end}": value if embree else None for end, value in ends.items()}
+        row["agreement"] = {"compared": 1000, "other_shape": 0, "dt_max": 2e-6} if embree else None
+        rays.append(row)
+    timed = {"threads": 1, "ms": 2.0, "ms_low": 1.9, "ms_high": 2.1, "launches": [2.0]}
+    timed |= {"gain": 4.0, "gain_low": 3.0, "gain_high": 5.0}
+    rows = [
+        {"phase": phase, "hit_distance": None, "target_db": 80, "psnr_db": 90.0, "wrong_ppm": 0.0}
+        | {"non_finite": 0, "threads": [timed]}
+        for phase in ("packets", "opt4", "opt8_streams")
+    ]
+    drawn = [{"scene": "spheres40", "width": 160, "n": 90, "rows": rows}]
+    return {"article": packets.ARTICLE, "goals": packets.GOALS, "rays": rays, "drawn": drawn}
+
+
+def test_the_page_by_hand(tmp_path):
+    (tmp_path / packets.FILE).write_text(json.dumps(made_up()))
+    section = systems.section(tmp_path)
+    assert [p.name for p in section.parts][:1] == ["systems"] and packets_page.FIGURE in section.drawn
+    text = show.markdown(show.table(made_up()["rays"], packets_page.ray_columns(packets.GOALS)))
+    primary, shadow, mirror, scattered = text.splitlines()[-4:]
+    assert "≥ 1×: not met" in primary and "≥ 0.5×: met" in mirror and "≥ 0.5×: met" in scattered  # 0.55
+    assert "met" not in shadow and "0 of 1,000 others" in primary
+    drawn = show.markdown(show.table(packets_page.drawn_rows(made_up()), packets_page.DRAWN))
+    assert drawn.count("base") == 1 and drawn.count("4.00× [3.00") == 2
+    said = {row["what"]: row for row in packets_page.system_rows(made_up())}
+    whole = said["spheres40 160×90, ms a frame, one thread"]
+    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams at equal error")
+    assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
+    assert packets_page.faults(made_up()) == []
+    for name in packets_page.drawings(made_up()).values():
+        assert name.make() is not None
+
+
+def test_without_embree_the_page_says_so(tmp_path):
+    (tmp_path / packets.FILE).write_text(json.dumps(made_up(embree=False)))
+    section = systems.section(tmp_path)
+    assert any("built without Embree" in remark for remark in section.remarks)
+    assert packets_page.faults(made_up(embree=False)) == []
+
+
+def test_what_must_not_be_is_a_fault():
+    result = made_up()
+    result["rays"][0]["agreement"]["other_shape"] = 5
+    result["drawn"][0]["rows"][1]["non_finite"] = float("nan")
+    first, second = packets_page.faults(result)
+    assert "5 hits are others than Embree's" in first and "opt4" in second
+
+
+def test_a_broken_file_is_named(tmp_path):
+    (tmp_path / packets.FILE).write_text('{"rays": [1], "drawn": []}')
+    with pytest.raises(StudyError, match=r"packets\.json: not what scripts/packets\.py writes"):
+        systems.section(tmp_path)
