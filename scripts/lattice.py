@@ -28,12 +28,12 @@ def arguments() -> argparse.Namespace:
     add("-n", type=cli.at_least(9), nargs="+", help="heights, 16:9; default: 1000×562 and 1280×720")
     add("--error-n", type=cli.at_least(9), default=180, metavar="N", help="height for errors; default: 180")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--threads", type=cli.at_least(1), nargs="+", help="default: 1 and all CPUs")
+    add("--threads", type=cli.at_least(1), nargs="+", help="default: 1, 2 and all CPUs")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="first CPU to pin to; default: the last")
     add("--run", type=Path, metavar="DIR", help="for lattice.json; default: build/systems")
     args = parser.parse_args()
-    args.threads = args.threads or [1, len(run.USABLE)]
+    args.threads = args.threads or sorted({1, min(2, len(run.USABLE)), len(run.USABLE)})
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
 

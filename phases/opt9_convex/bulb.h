@@ -100,7 +100,7 @@ static inline real bulb_end(const struct bulb *b, struct vec p) {
         real square = vec_dot(p, p), r = root(square);
         distance = choose(b->far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
-    return distance;
+    return keep(greater(b->m, set(0.0f)), distance); // 0/0 at the centre, which is inside
 }
 
 enum {

@@ -70,8 +70,8 @@ static void *own_memory(size_t size) {
 }
 
 // Some at a time, fewer towards the end, so that no worker waits long for the last. Half of the workers begin at the
-// picture's end: each writes where it wrote the frame before, and not lines that another's cache still has (scene0, two
-// threads: 0.2 of 4.8 ms). How many there are; 0: none are left.
+// picture's end: of two, each writes where it wrote the frame before, and not lines that the other's cache still has
+// (scene0: 4.68 -> 4.38 ms). How many there are; 0: none are left.
 static int take_tiles(struct team *team, bool from_end, int *first) {
     uint64_t taken = atomic_load_explicit(&team->taken, memory_order_relaxed);
     for (;;) {

@@ -274,3 +274,47 @@ def test_no_data_race(tmp_path) -> None:
         shape = ("-w", size[0], "-n", size[1])
         mine = picture(ROOT / target, path, tmp_path, *shape, "--threads", threads, "--reps", 5)
         check_same(mine, picture(build(PARENT), path, tmp_path, *shape), f"{size}, {threads} threads")
+
+
+TEAM = """
+#include <stdio.h>
+#include <stdlib.h>
+#include "threads.h"
+enum { MOST = 3000 };
+static int drawn[MOST]; // plain: two workers at one tile are a data race
+void render_tile(const void *job, int tile, void *own) {
+    (void)job;
+    drawn[tile]++;
+    ++*(int *)own;
+}
+int main(int argc, char **argv) {
+    int frames = 20, tiles = atoi(argv[argc - 1]);
+    struct team *team = team_start(atoi(argv[1]), sizeof(int));
+    for (int frame = 0; frame < frames; frame++)
+        team_run(team, NULL, tiles);
+    team_end(team);
+    for (int tile = 0; tile < MOST; tile++)
+        if (drawn[tile] != (tile < tiles ? frames : 0))
+            return printf("tile %d: %d times\\n", tile, drawn[tile]), 1;
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("phase", ["opt5_threads", "opt9_convex"])
+def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
+    """The team alone, under ThreadSanitizer, for any number of workers and tiles, fewer than them too."""
+    source, program = tmp_path / "team.c", tmp_path / "team"
+    source.write_text(TEAM)
+    folder = ROOT / "phases" / phase
+    made = call(
+        *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
+        *("-iquote", folder, source, folder / "threads.c", "-o", program),
+    )
+    if "tsan" in made.stderr:
+        pytest.skip("ThreadSanitizer does not run here (libtsan): it would look for data races")
+    assert made.returncode == 0, made.stderr
+    for workers in (1, 2, 3, 8):
+        for tiles in (1, 2, 7, 500, 2999):
+            done = call(program, workers, tiles)
+            assert (done.returncode, done.stdout) == (0, ""), done.stderr
