@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -274,3 +275,14 @@ def test_no_data_race(tmp_path) -> None:
         shape = ("-w", size[0], "-n", size[1])
         mine = picture(ROOT / target, path, tmp_path, *shape, "--threads", threads, "--reps", 5)
         check_same(mine, picture(build(PARENT), path, tmp_path, *shape), f"{size}, {threads} threads")
+
+
+THREADED = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
+
+
+@pytest.mark.parametrize("phase", THREADED)
+def test_what_threads_say_begins_with_their_phase(phase) -> None:
+    """The sources are handed from phase to phase: the name in their messages is to be the new one's."""
+    text = (ROOT / "phases" / phase / "threads.c").read_text()
+    said = re.findall(r'fprintf\(stderr,\s*"(\w+): ', text)
+    assert said and set(said) == {phase} and len(said) == text.count("fprintf(")
