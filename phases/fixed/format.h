@@ -45,6 +45,13 @@ struct view;
 bool format_fit(const struct settings *settings, const struct model *model, const struct view *view,
                 struct format *f, char error[512]);
 
+// By how many powers of two the directions to a picture's pixels are made shorter, so that the longest, to its corners,
+// is less than four. aspect: width / height.
+int directions_shorter(const struct view *view, double aspect);
+// Whether the roots take the shortest of them, ahead; false with what does not fit in one line.
+bool directions_fit(const struct format *f, const struct view *view, double aspect,
+                    char error[512]);
+
 // In the form that is read; 128 bytes.
 void format_say(const struct format *f, char *text);
 

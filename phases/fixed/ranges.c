@@ -1,10 +1,12 @@
 // Which scenes fit in the numbers: every range that a product's 32-bit factors and the roots ask for, held against the
 // scene with all the places its paths lead to, before anything is rendered.
+// The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "format.h"
+#include "places.h"
 #include "scene.h"
 
 // Lengths of a scene, in scene units: the most that occur, and the least.
@@ -20,24 +22,13 @@ static double norm(const double a[3]) {
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }
 
-// From the origin to the furthest place of a shape's centre.
-static double furthest(const struct shape *shape) {
-    double from[3], far = norm(shape->position);
-    for (int i = 0; i < 3; i++)
-        from[i] = shape->position[i] - shape->path.foot[i];
-    switch (shape->path.type) {
-    case PATH_CIRCLE: return fmax(far, norm(shape->path.foot) + norm(from));
-    case PATH_LINE: return fmax(far, norm(shape->path.to));
-    default: return far;
-    }
-}
-
 static struct extent measure(const struct model *model, const struct view *view) {
     struct extent e = {.radius_least = INFINITY};
+    const double origin[3] = {0};
     double centre = 0;
     for (int i = 0; i < model->shape_count; i++) {
         const struct shape *shape = &model->shapes[i];
-        double radius = shape->sphere.radius, far = furthest(shape);
+        double radius = shape->sphere.radius, far = places_of(shape, origin).furthest;
         e.radius_most = fmax(e.radius_most, radius);
         e.radius_least = fmin(e.radius_least, radius);
         centre = fmax(centre, far);
@@ -84,7 +75,8 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
     double unit = ldexp(1, f->unit), square = e->lengths / unit * (e->lengths / unit);
     double radius = e->radius_most / unit, smallest = e->radius_least / unit;
     f->near = 23 - f->bits;
-    f->wide = bits_before(square * 1.01);
+    // the camera's directions, which directions_shorter makes less than four long, are normalised by it too
+    f->wide = bits_before(fmax(square, 16) * 1.01);
     if (f->near < 1) {
         snprintf(
             error, 512,
@@ -127,6 +119,27 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
         return false;
     }
     return true;
+}
+
+int directions_shorter(const struct view *view, double aspect) {
+    int exponent;
+    frexp(hypot(1, view->tan_half_fov * hypot(aspect, 1)) / 4, &exponent);
+    return exponent > 0 ? exponent : 0;
+}
+
+bool directions_fit(const struct format *f, const struct view *view, double aspect,
+                    char error[512]) {
+    double shortest = ldexp(1, -2 * directions_shorter(view, aspect));
+    // rounding takes up to nine last bits of a square
+    double least = ldexp((double)f->least + 10, -f->bits);
+    if (f->steps > 0 || shortest > least)
+        return true;
+    snprintf(error, 512,
+             "directions to the pixels of a picture %.3g times as wide as high: their squares, of "
+             "less than 16, are down to %g, and the article's 1/root of %d bits of fraction takes "
+             "more than %g (STEPWISE_FIXED: other bits, a larger unit or roots=2)",
+             aspect, shortest, f->bits, least);
+    return false;
 }
 
 // Where `f` has a unit.

@@ -1,5 +1,6 @@
 // The article's render(): a block of 16 × 16 pixels is cleared if the rays through its corners hit nothing; else each
 // of its rays runs the mirror loop. The shading is this house's (results/README.md), in numbers.
+// The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <string.h>
 
 #include "number.h"

@@ -1,5 +1,6 @@
 // The scene becomes numbers, in doubles as the article's own control code does it; and which blocks a sphere can be
 // seen in.
+// The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include "world.h"
 
 #include <math.h>
@@ -117,9 +118,7 @@ static void reach_of_sphere(struct world *w, int i, const struct shape *shape,
 static void aim(struct world *w, const struct view *view, const struct frame *frame) {
     const struct format *f = &w->format;
     double half = view->tan_half_fov / frame->height;
-    int exponent;
-    frexp(hypot(1, half * hypot(frame->width, frame->height)) / 4, &exponent);
-    int smaller = exponent > 0 ? exponent : 0;
+    int smaller = directions_shorter(view, (double)frame->width / frame->height), exponent;
     frexp(half, &exponent);
     w->finer = 30 - exponent - f->bits; // per_height has 30 or 31 bits, as many as a factor may
     if (w->finer < 0)

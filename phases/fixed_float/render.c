@@ -1,10 +1,12 @@
 // The phase's entry points: what it renders and why not, and a frame as tiles of blocks for the team.
+// The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <math.h>
 #include <stdalign.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "phase.h"
+#include "places.h"
 #include "threads.h"
 #include "trace.h"
 #include "variant.h"
@@ -48,6 +50,32 @@ static const char *no_spheres(const struct model *model) {
     return NULL;
 }
 
+// Why a sphere is, or its path leads it, where it is not drawn; NULL: none is.
+static const char *out_of_place(const struct scene *scene) {
+    static char error[512];
+    const double origin[3] = {0}, *camera = scene->view.position;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct shape *shape = &scene->model.shapes[i];
+        const char *place = shape->path.type == PATH_NONE ? "" : ", or will be on its path";
+        double reach = places_of(shape, origin).furthest + shape->sphere.radius;
+        if (!(places_of(shape, camera).nearest > shape->sphere.radius)) {
+            snprintf(error, sizeof error,
+                     "the camera is inside of shapes[%d]%s; only a sphere's near side is hit, from "
+                     "outside",
+                     i, place);
+            return error;
+        }
+        if (!(reach <= scene->model.march.bounds_radius)) {
+            snprintf(error, sizeof error,
+                     "shapes[%d] leads %g from the origin, beyond bounds_radius %g, which is not "
+                     "asked for",
+                     i, reach, scene->model.march.bounds_radius);
+            return error;
+        }
+    }
+    return NULL;
+}
+
 const char *phase_unsupported(const struct scene *scene) {
     static char error[512];
     struct settings settings;
@@ -57,29 +85,8 @@ const char *phase_unsupported(const struct scene *scene) {
     const char *reason = no_spheres(model);
     if (reason)
         return reason;
-    for (int i = 0; i < model->shape_count; i++) {
-        const struct shape *shape = &model->shapes[i];
-        double from[3], far = 0, reach = 0;
-        for (int k = 0; k < 3; k++) {
-            from[k] = scene->view.position[k] - shape->position[k];
-            far += from[k] * from[k];
-            reach += shape->position[k] * shape->position[k];
-        }
-        if (!(sqrt(far) > shape->sphere.radius)) {
-            snprintf(error, sizeof error,
-                     "the camera is inside of shapes[%d]; only a sphere's near side is hit, from "
-                     "outside",
-                     i);
-            return error;
-        }
-        if (!(sqrt(reach) + shape->sphere.radius <= model->march.bounds_radius)) {
-            snprintf(error, sizeof error,
-                     "shapes[%d] leads %g from the origin, beyond bounds_radius %g, which is not "
-                     "asked for",
-                     i, sqrt(reach) + shape->sphere.radius, model->march.bounds_radius);
-            return error;
-        }
-    }
+    if ((reason = out_of_place(scene)))
+        return reason;
     return NULL;
 }
 

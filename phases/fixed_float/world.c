@@ -1,5 +1,6 @@
 // The scene becomes numbers, in doubles as the article's own control code does it; and which blocks a sphere can be
 // seen in.
+// The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include "world.h"
 
 #include <math.h>

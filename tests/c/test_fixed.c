@@ -132,8 +132,8 @@ static struct format article_format(int bits, int wide) {
 // Two steps, and what is cut off in them: a last bit of each of three products, the second times a·y/2 = 1/(2y).
 static void the_articles_inverse_root(void **state) {
     (void)state;
-    for (int bits = 14; bits <= 20; bits++)
-        for (int wide = 5; wide <= 31 - bits; wide++) {
+    for (int bits = 8; bits <= 22; bits++)
+        for (int wide = 5; wide <= 31 - bits; wide++) { // 5: the camera's directions, below 16
             const struct format f = article_format(bits, wide);
             for (int64_t a = f.least; a < INT64_C(1) << (bits + wide); a += 1 + a / 300) {
                 double exact = 1 / sqrt(ldexp((double)a, -bits)), last = ldexp(1, -bits);

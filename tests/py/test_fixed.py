@@ -16,6 +16,7 @@ import pytest
 from conformance.feature_scenes import scene, shape
 from study import images, registry, store
 from study.build import build
+from study.hard import scenes
 from study.registry import ROOT
 
 PHASES = ("fixed", "fixed_simd", "fixed_float")
@@ -371,6 +372,91 @@ def test_a_number_that_does_not_fit_is_named(said, tmp_path):
         data = data | {key: data[key] | value if isinstance(value, dict) else value}
     for phase in PHASES[: 1 if SIMD_LACKS else 2]:
         assert said in refusal(phase, data, words, tmp_path)
+
+
+# A sphere in the middle of a wide view: lengths below 2, but directions to the corners of almost 3.
+WIDE = scene(
+    [ball(0.3, [0, 0, 0])],
+    camera={"position": [0, 0, -1.5], "look_at": [0, 0, 0], "vertical_fov_degrees": 100},
+    light={"position": [0, 1.4, 0], "shadows": "hard"},
+    march={"bounds_radius": 100},
+)
+SCENES["wide"] = WIDE
+
+
+@pytest.mark.parametrize("words", ["roots=article clear=never", "roots=3 clear=never"])
+def test_directions_longer_than_all_lengths_are_normalised_too(draw, words):
+    """A ray whose tangent off the axis is below that of the sphere's rim, 0.204, hits it; others miss."""
+    made, _ = draw("fixed", "wide", words, (32, 18))
+    half = math.tan(math.radians(50)) / 18
+    x, y = np.meshgrid((2 * np.arange(32) - 31) * half, (2 * np.arange(18) - 17) * half)
+    rim = math.tan(math.asin(0.3 / 1.5))
+    assert np.array_equal(made["id"] >= 0, np.hypot(x, y) < rim) and (made["id"] >= 0).sum() == 4
+
+
+def test_directions_shorter_than_the_articles_root_takes_are_refused(tmp_path):
+    """At bits=11 a camera 800 away leaves 1/root squares of more than 2; at 170° the shortest is 4^-3."""
+    far = scene([ball(10, [0, 0, 0])], light={"shadows": "hard"}, march={"bounds_radius": 100})
+    far["camera"] |= {"position": [0, 0, -800], "look_at": [0, 0, 0]}
+    words = "bits=11 clear=never roots="
+    said = refusal("fixed", far, f"{words}article", tmp_path)
+    assert "directions to the pixels" in said and "down to 1," in said and "more than 2.00488 " in said
+    assert run("fixed", tmp_path / "scene.json", (4, 4), f"{words}2").returncode == 0
+    store.write_json(tmp_path / "scene.json", scenes.changed(WIDE, {"camera": {"vertical_fov_degrees": 170}}))
+    done = run("fixed", tmp_path / "scene.json", (4, 4), "bits=10 roots=article")
+    assert done.returncode == 4 and "down to 0.015625," in done.stderr
+    store.write_json(tmp_path / "scene.json", WIDE)  # of a picture wider than the driver's own
+    done = run("fixed", tmp_path / "scene.json", (2000, 1), "roots=article")
+    assert done.returncode != 0 and "a picture 2e+03 times as wide as high" in done.stderr
+
+
+# Where a path leads it is at no frame's beginning but at 0.5 s: frame 30.
+LED = {
+    "line": ([0, 0, 3], {"type": "line", "to": [0, 0, -5], "period": 1}),
+    "line beside its ends": ([-9, 0.5, -5], {"type": "line", "to": [8, 0.5, -5], "period": 1}),
+    "circle": ([0, 0, 5], {"type": "circle", "centre": [0, 0, 0], "axis": [0, 1, 0], "period": 1}),
+    "circle aslant": (
+        [0, 4, 3],
+        {"type": "circle", "centre": [0, 0.5, 0], "axis": [0, 0.8, -0.6], "period": 1},
+    ),
+}
+
+
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("name", LED)
+def test_a_path_through_the_camera_is_refused(phase, name, tmp_path):
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    position, path = LED[name]
+    data = scene([ball(1, position, path=path)], light={"shadows": "hard"}, march={"bounds_radius": 100})
+    at = [0, 0, -5] if name != "circle aslant" else [0, -1.4, -4.2]  # across its foot, (0, 1.3, −0.6)
+    data["camera"] |= {"position": at, "look_at": [0, 0, 0]}
+    words = "" if phase == "fixed_float" else "roots=3"
+    assert "the camera is inside of shapes[0], or will be on its path" in refusal(
+        phase, data, words, tmp_path
+    )
+    data["camera"]["position"] = [0, 3, -5] if name != "circle aslant" else [0, -5, -5]
+    store.write_json(tmp_path / "scene.json", data)
+    done = run(phase, tmp_path / "scene.json", (4, 4), words, "--frames", 31, "--first-frame", 30)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_path_beyond_the_bounds_is_refused(phase, tmp_path):
+    """A circle about (0, 0, 3) is 5 from the origin at most, and its sphere 6; a line as far as its end."""
+    if phase in SIMD and SIMD_LACKS:
+        pytest.skip("the CPU lacks what the phase needs")
+    circle = {"type": "circle", "centre": [0, 0, 3], "axis": [0, 1, 0], "period": 1}
+    paths = [([0, 0, 1], circle), ([0, 0, 1], {"type": "line", "to": [0, 0, 5], "period": 1})]
+    words = "" if phase == "fixed_float" else "roots=3"
+    for position, path in paths:
+        data = scene([ball(1, position, path=path)], light={"shadows": "hard"}, march={"bounds_radius": 5.9})
+        data["camera"] |= {"position": [0, 4, -5]}
+        said = refusal(phase, data, words, tmp_path)
+        assert "shapes[0] leads 6 from the origin, beyond bounds_radius 5.9" in said
+        data["march"]["bounds_radius"] = 6.1
+        store.write_json(tmp_path / "scene.json", data)
+        assert run(phase, tmp_path / "scene.json", (4, 4), words, "--frames", 2).returncode == 0
 
 
 def test_a_larger_unit_makes_room(draw):

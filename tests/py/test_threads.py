@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -318,3 +319,14 @@ def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
         for tiles in (1, 2, 7, 500, 2999):
             done = call(program, workers, tiles)
             assert (done.returncode, done.stdout) == (0, ""), done.stderr
+
+
+THREADED = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
+
+
+@pytest.mark.parametrize("phase", THREADED)
+def test_what_threads_say_begins_with_their_phase(phase) -> None:
+    """The sources are handed from phase to phase: the name in their messages is to be the new one's."""
+    text = (ROOT / "phases" / phase / "threads.c").read_text()
+    said = re.findall(r'fprintf\(stderr,\s*"(\w+): ', text)
+    assert said and set(said) == {phase} and len(said) == text.count("fprintf(")
