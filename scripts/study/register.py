@@ -11,13 +11,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from study import ablations, compilers, fixed, fixed_page, flops, lattice, roof, stats
+from study import ablations, compilers, fixed, fixed_page, flops, lattice, packets, rods, roof, stats
 from study.analysis import Data
 from study.compilers import known, read
 from study.stats import Interval
 from study.verdicts import (
     FAILS,
     HOLDS,
+    NEAR,
     NEVER,
     PART,
     Found,
@@ -26,6 +27,7 @@ from study.verdicts import (
     judged,
     missing,
     near,
+    reached,
     sized,
 )
 
@@ -247,8 +249,49 @@ def _integers(data: Data, claim: Claim) -> Found:
     return Found(text, NEVER, claim["note"], one["ms"]["p50"], one["ms"]["p5"], one["ms"]["p95"], one["n"])
 
 
-def _later(data: Data, claim: Claim) -> Found:
-    return Found("", NEVER)
+def _linear(data: Data, claim: Claim) -> Found:
+    """The gain of the most threads over one, per thread: of the scene where it is the least."""
+    made: list[tuple[Interval, str, int]] = []
+    for drawn in packets.read(data.path / packets.FILE)["drawn"]:
+        by = {t["threads"]: t for r in drawn["rows"] if r["phase"] == claim["phase"] for t in r["threads"]}
+        if len(by) > 1 and 1 in by:
+            most = max(by)
+            gain = stats.ratio_interval(by[1]["launches"], by[most]["launches"])
+            share = Interval(
+                gain.value / most, gain.low / most, gain.high / most, gain.launches, gain.sufficient
+            )
+            text = (
+                f"{gain.value:.2f}× on {most} threads, {drawn['scene']} at n = {drawn['n']}, the least of all"
+            )
+            made.append((share, text, drawn["n"]))
+    if not made:
+        return missing(f"time of {claim['phase']} on several threads")
+    share, text, n = min(made, key=lambda one: one[0].value)
+    verdict, why = reached(share, claim["value"] / NEAR)
+    if verdict == FAILS and share.low > 0.5 * claim["value"]:
+        verdict, why = PART, f"more than half of linear; {why}"
+    return figure(share, text, verdict, why, n)
+
+
+def _rods_fewer(data: Data, claim: Claim) -> Found:
+    own = rods.read(data.path / rods.FILE).get("own")
+    if not own:
+        return missing(rods.FILE)
+    counts = [own[name]["evaluations"] for name in ("pixels", "rods")]
+    text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own['fewer']:.3g}×"
+    verdict, why = judged(own["fewer"], claim["value"])
+    return sized(Found(text, verdict, why, own["fewer"], n=own["n"]), claim["n"])
+
+
+def _rods_gain(data: Data, claim: Claim) -> Found:
+    own = rods.read(data.path / rods.FILE).get("own")
+    if not own:
+        return missing(rods.FILE)
+    times = [own[name]["ms"] for name in ("pixels", "rods")]
+    ends = [end if known(end) else math.nan for end in (own["gain_low"], own["gain_high"])]
+    text = f"{own['gain']:.2f}×: {times[0]:.3g} ms per pixel, {times[1]:.3g} ms by rods"
+    verdict, why = judged(own["gain"], claim["value"])
+    return sized(Found(text, verdict, why, own["gain"], *ends, own["n"]), claim["n"])
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
@@ -267,5 +310,7 @@ CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "normalize": _normalize,
     "rtrm": _rtrm,
     "integers": _integers,
-    "later": _later,
+    "linear": _linear,
+    "rods_fewer": _rods_fewer,
+    "rods_gain": _rods_gain,
 }
