@@ -171,7 +171,9 @@ def test_a_broken_file_is_an_error_that_names_it(data: Data, broken: str) -> Non
         register.CHECKS["never_misses"](data, {"scene": "scene0", "phase": "baseline", "n": 720})
 
 
-@pytest.mark.parametrize("module", ["register", "claims", "ablations", "compilers", "verdicts"])
+@pytest.mark.parametrize(
+    "module", ["register", "register_systems", "claims", "ablations", "compilers", "verdicts"]
+)
 def test_each_module_can_be_imported_alone(module: str) -> None:
     subprocess.run([sys.executable, "-c", f"import study.{module}"], cwd=ROOT / "scripts", check=True)
 
