@@ -1,8 +1,10 @@
 // Embree 3 beside a phase (hits.c): spheres as its points of a radius (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as
-// squares of four times the bounds. Single-threaded, its best build quality.
+// squares of four times the bounds. Single-threaded, its best build quality, denormals as zeros (as its manual asks).
 #include "hits.h"
 
+#include <immintrin.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,25 +13,38 @@
 #ifdef WITH_EMBREE
 #include <embree3/rtcore.h>
 
+// Rays in its own form at once: small enough to stay in the cache from being put to being traced.
+enum { CHUNK = 1024 };
+enum { DENORMALS_ARE_ZEROS = 0x8040 }; // of MXCSR: flush to zero, and of what is read too
+
 struct beside {
     RTCDevice device;
     RTCScene scene;
     bool coherent;
-    size_t packets;
+    char version[80];
     struct RTCRayHit16 *sixteen;
     struct RTCRayHit *one;
-    size_t count;
     int *shape_of; // geometry 0: its spheres; geometry 1 + i: plane i
     int spheres;
 };
 
-const char *beside_version(void) {
-    return "Embree " RTC_VERSION_STRING;
+const char *beside_version(const struct beside *beside) {
+    return beside->version;
+}
+
+// As the library that runs says it is.
+static void ask_version(struct beside *b) {
+    int version = (int)rtcGetDeviceProperty(b->device, RTC_DEVICE_PROPERTY_VERSION);
+    bool native = rtcGetDeviceProperty(b->device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
+    snprintf(b->version, sizeof b->version, "Embree %d.%d.%d, packets of 16 %s", version / 10000,
+             version / 100 % 100, version % 100, native ? "native" : "emulated");
 }
 
 static bool add_spheres(struct beside *b, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         b->spheres += model->shapes[i].type == SHAPE_SPHERE;
+    if (b->spheres == 0)
+        return true;
     RTCGeometry geometry = rtcNewGeometry(b->device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
     float *at = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 16,
                                         (size_t)b->spheres);
@@ -95,23 +110,24 @@ static const char *unlike(const struct model *model) {
     return NULL;
 }
 
-static void put_rays(struct beside *b, const struct ray_arrays *rays, bool any, bool packets) {
-    for (size_t i = 0; i < b->packets * 16; i++) {
-        bool there = i < rays->count;
-        float far = !there ? -1.0f : any ? rays->far[i] : INFINITY;
+// Rays first … first + CHUNK − 1 as Embree has them; what is behind the last meets nothing.
+static void put_rays(struct beside *b, const struct ray_arrays *rays, size_t first, bool any,
+                     bool packets) {
+    for (size_t i = 0; i < CHUNK; i++) {
+        bool there = first + i < rays->count;
+        float far = !there ? -1.0f : any ? rays->far[first + i] : INFINITY;
         float at[6];
         for (int k = 0; k < 3; k++) {
-            at[k] = there ? rays->origin[k][i] : 0;
-            at[3 + k] = there ? rays->direction[k][i] : 1;
+            at[k] = there ? rays->origin[k][first + i] : 0;
+            at[3 + k] = there ? rays->direction[k][first + i] : 1;
         }
-        if (!packets && there) {
+        if (!packets) {
             struct RTCRayHit *r = &b->one[i];
             r->ray =
                 (struct RTCRay){at[0], at[1], at[2], 0, at[3], at[4], at[5], 0, far, ~0u, 0, 0};
             r->hit.geomID = r->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-        }
-        if (!packets)
             continue;
+        }
         struct RTCRayHit16 *r = &b->sixteen[i / 16];
         size_t lane = i % 16;
         r->ray.org_x[lane] = at[0];
@@ -128,23 +144,23 @@ static void put_rays(struct beside *b, const struct ray_arrays *rays, bool any, 
     }
 }
 
-static void get_hits(const struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
-    for (size_t i = 0; i < rays->count; i++) {
+static void get_hits(const struct beside *b, struct ray_arrays *rays, size_t first, bool any,
+                     bool packets) {
+    for (size_t i = 0; i < CHUNK && first + i < rays->count; i++) {
         const struct RTCRayHit16 *r = &b->sixteen[i / 16];
         size_t lane = i % 16;
         unsigned geometry = packets ? r->hit.geomID[lane] : b->one[i].hit.geomID;
         unsigned primitive = packets ? r->hit.primID[lane] : b->one[i].hit.primID;
         bool met = geometry != RTC_INVALID_GEOMETRY_ID;
-        rays->t[1][i] = packets ? r->ray.tfar[lane] : b->one[i].ray.tfar;
-        rays->shape[1][i] =
+        rays->t[1][first + i] = packets ? r->ray.tfar[lane] : b->one[i].ray.tfar;
+        rays->shape[1][first + i] =
             any    ? 0
             : !met ? -1
                    : (float)b->shape_of[geometry ? (unsigned)b->spheres + geometry - 1 : primitive];
     }
 }
 
-struct beside *beside_start(const struct model *model, const struct ray_arrays *rays, bool coherent,
-                            const char **why) {
+struct beside *beside_start(const struct model *model, bool coherent, const char **why) {
     if ((*why = unlike(model)))
         return NULL;
     *why = "not compared: Embree cannot be started, or memory is short";
@@ -152,11 +168,9 @@ struct beside *beside_start(const struct model *model, const struct ray_arrays *
     if (!b)
         return NULL;
     b->coherent = coherent;
-    b->count = rays->count;
-    b->packets = (rays->count + 15) / 16;
     b->shape_of = calloc((size_t)model->shape_count, sizeof *b->shape_of);
-    b->sixteen = aligned_alloc(64, (b->packets + 1) * sizeof *b->sixteen);
-    b->one = aligned_alloc(64, (16 * b->packets + 16) * sizeof *b->one);
+    b->sixteen = aligned_alloc(64, CHUNK / 16 * sizeof *b->sixteen);
+    b->one = aligned_alloc(64, CHUNK * sizeof *b->one);
     b->device = rtcNewDevice("threads=1");
     bool made = b->shape_of && b->sixteen && b->one && b->device;
     if (made) {
@@ -167,6 +181,11 @@ struct beside *beside_start(const struct model *model, const struct ray_arrays *
             if (model->shapes[i].type == SHAPE_PLANE)
                 made = add_plane(b, model, i, planes++);
         rtcCommitScene(b->scene);
+        ask_version(b);
+        if (rtcGetDeviceError(b->device) != RTC_ERROR_NONE) {
+            *why = "not compared: Embree cannot have this scene";
+            made = false;
+        }
     }
     if (made)
         return b;
@@ -174,27 +193,39 @@ struct beside *beside_start(const struct model *model, const struct ray_arrays *
     return NULL;
 }
 
-uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
+static void trace_chunk(struct beside *b, struct RTCIntersectContext *context, size_t count,
+                        bool any, bool packets) {
     static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
                                                -1, -1, -1, -1, -1, -1, -1, -1};
+    for (size_t i = 0; i < (packets ? (count + 15) / 16 : count); i++) {
+        if (packets && any)
+            rtcOccluded16(valid, b->scene, context, (struct RTCRay16 *)&b->sixteen[i].ray);
+        else if (packets)
+            rtcIntersect16(valid, b->scene, context, &b->sixteen[i]);
+        else if (any)
+            rtcOccluded1(b->scene, context, &b->one[i].ray);
+        else
+            rtcIntersect1(b->scene, context, &b->one[i]);
+    }
+}
+
+uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
     struct RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     context.flags =
         b->coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-    put_rays(b, rays, any, packets);
-    uint64_t begin = timer_ns();
-    for (size_t i = 0; i < (packets ? b->packets : b->count); i++) {
-        if (packets && any)
-            rtcOccluded16(valid, b->scene, &context, (struct RTCRay16 *)&b->sixteen[i].ray);
-        else if (packets)
-            rtcIntersect16(valid, b->scene, &context, &b->sixteen[i]);
-        else if (any)
-            rtcOccluded1(b->scene, &context, &b->one[i].ray);
-        else
-            rtcIntersect1(b->scene, &context, &b->one[i]);
+    unsigned before = _mm_getcsr();
+    uint64_t took = 0;
+    for (size_t first = 0; first < rays->count; first += CHUNK) {
+        size_t left = rays->count - first;
+        put_rays(b, rays, first, any, packets);
+        _mm_setcsr(before | DENORMALS_ARE_ZEROS);
+        uint64_t begin = timer_ns();
+        trace_chunk(b, &context, left < CHUNK ? left : CHUNK, any, packets);
+        took += timer_ns() - begin;
+        _mm_setcsr(before);
+        get_hits(b, rays, first, any, packets);
     }
-    uint64_t took = timer_ns() - begin;
-    get_hits(b, rays, any, packets);
     return took;
 }
 
@@ -213,14 +244,14 @@ void beside_end(struct beside *b) {
 
 #else
 
-struct beside *beside_start(const struct model *model, const struct ray_arrays *rays, bool coherent,
-                            const char **why) {
-    (void)model, (void)rays, (void)coherent;
+struct beside *beside_start(const struct model *model, bool coherent, const char **why) {
+    (void)model, (void)coherent;
     *why = "not compared: built without Embree (libembree-dev)";
     return NULL;
 }
 
-const char *beside_version(void) {
+const char *beside_version(const struct beside *b) {
+    (void)b;
     return "";
 }
 

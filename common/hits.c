@@ -10,17 +10,19 @@
 // or without Embree, its times are null and "embree" says why.
 #include <getopt.h>
 #include <jansson.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "hits.h"
 #include "phase_info.h"
 #include "timer.h"
 #include "variant.h"
 
-enum { SPARE = 16 };
+enum { SPARE = 16, MOST_REPS = 1000000 };
 
 // All arrays of one length with `SPARE` floats behind it, in one piece.
 static bool make_rays(struct ray_arrays *r, size_t count) {
@@ -42,20 +44,26 @@ static bool make_rays(struct ray_arrays *r, size_t count) {
     return true;
 }
 
-// Standard input, to its end.
+// Standard input, to its end. False, having said why.
 static bool read_rays(struct ray_arrays *rays) {
-    size_t room = 1 << 16, count = 0, got;
+    size_t room = 1 << 16, size = 0, got;
     float (*all)[7] = malloc(room * sizeof *all);
-    while (all && (got = fread(all + count, sizeof *all, room - count, stdin)) > 0) {
-        count += got;
-        if (count == room) {
+    while (all && (got = fread((char *)all + size, 1, room * sizeof *all - size, stdin)) > 0) {
+        size += got;
+        if (size == room * sizeof *all) {
             void *more = realloc(all, (room *= 2) * sizeof *all);
             if (!more)
                 free(all);
             all = more;
         }
     }
-    bool made = all && !ferror(stdin) && make_rays(rays, count);
+    size_t count = size / sizeof *all, rest = size % sizeof *all;
+    bool made = all && !ferror(stdin) && rest == 0 && make_rays(rays, count);
+    if (all && rest)
+        fprintf(stderr, "hits: %zu bytes are left behind %zu rays: should be %zu bytes each\n",
+                rest, count, sizeof *all);
+    else if (!made)
+        fprintf(stderr, "hits: the rays cannot be read, or memory is short\n");
     for (size_t i = 0; made && i < count; i++) {
         for (int k = 0; k < 3; k++) {
             rays->origin[k][i] = all[i][k];
@@ -97,15 +105,23 @@ static bool measure(const struct prepared *prepared, struct ray_arrays *rays, st
     return true;
 }
 
+// Under another name until it is whole: a failed write leaves `path` as it was.
 static bool write_hits(const char *path, const struct ray_arrays *rays, bool both) {
-    FILE *file = fopen(path, "wb");
-    bool written = file != NULL;
+    char temporary[PATH_MAX];
+    int length = snprintf(temporary, sizeof temporary, "%s.%ld.tmp", path, (long)getpid());
+    FILE *file = length < (int)sizeof temporary ? fopen(temporary, "wb") : NULL;
+    if (!file)
+        return false;
+    bool written = true;
     for (int who = 0; who < 1 + both && written; who++)
         for (size_t i = 0; i < rays->count && written; i++) {
             float pair[2] = {rays->t[who][i], rays->shape[who][i]};
             written = fwrite(pair, sizeof pair, 1, file) == 1;
         }
-    return file && fclose(file) == 0 && written;
+    written = fclose(file) == 0 && written && rename(temporary, path) == 0;
+    if (!written)
+        remove(temporary);
+    return written;
 }
 
 struct asked {
@@ -120,16 +136,18 @@ static int run(const struct scene *scene, const struct asked *asked) {
     bool any = asked->any, coherent = asked->coherent;
     int reps = asked->reps;
     struct prepared *prepared = phase_prepare(&scene->model, 1);
+    if (!prepared)
+        fprintf(stderr, "hits: memory is short\n");
     if (!prepared || !read_rays(&rays)) {
-        fprintf(stderr, "hits: the rays cannot be read, or memory is short\n");
+        if (prepared)
+            phase_release(prepared);
         return 2;
     }
     uint64_t begin = timer_ns();
     bool rebuilt = phase_update(prepared, &scene->model);
     uint64_t update_ns = timer_ns() - begin;
     begin = timer_ns();
-    struct beside *beside =
-        asked->embree ? beside_start(&scene->model, &rays, coherent, &why) : NULL;
+    struct beside *beside = asked->embree ? beside_start(&scene->model, coherent, &why) : NULL;
     uint64_t beside_ns = timer_ns() - begin;
     json_t *ns[3] = {json_array(), json_array(), json_array()};
     int status = 5;
@@ -140,8 +158,8 @@ static int run(const struct scene *scene, const struct asked *asked) {
                       "phase", PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes,
                       "isa", variant_here().isa, "settings", said, "count", (json_int_t)rays.count,
                       "any", any, "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1],
-                      "embree1_ns", ns[2], "embree", beside ? beside_version() : why, "update_ns",
-                      (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
+                      "embree1_ns", ns[2], "embree", beside ? beside_version(beside) : why,
+                      "update_ns", (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
         status = out && !write_hits(out, &rays, beside != NULL) ? 2 : 0;
         if (status)
             fprintf(stderr, "hits: %s cannot be written\n", out);
@@ -171,8 +189,12 @@ int main(int argc, char **argv) {
         asked.embree = asked.embree || c == 'e';
         asked.coherent = asked.coherent || c == 'c';
         asked.out = c == 'o' ? optarg : asked.out;
-        reps = c == 'r' ? strtol(optarg, NULL, 10) : reps;
-        if (c == '?' || reps < 1 || reps > 1000000)
+        char *end = "";
+        reps = c == 'r' ? strtol(optarg, &end, 10) : reps;
+        if (reps < 1 || reps > MOST_REPS || *end != '\0')
+            fprintf(stderr, "hits: --reps %s: should be a whole number from 1 to %d\n", optarg,
+                    MOST_REPS);
+        if (c == '?' || reps < 1 || reps > MOST_REPS || *end != '\0')
             return 2;
     }
     struct scene scene;

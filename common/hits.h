@@ -14,15 +14,16 @@ struct ray_arrays {
     float *memory, *origin[3], *direction[3], *far, *t[2], *shape[2];
 };
 
-struct beside; // Embree, with the scene and the rays in its own form
+struct beside; // Embree, with the scene and some rays in its own form
 
 // NULL, with the reason in `why`, where it was not built with Embree or the scene is not one for it.
-struct beside *beside_start(const struct model *model, const struct ray_arrays *rays, bool coherent,
-                            const char **why);
-const char *beside_version(void);
+struct beside *beside_start(const struct model *model, bool coherent, const char **why);
+// Of the library that runs, and whether packets of 16 are its own.
+const char *beside_version(const struct beside *beside);
 
 // Traces the rays, in packets of 16 or each by itself, and writes t[1] and shape[1]. The time of the tracing alone, in
-// ns: rays are put back before it, and hits fetched behind it.
+// ns: a thousand rays at a time are put into its form before, and their hits fetched behind it, untimed. Ours reads and
+// writes plain arrays within its time: what that is worth is the other one's advantage.
 uint64_t beside_trace(struct beside *beside, struct ray_arrays *rays, bool any, bool packets);
 void beside_end(struct beside *beside);
 

@@ -1,5 +1,6 @@
 // What hits look like: normals in closed form, light (B. T. Phong, "Illumination for computer generated pictures",
 // CACM 18 (1975)), shadow rays from the light to all points of a batch, mirror rays packed anew.
+// Shadow packets by start and end points: J. Bikker, "Architecture of a Real-Time Ray-Tracer".
 #include "trace.h"
 
 // Of a packet's hits: what shading needs.

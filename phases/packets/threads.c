@@ -1,5 +1,6 @@
 // Persistent workers that sleep on a condition variable between frames and draw tiles from one
 // atomic counter. Which worker draws which tile differs from frame to frame; what is in it does not.
+// Tiles from one counter to workers pinned to their cores: J. Bikker, "Architecture of a Real-Time Ray-Tracer".
 #include "threads.h"
 
 #include <pthread.h>

@@ -1,4 +1,5 @@
 // A tile of the picture is one batch of rays: its camera rays, then what they mirror, packed anew, until nothing does.
+// Rays packed by blocks of a tile, after J. Bikker, "Architecture of a Real-Time Ray-Tracer".
 #include "trace.h"
 
 static int lesser(int a, int b) {

@@ -1,5 +1,6 @@
 """The claims register: statements of the four papers that no sweep alone can check, held against what a run
-has counted, profiled, compared with truth or timed on the side. Statements about a sweep: study.claims.
+has counted, profiled, compared with truth or timed on the side. Statements about a sweep: study.claims;
+of what other articles built: study.register_systems.
 
 Each check takes (data, claim) and returns a study.verdicts.Found. A file that is not there is "not measured",
 never a verdict.
@@ -11,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from study import ablations, compilers, fixed, fixed_page, flops, lattice, roof, stats
+from study import ablations, compilers, flops, register_systems, roof, stats
 from study.analysis import Data
 from study.compilers import known, read
 from study.stats import Interval
@@ -219,38 +220,6 @@ def _normalize(data: Data, claim: Claim) -> Found:
     return sized(Found(text, verdict, why, gain["value"], low, high, n), claim["n"], unit="vectors = ")
 
 
-def _rtrm(data: Data, claim: Claim) -> Found:
-    """Beside figures of another machine: that decides nothing."""
-    result = lattice.read(data.path / lattice.FILE)
-    named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
-    fastest = lattice.best(result, 2)
-    if not named or fastest is None:
-        return missing("time of scene lattice on two threads")
-    one, ends = named[0], (named[0]["program_low"], named[0]["program_high"])
-    low, high = (end if known(end) else math.nan for end in ends)
-    text = (
-        f"{one['program']:.2f}× its figure of another machine; {fastest['phase']} {fastest['program']:.2f}×"
-    )
-    return Found(text, NEVER, claim["note"], one["program"], low, high, one["n"])
-
-
-def _integers(data: Data, claim: Claim) -> Found:
-    """Beside figures of 35 cores of another CPU: that decides nothing."""
-    result = fixed.read(data.path / fixed.FILE)
-    mine = [r for r in result.get("animation", []) if (r["phase"], r["n"]) == (claim["phase"], claim["n"])]
-    if not mine:
-        return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
-    one = max(mine, key=lambda row: row["threads"])
-    faster = fixed_page.article_ns(result) / one["core_ns_per_pixel"]
-    cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
-    text = f"{one['ms']['p50']:.1f} ms on {cores}: {faster:.1f}× its pixels per core and second"
-    return Found(text, NEVER, claim["note"], one["ms"]["p50"], one["ms"]["p5"], one["ms"]["p95"], one["n"])
-
-
-def _later(data: Data, claim: Claim) -> Found:
-    return Found("", NEVER)
-
-
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "flops": _flops,
     "flop_cut": _flop_cut,
@@ -265,7 +234,9 @@ CHECKS: dict[str, Callable[[Data, Claim], Found]] = {
     "compilers": compilers.slightly_better,
     "best_compiler": compilers.best,
     "normalize": _normalize,
-    "rtrm": _rtrm,
-    "integers": _integers,
-    "later": _later,
+    "rtrm": register_systems.rtrm,
+    "integers": register_systems.integers,
+    "linear": register_systems.linear,
+    "rods_fewer": register_systems.rods_fewer,
+    "rods_gain": register_systems.rods_gain,
 }

@@ -95,7 +95,10 @@ def test_the_page_by_hand(tmp_path):
     assert "met" not in shadow and "0 of 1,000 others" in primary
     drawn = show.markdown(show.table(packets_page.drawn_rows(made_up()), packets_page.DRAWN))
     assert drawn.count("base") == 1 and drawn.count("4.00× [3.00") == 2
+    assert any("Embree's time" in remark for remark in section.remarks)
     said = {row["what"]: row for row in packets_page.system_rows(made_up())}
+    camera = said["spheres40, rays camera, million a second"]
+    assert camera["error"].startswith("against Embree: 0 of 1,000 others")
     whole = said["spheres40 160×90, ms a frame, one thread"]
     assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams at equal error")
     assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
@@ -108,6 +111,7 @@ def test_without_embree_the_page_says_so(tmp_path):
     (tmp_path / packets.FILE).write_text(json.dumps(made_up(embree=False)))
     section = systems.section(tmp_path)
     assert any("built without Embree" in remark for remark in section.remarks)
+    assert not any("Embree's time" in remark for remark in section.remarks)
     assert packets_page.faults(made_up(embree=False)) == []
 
 

@@ -1,0 +1,87 @@
+"""The claims register of what other articles built: CPU-RTRM, integers, packets, rods. As study.register."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from study import fixed, fixed_page, lattice, packets, rods, stats
+from study.analysis import Data
+from study.compilers import known
+from study.stats import Interval
+from study.verdicts import FAILS, NEAR, NEVER, PART, Found, figure, judged, missing, reached, sized
+
+Claim = dict[str, Any]
+
+
+def rtrm(data: Data, claim: Claim) -> Found:
+    """Beside figures of another machine: that decides nothing."""
+    result = lattice.read(data.path / lattice.FILE)
+    named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
+    fastest = lattice.best(result, 2)
+    if not named or fastest is None:
+        return missing("time of scene lattice on two threads")
+    one, ends = named[0], (named[0]["program_low"], named[0]["program_high"])
+    low, high = (end if known(end) else math.nan for end in ends)
+    text = (
+        f"{one['program']:.2f}× its figure of another machine; {fastest['phase']} {fastest['program']:.2f}×"
+    )
+    return Found(text, NEVER, claim["note"], one["program"], low, high, one["n"])
+
+
+def integers(data: Data, claim: Claim) -> Found:
+    """Beside figures of 35 cores of another CPU: that decides nothing."""
+    result = fixed.read(data.path / fixed.FILE)
+    mine = [r for r in result.get("animation", []) if (r["phase"], r["n"]) == (claim["phase"], claim["n"])]
+    if not mine:
+        return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
+    one = max(mine, key=lambda row: row["threads"])
+    faster = fixed_page.article_ns(result) / one["core_ns_per_pixel"]
+    cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
+    text = f"{one['ms']['p50']:.1f} ms on {cores}: {faster:.1f}× its pixels per core and second"
+    return Found(text, NEVER, claim["note"], one["ms"]["p50"], one["ms"]["p5"], one["ms"]["p95"], one["n"])
+
+
+def linear(data: Data, claim: Claim) -> Found:
+    """The gain of the most threads over one, per thread: of the scene where it is the least."""
+    made: list[tuple[Interval, str, int]] = []
+    for drawn in packets.read(data.path / packets.FILE)["drawn"]:
+        by = {t["threads"]: t for r in drawn["rows"] if r["phase"] == claim["phase"] for t in r["threads"]}
+        if len(by) > 1 and 1 in by:
+            most = max(by)
+            gain = stats.ratio_interval(by[1]["launches"], by[most]["launches"])
+            share = Interval(
+                gain.value / most, gain.low / most, gain.high / most, gain.launches, gain.sufficient
+            )
+            text = (
+                f"{gain.value:.2f}× on {most} threads, {drawn['scene']} at n = {drawn['n']}, the least of all"
+            )
+            made.append((share, text, drawn["n"]))
+    if not made:
+        return missing(f"time of {claim['phase']} on several threads")
+    share, text, n = min(made, key=lambda one: one[0].value)
+    verdict, why = reached(share, claim["value"] / NEAR)
+    if verdict == FAILS and share.low > 0.5 * claim["value"]:
+        verdict, why = PART, f"more than half of linear; {why}"
+    return figure(share, text, verdict, why, n)
+
+
+def rods_fewer(data: Data, claim: Claim) -> Found:
+    own = rods.read(data.path / rods.FILE).get("own")
+    if not own:
+        return missing(rods.FILE)
+    counts = [own[name]["evaluations"] for name in ("pixels", "rods")]
+    text = f"{counts[0]:.3g} evaluations a pixel against {counts[1]:.3g}: {own['fewer']:.3g}×"
+    verdict, why = judged(own["fewer"], claim["value"])
+    return sized(Found(text, verdict, why, own["fewer"], n=own["n"]), claim["n"])
+
+
+def rods_gain(data: Data, claim: Claim) -> Found:
+    own = rods.read(data.path / rods.FILE).get("own")
+    if not own:
+        return missing(rods.FILE)
+    times = [own[name]["ms"] for name in ("pixels", "rods")]
+    ends = [end if known(end) else math.nan for end in (own["gain_low"], own["gain_high"])]
+    text = f"{own['gain']:.2f}×: {times[0]:.3g} ms per pixel, {times[1]:.3g} ms by rods"
+    verdict, why = judged(own["gain"], claim["value"])
+    return sized(Found(text, verdict, why, own["gain"], *ends, own["n"]), claim["n"])

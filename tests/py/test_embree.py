@@ -1,0 +1,164 @@
+"""The program hits, beside Embree and without it, and scripts/packets.py from rays to packets.json."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import FLOOR, scene, shape
+from study import packets, packets_page, packets_rays, store
+from study.build import build
+from study.registry import ROOT, Scene, find_scene
+
+HEADERS = [Path(base) / "embree3" / "rtcore.h" for base in ("/usr/include", "/usr/local/include")]
+EMBREE = pytest.mark.skipif(
+    not any(h.exists() for h in HEADERS), reason="libembree-dev is not installed: nothing beside Embree"
+)
+BALLS = [shape("sphere", radius=0.5 + 0.2 * i, position=[1.3 * i - 2, 0.4 * i - 1, i]) for i in range(4)]
+WALL = shape("plane", normal=[0, 0, -1], offset=-9)
+# shapes; which of them a picture's rays meet
+SCENES = {
+    "both": ([WALL, *BALLS, FLOOR], {0.0, 1.0, 2.0, 3.0, 4.0, 5.0}),
+    "spheres": (BALLS, {-1.0, 0.0, 1.0, 2.0, 3.0}),
+    "planes": ([FLOOR, WALL], {0.0, 1.0}),
+}
+COUNT = 1061  # more than a chunk of embree.c's, and no whole packet at the end
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "scene.json"
+
+
+def rays_of(data):
+    return packets_rays.camera(data, 36, 32)[:COUNT]
+
+
+@EMBREE
+@pytest.mark.parametrize("name", SCENES)
+def test_embree_meets_what_we_meet(name, path):
+    """The last of three turns is its packets', of one its single rays'."""
+    shapes, there = SCENES[name]
+    data = scene(shapes, light={"shadows": "hard"})
+    store.write_json(path, data)
+    rays = rays_of(data)
+    for reps in (1, 3):
+        record, found = packets_rays.hits(path, rays, "primary", reps=reps, beside=True)
+        assert re.fullmatch(r"Embree 3\.\d+\.\d+, packets of 16 (native|emulated)", record["embree"])
+        assert found.shape == (2, COUNT, 2) and set(np.unique(found[1, :, 1])) == there
+        said = packets.agreement(data, "primary", rays, found)
+        assert said["compared"] > 900 and said["other_shape"] <= 1 and said["dt_max"] < 1e-4
+        assert all(len(record[key]) == reps for key in ("ns", "embree16_ns", "embree1_ns"))
+        rays[:, 6] = np.where(np.isfinite(found[0, :, 0]), found[0, :, 0], 20) + np.resize([-0.1, 0.1], COUNT)
+        record, blocked = packets_rays.hits(path, rays, "shadow", reps=reps, beside=True)
+        other = packets.agreement(data, "shadow", rays, blocked)["other_shape"]
+        assert other <= 1 and 50 < (blocked[1, :, 0] == -np.inf).sum() < 900
+
+
+def test_without_embree_it_says_so(tmp_path, path):
+    """embree.c as it is built where there is none."""
+    build("packets", "hits")
+    words = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    stub, program = tmp_path / "stub.o", tmp_path / "hits"
+    subprocess.run([*words, "-c", ROOT / "common" / "embree.c", "-o", stub], check=True)
+    made = ROOT / "build"
+    objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
+    objects += [made / "common" / f"{name}.o" for name in ("scene", "frame", "present", "timer")]
+    data = scene(BALLS, light={"shadows": "hard"})
+    store.write_json(path, data)
+    found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)
+    libraries = [*found.stdout.split(), "-lpthread", "-lm"]
+    subprocess.run(["gcc", *objects, stub, *libraries, "-o", program], check=True)
+    out = tmp_path / "hits.out"
+    done = subprocess.run(
+        [program, path, "--embree", "-o", out], input=rays_of(data).tobytes(), capture_output=True
+    )
+    record = json.loads(done.stdout)
+    assert done.returncode == 0 and record["embree"] == "not compared: built without Embree (libembree-dev)"
+    assert record["embree16_ns"] == record["embree1_ns"] == [] and len(record["ns"]) == 1
+    assert np.fromfile(out, "<f4").shape == (2 * COUNT,)
+
+
+BAD = {
+    "reps": (["--reps", "5x"], 2, b"--reps 5x: should be a whole number from 1 to 1000000"),
+    "zero": (["--reps", "0"], 2, b"--reps 0: should be"),
+    "option": (["--rep5"], 2, b"--rep5"),
+    "part": ([], 2, b"12 bytes are left behind 3 rays: should be 28 bytes each"),
+    "output": (["-o", "{}/none/hits"], 2, b"none/hits cannot be written"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line(name, path):
+    words, status, said = BAD[name]
+    store.write_json(path, scene(BALLS, light={"shadows": "hard"}))
+    words = [word.format(path.parent) for word in words]
+    rest = 12 if name == "part" else 0
+    done = subprocess.run(
+        [build("packets", "hits"), path, *words], input=b"\0" * (3 * 28 + rest), capture_output=True
+    )
+    assert done.returncode == status and done.stdout == b"" and done.stderr.count(b"\n") == 1
+    assert said in done.stderr, done.stderr
+
+
+def test_a_failed_write_leaves_what_was_there(path):
+    """A limit on a file's size, as a full disk has one."""
+    data = scene(BALLS, light={"shadows": "hard"})
+    store.write_json(path, data)
+    out = path.parent / "hits.out"
+    out.write_bytes(b"before")
+    command = 'ulimit -f 1; trap "" XFSZ; exec "$0" "$@"'
+    done = subprocess.run(
+        ["bash", "-c", command, build("packets", "hits"), path, "-o", out],
+        input=rays_of(data).tobytes(),
+        capture_output=True,
+    )
+    assert done.returncode == 2 and b"hits.out cannot be written" in done.stderr
+    assert out.read_bytes() == b"before" and sorted(os.listdir(path.parent)) == ["hits.out", "scene.json"]
+
+
+def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
+    """One scene, one marching phase: the rest is the script's own."""
+    store.write_json(tmp_path / "balls.json", data := packets_rays.balls())
+    monkeypatch.setattr(
+        packets_rays, "scenes", lambda _: [Scene("balls", tmp_path / "balls.json", data, False)]
+    )
+    monkeypatch.setattr(packets, "drawn_scenes", lambda _: [find_scene("spheres40")])
+    monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
+    words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
+    monkeypatch.setattr(sys, "argv", ["packets.py", *words, "--run", str(tmp_path)])
+    main = runpy.run_path(str(ROOT / "scripts" / "packets.py"))["main"]
+    assert main() == 0
+    result = store.read_json(tmp_path / packets.FILE)
+    assert [row["kind"] for row in result["rays"]] == list(packets_rays.KINDS)
+    keys = {
+        "scene",
+        "kind",
+        "rays",
+        "embree",
+        "variants",
+        "newton_dt_max",
+        "embree16",
+        "embree1",
+        "agreement",
+    }
+    ends = {f"embree{k}_ratio{end}" for k in (16, 1) for end in ("", "_low", "_high")}
+    there = any(h.exists() for h in HEADERS)
+    for row in result["rays"]:
+        assert set(row) == keys | ends and row["rays"] > 100
+        assert (row["agreement"] is not None) == there == (row["embree16"] is not None)
+        assert {v["name"] for v in row["variants"]} >= {"own", "kd-tree", "each alone", "root by Newton"}
+    (drawn,) = result["drawn"]
+    assert [r["phase"] for r in drawn["rows"]] == ["packets", "opt8_streams"]
+    assert all(r["threads"][0]["threads"] == 1 for r in drawn["rows"])
+    said = capsys.readouterr().out
+    assert "balls, mirror:" in said and "spheres40" in said
+    assert (tmp_path / "figures" / f"{packets_page.FIGURE}.svg").exists()
