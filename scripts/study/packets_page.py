@@ -174,7 +174,7 @@ def system_rows(result: Row) -> list[Row]:
                 "what": f"{row['scene']}, rays {OF_KIND[row['kind']]}, million a second",
                 "article": "“millions of rays per second, per core”",
                 "ours": _rate(own),
-                "ratio": f"{_ratio('embree16_ratio')(row)} over Embree",
+                "ratio": f"{_ratio('embree16_ratio')(row)} over {row['embree']}",
                 "error": show.NOTHING if row["agreement"] is None else f"against Embree: {_agreement(row)}",
             }
         )
@@ -212,9 +212,9 @@ def remarks(result: Row) -> list[str]:
     """How to read them."""
     if not result["rays"]:
         return []
-    why = {r["embree"] for r in result["rays"] if r["embree16"] is None}
+    which = {r["embree"] for r in result["rays"]}  # or why there is none
     beside = [BESIDE] * any(r["embree16"] is not None for r in result["rays"])
-    return [*beside, NOTE, *(f"Embree: {text}." for text in sorted(why))]
+    return [*beside, NOTE, *(f"Embree: {text}." for text in sorted(which))]
 
 
 def draw_rays(result: Row) -> Figure:

@@ -6,9 +6,11 @@ The scenes are not in common/scenes: what is there goes through every suite with
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import math
 import os
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -119,6 +121,14 @@ def secondary(
     }
 
 
+@functools.cache
+def asserts(program: Path) -> bool:
+    """Whether the program's Embree was built with assertions, as Debian's 3.13.5 is: it could be faster."""
+    linked = subprocess.run(["ldd", program], capture_output=True, text=True, check=False).stdout
+    library = re.search(r"libembree\S* => (/\S+)", linked)
+    return bool(library) and b"__assert_fail" in Path(library[1]).read_bytes()
+
+
 def hits(
     scene: Path, rays: Rays, kind: str, words: str = "", limit: str = "", reps: int = 1, beside: bool = False
 ) -> tuple[dict[str, Any], np.ndarray]:
@@ -142,7 +152,10 @@ def hits(
         if done.returncode != 0:
             raise run.DriverError(done.returncode, done.stderr.decode(errors="replace").strip())
         pairs = np.fromfile(out, "<f4").reshape(-1, len(rays), 2)
-    return json.loads(done.stdout), pairs
+    record = json.loads(done.stdout)
+    if beside and asserts(Path(program)):
+        record["embree"] += ", a build with assertions"
+    return record, pairs
 
 
 def all_kinds(scene: Scene, height: int, seed: int) -> dict[str, Rays]:

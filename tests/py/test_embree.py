@@ -162,3 +162,21 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "balls, mirror:" in said and "spheres40" in said
     assert (tmp_path / "figures" / f"{packets_page.FIGURE}.svg").exists()
+
+
+def test_a_build_with_assertions_is_told(tmp_path) -> None:
+    """By what its library asks of the C library; a program that links no Embree has none."""
+    asserting, silent = tmp_path / "a.c", tmp_path / "b.c"
+    asserting.write_text("#include <assert.h>\nint rtc(int a) { assert(a); return a; }\n")
+    silent.write_text("int rtc(int a) { return a; }\n")
+    (tmp_path / "main.c").write_text("int rtc(int);\nint main(int n, char **v) { (void)v; return rtc(n); }\n")
+    for source, library, expected in ((asserting, "libembree3.so", True), (silent, "libembree4.so", False)):
+        folder = tmp_path / library
+        folder.mkdir()
+        call = ("gcc", "-w", f"-Wl,-rpath,{folder}", "-o")
+        subprocess.run(
+            [*call, folder / library, "-shared", "-fPIC", f"-Wl,-soname,{library}", source], check=True
+        )
+        subprocess.run([*call, folder / "main", tmp_path / "main.c", folder / library], check=True)
+        assert packets_rays.asserts(folder / "main") is expected
+    assert packets_rays.asserts(Path("/bin/true")) is False
