@@ -18,13 +18,13 @@ static inline void solids_alone(const struct query *q, enum solid type, const st
     COUNT(solids_alone, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     for (int i = 0; i < leaf->count[type]; i += LANES) {
-        ACTIVE(count_of(first_lanes(leaf->count[type] - i)));
+        mask active = first_lanes(leaf->count[type] - i);
+        ACTIVE(count_of(active));
         COUNT(solids_alone, group);
         int first = leaf->first[type] + i;
         real in, out, t;
-        mask met =
-            meet(type, r->origin, r->direction, hot, first, LANE_SOLIDS, q->newton, &in, &out);
-        met = both(met, first_lanes(leaf->count[type] - i));
+        mask met = meet(type, active, r->origin, r->direction, hot, first, LANE_SOLIDS, q->newton,
+                        &in, &out);
         if (!any(met))
             continue;
         COUNT(solids_alone, met);

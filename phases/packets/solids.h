@@ -47,8 +47,8 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
 }
 
-static inline mask meet_sphere(struct vec o, struct vec d, const struct hot *hot, int i,
-                               enum lane_of lane, bool newton, real *in, real *out) {
+static inline mask meet_sphere(mask active, struct vec o, struct vec d, const struct hot *hot,
+                               int i, enum lane_of lane, bool newton, real *in, real *out) {
     COUNT(meet_sphere, call);
     struct vec centre = fetch_vec(hot->field + F_CENTRE, i, lane);
     struct vec m = {centre.x - o.x, centre.y - o.y, centre.z - o.z};
@@ -56,7 +56,7 @@ static inline mask meet_sphere(struct vec o, struct vec d, const struct hot *hot
     struct vec q = {neg_mul_add(along, d.x, m.x), neg_mul_add(along, d.y, m.y),
                     neg_mul_add(along, d.z, m.z)};
     real rest = fetch(hot->field[F_SQUARE], i, lane) - vec_dot(q, q);
-    mask met = not_less(rest, set(0.0f));
+    mask met = both(active, not_less(rest, set(0.0f)));
     *in = *out = along;
     if (!any(met))
         return met;
@@ -166,12 +166,14 @@ static inline real depth_in(enum solid type, struct vec o, const struct hot *hot
     return most_of(side, absolute(p.y) - size.x);
 }
 
-static inline mask meet(enum solid type, struct vec o, struct vec d, const struct hot *hot, int i,
-                        enum lane_of lane, bool newton, real *in, real *out) {
+// Of the lanes that are `active`: what the others hold may be of a tile drawn before, and is not to steer anything.
+static inline mask meet(enum solid type, mask active, struct vec o, struct vec d,
+                        const struct hot *hot, int i, enum lane_of lane, bool newton, real *in,
+                        real *out) {
     if (type == SOLID_SPHERE)
-        return meet_sphere(o, d, hot, i, lane, newton, in, out);
-    return type == SOLID_BOX ? meet_box(o, d, hot, i, lane, in, out)
-                             : meet_cone(o, d, hot, i, lane, newton, in, out);
+        return meet_sphere(active, o, d, hot, i, lane, newton, in, out);
+    return both(active, type == SOLID_BOX ? meet_box(o, d, hot, i, lane, in, out)
+                                          : meet_cone(o, d, hot, i, lane, newton, in, out));
 }
 
 #endif

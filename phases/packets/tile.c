@@ -106,6 +106,7 @@ int VARIANT(tiles)(const struct frame *frame) {
 }
 
 static void draw_tile(const struct job *job, int tile, struct desk *desk) {
+    ACTIVE(LANES); // and not what the worker did before: two threads count as one
     COUNT(draw_tile, call);
     struct work work = {job->prepared, job->view, desk};
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;

@@ -209,18 +209,18 @@ static inline mask reached(const struct frustum *f, const real lo[3], const real
 
 static inline void ask_solid(const struct query *q, enum solid type, int i, int packet) {
     const struct beams *b = q->beams;
-    ACTIVE(count_of(active_in(b, packet)));
+    mask active = active_in(b, packet);
+    ACTIVE(count_of(active));
     COUNT(ask_solid, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     int first = packet * LANES;
     struct vec o = load_vec(b->origin, first);
     real in, out, best = load(q->t + first), mine = set(hot->index[i]);
-    mask met =
-        meet(type, o, load_vec(b->direction, first), hot, i, LANE_RAYS, q->newton, &in, &out);
+    struct vec d = load_vec(b->direction, first);
+    mask met = meet(type, active, o, d, hot, i, LANE_RAYS, q->newton, &in, &out);
     if (!any(met))
         return;
     COUNT(ask_solid, met);
-    met = both(met, active_in(b, packet));
     if (b->own)
         met = but_not(equal(load(b->own + first), mine), met);
     if (q->any) {
