@@ -185,6 +185,7 @@ static bool proper(const struct beams *b) {
 static inline mask reached(const struct frustum *f, const real lo[3], const real hi[3],
                            real *begin) {
     COUNT(reached, call);
+    COUNT(reached, scalar);
     int k = f->axis;
     real zero = set(0.0f), first, last;
     if (f->back) {
