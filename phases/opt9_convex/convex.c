@@ -18,13 +18,14 @@ static inline void take(mask met, real t, struct vec local, const struct placed 
 }
 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
-static void first_hit(const struct ray *ray, const struct eye *eyes, const int *list, int count,
-                      const struct prepared *scene, struct found *hit) {
+static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
+                      int count, const struct prepared *scene, struct found *hit) {
     COUNT(first_hit, call);
-    struct vec direction = ray->direction;
-    mask active = ray->active;
     real zero = set(0.0f);
-    *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+    hit->found = no_lane();
+    hit->t = set(INFINITY);
+    hit->shape = set(-1.0f);
+    hit->local = (struct vec){zero, zero, zero};
     for (int k = 0; k < count; k++) {
         int i = list[k];
         const struct placed *s = &scene->placed[i];
@@ -218,12 +219,19 @@ static inline struct vec get_direction(const struct tile *tile, struct block blo
     return vec_scale(d, set(1.0f) / vec_norm(d));
 }
 
-static inline struct ray camera_ray(const struct tile *tile, struct vec direction, mask active,
-                                    int slot) {
-    COUNT(camera_ray, call);
+// Part by part, here and for hits: a mask that was just written, copied as a part of a whole register, is waited for.
+static inline void set_camera_ray(const struct tile *tile, struct vec direction, mask active,
+                                  int slot, struct ray *ray) {
+    COUNT(set_camera_ray, call);
     real zero = set(0.0f);
-    return (struct ray){tile->eye, direction,  set(1.0f), lane_numbers() + set((float)slot),
-                        zero,      set(-1.0f), active,    {zero, zero, zero}};
+    ray->origin = tile->eye;
+    ray->direction = direction;
+    ray->weight = set(1.0f);
+    ray->pixel = lane_numbers() + set((float)slot);
+    ray->bounce = zero;
+    ray->leaves = set(-1.0f);
+    ray->active = active;
+    ray->local = (struct vec){zero, zero, zero};
 }
 
 // A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
@@ -232,8 +240,9 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     ACTIVE(block.across * block.down);
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
-    at->ray = camera_ray(tile, d, in_picture(block), slot);
-    first_hit(&at->ray, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
+    mask active = in_picture(block);
+    set_camera_ray(tile, d, active, slot, &at->ray);
+    first_hit(d, active, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
 }
 
 // What a tile's packets meet where shapes are repeated: first of the others.
@@ -250,9 +259,14 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     COUNT(look_through, scalar);
     for (int row = 0; row < mesh.down; row++)
         for (int i = 0; i < mesh.across; i++) {
-            struct stage at;
-            look(tile, block_at(tile, tile->top + row * BLOCK_HEIGHT, i), 0, job, desk, &at);
-            sights[row * ACROSS + i] = (struct sight){at.ray.direction, at.ray.active, at.hit};
+            struct sight *at = &sights[row * ACROSS + i];
+            struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
+            ACTIVE(block.across * block.down);
+            COUNT(look_through, packet);
+            at->direction = get_direction(tile, block, job->frame);
+            at->active = in_picture(block);
+            first_hit(at->direction, at->active, job->prepared->eyes, desk->list, desk->listed,
+                      job->prepared, &at->hit);
         }
     for (int k = 0; k < desk->listed; k++) {
         const struct placed *s = &job->prepared->placed[desk->list[k]];
@@ -378,8 +392,12 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             if (job->prepared->repeats) {
                 const struct sight *seen =
                     &sights[(row - tile.top) / BLOCK_HEIGHT * ACROSS + count];
-                at->ray = camera_ray(&tile, seen->direction, seen->active, pixel + count * LANES);
-                at->hit = seen->hit;
+                set_camera_ray(&tile, seen->direction, seen->active, pixel + count * LANES,
+                               &at->ray);
+                at->hit.found = seen->hit.found;
+                at->hit.t = seen->hit.t;
+                at->hit.shape = seen->hit.shape;
+                at->hit.local = seen->hit.local;
                 continue;
             }
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
