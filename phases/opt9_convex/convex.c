@@ -256,6 +256,7 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
     mesh.step_across = 2 * BLOCK_WIDTH * per_height;
     mesh.step_down = 2 * BLOCK_HEIGHT * per_height;
+    COUNT(look_through, call);
     COUNT(look_through, scalar);
     for (int row = 0; row < mesh.down; row++)
         for (int i = 0; i < mesh.across; i++) {

@@ -17,7 +17,7 @@ enum { MOST_CELLS = 48 }; // of a layer
 // How far copies and cells reach in the direction of a side's normal.
 struct sides {
     struct vec normal[PARTS];
-    real copy[PARTS], cell[PARTS];
+    real copy[PARTS], cell[PARTS], copy_back[PARTS], cell_back[PARTS];
 };
 
 struct cell {
@@ -74,8 +74,11 @@ static void set_sides(const struct grid *grid, const struct eye *eye, const stru
             reach = most_of(reach, least_of(reach_along(n, p->box), set(p->bound) * length));
         }
         sides->normal[part] = n;
-        sides->copy[part] = reach + more;
-        sides->cell[part] = reach_along(n, grid->half) + more;
+        real cell = reach_along(n, grid->half) + more, copy = reach + more;
+        sides->copy[part] = copy;
+        sides->cell[part] = cell;
+        sides->copy_back[part] = set(0.0f) - copy;
+        sides->cell_back[part] = set(0.0f) - cell;
     }
 }
 
@@ -92,11 +95,11 @@ static inline unsigned reach_blocks(const struct sides *sides, struct cell *cell
     for (int part = 0; part < PARTS; part++) {
         ACTIVE(LANES);
         COUNT(reach_blocks, call);
-        real to = vec_dot(sides->normal[part], vec_set(cell->from)), zero = set(0.0f);
+        real to = vec_dot(sides->normal[part], vec_set(cell->from));
         in |= bits(less(to, sides->cell[part])) << part * LANES;
-        out |= bits(greater(to, zero - sides->cell[part])) << part * LANES;
+        out |= bits(greater(to, sides->cell_back[part])) << part * LANES;
         copy_in |= bits(less(to, sides->copy[part])) << part * LANES;
-        copy_out |= bits(greater(to, zero - sides->copy[part])) << part * LANES;
+        copy_out |= bits(greater(to, sides->copy_back[part])) << part * LANES;
     }
     cell->copy = blocks_of(copy_in, copy_out);
     return blocks_of(in, out);
@@ -109,13 +112,16 @@ static inline bool in_reach(const struct grid *grid, const struct cell *cell) {
     for (int k = 0; k < 3; k++) {
         float gap = fabsf(cell->from[k] + grid->world[k]) - grid->half[k];
         float way = fabsf(cell->from[k]) - grid->half[k];
-        outside += gap > 0 ? gap * gap : 0;
-        away += way > 0 ? way * way : 0;
+        gap = gap > 0 ? gap : 0;
+        way = way > 0 ? way : 0;
+        outside += gap * gap;
+        away += way * way;
     }
     return outside < grid->bounds_sq && away < grid->far_sq;
 }
 
 static inline void place_cell(const struct grid *grid, struct cell *cell, int axis) {
+    COUNT(place_cell, call);
     double from = fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
     split(from, &cell->from[axis], &cell->rest[axis]);
 }
@@ -172,6 +178,7 @@ static inline mask meet_copy(const struct grid *grid, int block, struct vec o, s
             continue;
         real in;
         near = enter_nearby(c, d, before, square, &grid->per[block], s, near, &in);
+        COUNT(meet_copy, near);
         real t = before + in;
         near = both(near, greater(t, zero));
         met = either(met, near);
@@ -202,6 +209,8 @@ static inline real lane_place(const struct grid *grid, int axis, real d, real co
 // Where a layer has too many cells (the frustum is wide, or far on): each ray by itself, from the camera on. What it has
 // met it does not ask again.
 static void walk_alone(const struct grid *grid, int block) {
+    COUNT(walk_alone, call);
+    COUNT(walk_alone, scalar);
     const struct placed *s = &grid->placed[grid->first];
     const float *around = s->around;
     const struct sight *at = &grid->sights[block];
@@ -246,6 +255,8 @@ static unsigned begin_grid(struct grid *grid, const struct mesh *mesh, const str
     const struct placed *s = &grid->placed[grid->first];
     const struct eye *eye = &job->prepared->eyes[grid->first];
     float bounds = (float)job->prepared->model.march.bounds_radius * (1 + 1e-4f);
+    COUNT(begin_grid, call);
+    COUNT(begin_grid, scalar);
     grid->bounds_sq = bounds * bounds;
     for (int k = 0; k < 3; k++) {
         grid->eye[k] = (double)eye->at[k] + (double)eye->rest[k];

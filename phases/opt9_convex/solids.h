@@ -31,14 +31,15 @@ static inline mask enter_box(struct vec c, struct vec per, const struct placed *
     return not_less(out, *t);
 }
 
-// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the distance: it is convex
-// along a ray, so that none goes too far, and a ray that comes no nearer has missed. A flat part is there at once.
+// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
+// the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
+// nearer has missed. A flat part is there at once.
 static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                      const struct placed *s, mask near, real *t) {
     COUNT(enter_rounded_box, call);
     COUNT(enter_rounded_box, scalar);
     real zero = set(0.0f), out = set(INFINITY), at = set(-INFINITY);
-    real close = set(0x1p-22f * s->bound);
+    float close = 0x1p-22f * s->bound, within = (s->a + close) * (s->a + close);
     slab(c.x, per.x, s->size[0] + s->a, &at, &out);
     slab(c.y, per.y, s->size[1] + s->a, &at, &out);
     slab(c.z, per.z, s->size[2] + s->a, &at, &out);
@@ -50,17 +51,20 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
         real x = most_of(absolute(p.x) - set(s->size[0]), zero);
         real y = most_of(absolute(p.y) - set(s->size[1]), zero);
         real z = most_of(absolute(p.z) - set(s->size[2]), zero);
-        real far = vec_norm((struct vec){x, y, z}), h = far - set(s->a);
-        real rate = mul_add(
-            x, negate_where(negative(p.x), d.x), // of far, times it
-            mul_add(y, negate_where(negative(p.y), d.y), z * negate_where(negative(p.z), d.z)));
-        mask reached = both(going, not_less(close, h));
-        mask gone = either(not_less(rate, zero), greater(at, out));
-        // What is left where it is reached is rounding, too, and must not become a long way at a tangent.
-        real least = most_of(choose(reached, far * set(0.1f), zero), set(1e-30f));
-        at = choose(going, at + h * far / most_of(zero - rate, least), at);
+        real square = vec_dot((struct vec){x, y, z}, (struct vec){x, y, z});
+        mask reached = both(going, not_less(set(within), square));
         found = either(found, reached);
-        going = but_not(either(reached, gone), going);
+        going = but_not(reached, going);
+        if (!any(going))
+            break;
+        ACTIVE(count_of(going));
+        COUNT(enter_rounded_box, on);
+        real rate = mul_add(
+            x, negate_where(negative(p.x), d.x), // of half the square
+            mul_add(y, negate_where(negative(p.y), d.y), z * negate_where(negative(p.z), d.z)));
+        going = but_not(either(not_less(rate, zero), greater(at, out)), going);
+        at = choose(
+            going, at - set(0.5f) * (square - set(s->a * s->a)) / least_of(rate, set(-1e-30f)), at);
     }
     *t = at;
     return found;
