@@ -5,14 +5,8 @@
 #include "cone.h"
 #include "stage.h"
 
-// A generated kernel has no repeated shape: render.c sees to that.
-#ifdef SCENE_KERNEL
-#define REPEATED(shape) false
-#define REPEATS(scene) false
-#else
 #define REPEATED(shape) ((shape)->repeated)
-#define REPEATS(scene) ((scene)->repeats)
-#endif
+#define REPEATS(scene) (KNOWN(scene)->repeats)
 
 // Rays among the copies of a repeated shape.
 struct among {
@@ -33,15 +27,14 @@ static inline real until_bounds(struct vec origin, struct vec direction,
 }
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
-mask enter_cells(const struct placed *s, const struct among *among, real *t, struct vec *local);
-// Camera rays among the copies of all shapes that are repeated as the first of them is, in one walk.
-void enter_alike(const struct placed *placed, int first, const struct among *among,
-                 struct found *hit);
+SHARED mask enter_cells(const struct placed *s, const struct among *among, real *t,
+                        struct vec *local);
 // As meet_from(), enter_on_the_way() and what hard shadows ask of a solid.
-mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end, float offset,
-                real *t, struct vec *local);
-void cells_on_the_way(const struct placed *s, int i, struct rays *r, const struct limits *limits);
-mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
-                 mask active, real reach);
+SHARED mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end,
+                       float offset, real *t, struct vec *local);
+SHARED void cells_on_the_way(const struct placed *s, int i, struct rays *r,
+                             const struct limits *limits);
+SHARED mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
+                        mask active, real reach);
 
 #endif

@@ -4,6 +4,7 @@
 #include "cells.h"
 #include "crowd.h"
 #include "desk.h"
+#include "layers.h"
 #include "picture.h"
 #include "window.h"
 
@@ -16,19 +17,23 @@ INLINE void take(mask met, real t, struct vec local, const struct placed *s, str
     hit->local = vec_choose(met, local, hit->local);
 }
 
-static inline struct found nothing_met(void) {
-    real zero = set(0.0f);
-    return (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
+// Part by part, as rays and hits are below: a mask that was just written, copied as a part of a whole register, is waited
+// for.
+static inline void meet_nothing(struct found *hit) {
+    hit->found = no_lane();
+    hit->t = set(INFINITY);
+    hit->shape = set(-1.0f);
+    hit->local = (struct vec){set(0.0f), set(0.0f), set(0.0f)};
 }
 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
-INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
-                 const struct eye *eyes, const struct prepared *scene, struct found *hit) {
+INLINE void meet(int i, struct vec direction, mask active, const struct eye *eyes,
+                 const struct prepared *scene, struct found *hit) {
     const struct placed *s = &KNOWN(scene)->placed[i];
     real t;
     mask met;
     struct vec local;
-    if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+    if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // by meet_bulbs(), meet_layers()
         return;
     ACTIVE(count_of(active));
     if (s->way == LINEAR) {
@@ -37,17 +42,6 @@ INLINE void meet(int i, struct vec origin, struct vec direction, mask active,
         t = set(eyes[i].height) / (set(0.0f) - slope);
         met = both(active, less(slope, set(0.0f))); // the camera is above it
         local = hit->local;
-    } else if (REPEATED(s)) {
-        COUNT(look, repeated);
-        real end = least_of(until_bounds(origin, direction, &scene->model.march), hit->t);
-        struct among among = {
-            vec_set(eyes[i].at), vec_set(eyes[i].rest), direction, active, no_lane(), end};
-        if (s->alike >= 0 || s->led) {
-            if (!s->led)
-                enter_alike(scene->placed, i, &among, hit);
-            return;
-        }
-        met = enter_cells(s, &among, &t, &local);
     } else {
         COUNT(look, solid);
         mask behind;
@@ -109,7 +103,8 @@ INLINE void meet_mirror(int i, const struct ray *ray, const struct prepared *sce
 // The last of the rays that wait first: what they see may make more of them.
 static struct found mirror_hit(const struct ray *ray, const struct convex *work) {
     COUNT(mirror_hit, call);
-    struct found hit = nothing_met();
+    struct found hit;
+    meet_nothing(&hit);
     if (IS_CROWD(work->scene)) {
         int *list = work->desk->mirrored;
         int count = crowd_along(ray->origin, ray->direction, ray->active, work, list);
@@ -227,18 +222,58 @@ static inline struct vec get_direction(const struct tile *tile, struct block blo
     return vec_scale(d, set(1.0f) / vec_norm(d));
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
+static inline void set_camera_ray(const struct tile *tile, struct vec direction, mask active,
+                                  int slot, struct ray *ray) {
+    COUNT(set_camera_ray, call);
+    real zero = set(0.0f);
+    ray->origin = tile->eye;
+    ray->direction = direction;
+    ray->weight = set(1.0f);
+    ray->pixel = lane_numbers() + set((float)slot);
+    ray->bounce = zero;
+    ray->leaves = set(-1.0f);
+    ray->active = active;
+    ray->local = (struct vec){zero, zero, zero};
+}
+
+// A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
 static inline void look(const struct tile *tile, struct block block, int slot,
                         const struct job *job, const struct desk *desk, struct stage *at) {
     ACTIVE(block.across * block.down);
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
-    at->ray =
-        (struct ray){tile->eye, d,          set(1.0f),         lane_numbers() + set((float)slot),
-                     set(0.0f), set(-1.0f), in_picture(block), {set(0.0f), set(0.0f), set(0.0f)}};
-    struct found hit = nothing_met();
-    EACH_IN(desk->listed, meet, tile->eye, d, at->ray.active, job->eyes, job->prepared, &hit);
-    at->hit = hit;
+    mask active = in_picture(block);
+    set_camera_ray(tile, d, active, slot, &at->ray);
+    meet_nothing(&at->hit);
+    EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
+}
+
+// What a tile's packets meet where shapes are repeated: first of the others.
+static void look_through(const struct tile *tile, const struct job *job, const struct desk *desk,
+                         struct sight *sights) {
+    struct mesh mesh;
+    float per_height = tile->per_height;
+    mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
+    mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
+    mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
+    mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
+    mesh.step_across = 2 * BLOCK_WIDTH * per_height;
+    mesh.step_down = 2 * BLOCK_HEIGHT * per_height;
+    COUNT(look_through, call);
+    COUNT(look_through, scalar);
+    for (int row = 0; row < mesh.down; row++)
+        for (int i = 0; i < mesh.across; i++) {
+            struct sight *at = &sights[row * ACROSS + i];
+            struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
+            ACTIVE(block.across * block.down);
+            COUNT(look_through, packet);
+            at->direction = get_direction(tile, block, job->frame);
+            at->active = in_picture(block);
+            meet_nothing(&at->hit);
+            EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
+                    &at->hit);
+        }
+    EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
 }
 
 // The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
@@ -354,12 +389,26 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
         clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
         EACH_IN(desk->listed, look_for_bulb, &tile, job, desk);
     }
+    struct sight sights[BLOCKS];
+    if (REPEATS(job->prepared))
+        look_through(&tile, job, desk, sights);
     struct stage stage[GROUP];
     int pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
+            if (REPEATS(job->prepared)) {
+                const struct sight *seen =
+                    &sights[(row - tile.top) / BLOCK_HEIGHT * ACROSS + count];
+                set_camera_ray(&tile, seen->direction, seen->active, pixel + count * LANES,
+                               &at->ray);
+                at->hit.found = seen->hit.found;
+                at->hit.t = seen->hit.t;
+                at->hit.shape = seen->hit.shape;
+                at->hit.local = seen->hit.local;
+                continue;
+            }
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
             if (KNOWN(job->prepared)->bulbs)
                 take_bulb(at, pixel + count * LANES, desk);

@@ -31,6 +31,19 @@ static void write_exact(FILE *to, const struct placed *p) {
     fprintf(to, "}, .offset = %a, ", p->offset);
 }
 
+static void write_cells(FILE *to, const struct placed *p) {
+    fprintf(to, ".alike = %d, .led = %d, .leader = %d, ", p->alike, p->led, p->leader);
+    if (!p->repeated)
+        return;
+    floats(to, "cell", p->cell, 3);
+    floats(to, "per_cell", p->per_cell, 3);
+    floats(to, "box", p->box, 3);
+    floats(to, "around", p->around, 3);
+    fprintf(to, ".wide_cell = {%a, %a, %a}, .wide_per_cell = {%a, %a, %a}, ", p->wide_cell[0],
+            p->wide_cell[1], p->wide_cell[2], p->wide_per_cell[0], p->wide_per_cell[1],
+            p->wide_per_cell[2]);
+}
+
 static void write_shape(FILE *to, const struct placed *p) {
     fprintf(to, "    {.way = %d, .type = %d, .turned = %d, .repeated = %d, .convex = %d, ", p->way,
             p->type, p->turned, p->repeated, p->convex);
@@ -57,6 +70,7 @@ static void write_shape(FILE *to, const struct placed *p) {
     number(to, "shininess", (double)p->shininess);
     number(to, "shine_from", (double)p->shine_from);
     write_exact(to, p);
+    write_cells(to, p);
     fputs("},\n", to);
 }
 
@@ -115,9 +129,9 @@ char *generate_scene(const struct prepared *p) {
     write_model(to, &p->model);
     fprintf(
         to,
-        "    .placed = (struct placed *)scene_shapes, .solids = true, .plane = %d, .bulbs = %d, "
-        ".lit_slope = %af};\n#define KNOWN(scene) (&scene_known)\n",
-        p->plane, p->bulbs, (double)p->lit_slope);
+        "    .placed = (struct placed *)scene_shapes, .solids = true, .repeats = %d, .plane = %d, "
+        ".bulbs = %d, .lit_slope = %af};\n#define KNOWN(scene) (&scene_known)\n",
+        p->repeats, p->plane, p->bulbs, (double)p->lit_slope);
     bool sound = !ferror(to);
     if (fclose(to) != 0 || !sound) {
         free(text);

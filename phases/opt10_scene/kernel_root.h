@@ -7,6 +7,7 @@
 
 #include "bulb.c"
 #include "casters.c"
+#include "cells.c"
 #include "clear.c"
 #include "color.c"
 #include "convex.c"

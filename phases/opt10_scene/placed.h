@@ -42,6 +42,7 @@ struct placed {
     // them half of a box about all.
     int alike;
     bool led;
+    int leader; // the first of them; of every other shape itself
     float around[3];
     // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
     // shine_from, its highlight is less than 1e-9 of the light.
@@ -70,10 +71,13 @@ struct prepared {
 
 // The camera as a shape sees it.
 struct eye {
-    float at[3];     // in the shape's frame, of a repeated one in the cell about 0
-    float rest[3];   // of a repeated one: what `at` lacks
-    float height;    // above a plane
-    float centre[3]; // the shape's position to the right, above and ahead of the camera
+    float at[3];   // in the shape's frame, of a repeated one in the cell about 0
+    float rest[3]; // of a repeated one: what `at` lacks
+    float height;  // above a plane
+    // The shape's position to the right, above and ahead of the camera; a plane's normal there; of a repeated one the
+    // world's origin from the camera in the shape's frame.
+    float centre[3];
+    float axis[3][3]; // of a repeated one: the camera's right, up and forward in its frame
 };
 
 // One frame's work for all workers.

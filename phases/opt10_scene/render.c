@@ -81,7 +81,7 @@ static enum way way_of(const struct shape *shape, bool repeated, const struct li
 
 static struct placed place_shape(int index, const struct shape *shape,
                                  const struct limits *limits) {
-    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1};
+    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1, .leader = index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
@@ -255,6 +255,7 @@ static void find_alike(struct placed *placed, int first, int count) {
         last->alike = i;
         last = p;
         p->led = true;
+        p->leader = first;
         for (int k = 0; k < 3; k++)
             s->around[k] = fmaxf(s->around[k], p->box[k]);
     }
@@ -323,9 +324,6 @@ static void make_kernel(struct kept *kept) {
 #else
     if (!kept->prepared.solids)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
-    else if (kept->prepared.repeats)
-        loaded->facts.reason = "a shape is repeated: its cells are walked by general code, no "
-                               "kernel is generated for that";
     else if (kept->prepared.tree.levels)
         loaded->facts.reason =
             "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
@@ -432,6 +430,11 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
         }
         if (p->repeated) {
             clear = clear && beside_copies(p, from, far, eye);
+            for (int k = 0; k < 3; k++) {
+                eye->centre[k] = (float)-dot(p->row[k], view->position);
+                for (int j = 0; j < 3; j++)
+                    eye->axis[j][k] = (float)dot(p->row[k], axis[j]);
+            }
             continue;
         }
         for (int k = 0; k < 3; k++) {

@@ -5,74 +5,7 @@
 // Only of shapes that are in their cell and its mirror image (cells_hold() in render.c): there the wrapped distance is the
 // distance to all copies, and what a march comes to is the first of them.
 #include "cells.h"
-
-// One axis: the ray is at the middle of its cell at `middle` = base + count·step, and there within `half` of the
-// box about the copy, within `wall` of the cell. All in units of t.
-struct axis {
-    real base, step, half, wall, count, middle;
-};
-
-static inline struct axis axis_of(real o, real d, float cell, float half) {
-    COUNT(axis_of, call);
-    COUNT(axis_of, scalar);
-    real zero = set(0.0f), per = inverse_of(d), size = absolute(per), base = zero - o * per;
-    real wall = set(0.5f * cell) * size;
-    if (!(cell > 0.0f))
-        wall = set(INFINITY);
-    return (struct axis){base, set(cell) * size, set(half) * size, wall, zero, base};
-}
-
-static inline real leaves_at(const struct axis *x, const struct axis *y, const struct axis *z) {
-    return least_of(x->middle + x->wall, least_of(y->middle + y->wall, z->middle + z->wall));
-}
-
-static inline void go_on(struct axis *a, mask going, real leaves) {
-    mask through = both(going, not_less(leaves, a->middle + a->wall));
-    a->count = a->count + keep(through, set(1.0f));
-    a->middle = mul_add(a->count, a->step, a->base);
-}
-
-struct walk {
-    struct axis x, y, z;
-    real end;
-};
-
-// Into the next cells; those that are not at their end there.
-static inline mask next_cells(struct walk *w, mask going) {
-    ACTIVE(count_of(going));
-    COUNT(next_cells, call);
-    real leaves = leaves_at(&w->x, &w->y, &w->z);
-    going = both(going, less(leaves, w->end));
-    go_on(&w->x, going, leaves);
-    go_on(&w->y, going, leaves);
-    go_on(&w->z, going, leaves);
-    return going;
-}
-
-static inline real into_box(const struct walk *w) {
-    return most_of(w->x.middle - w->x.half,
-                   most_of(w->y.middle - w->y.half, w->z.middle - w->z.half));
-}
-
-// Where the rays meet the next box; of `skip` not the first.
-static inline mask next_box(struct walk *w, mask going, mask skip) {
-    COUNT(next_box, call);
-    mask met = no_lane();
-    while (any(going)) {
-        ACTIVE(count_of(going));
-        COUNT(next_box, cell);
-        real in = into_box(w);
-        real out = least_of(w->x.middle + w->x.half,
-                            least_of(w->y.middle + w->y.half, w->z.middle + w->z.half));
-        mask here =
-            both(both(going, not_less(out, in)), both(greater(out, set(0.0f)), less(in, w->end)));
-        here = but_not(skip, here);
-        skip = no_lane();
-        met = either(met, here);
-        going = next_cells(w, but_not(here, going));
-    }
-    return met;
-}
+#include "walk.h"
 
 static inline half half_cell(half o, half t, half d, half count, double cell) {
     return half_neg_mul_add(count, half_set(cell), half_mul_add(t, d, o));
@@ -127,41 +60,6 @@ mask enter_cells(const struct placed *s, const struct among *among, real *t, str
         going = next_cells(&w, but_not(entered, met));
     }
     return found;
-}
-
-void enter_alike(const struct placed *placed, int first, const struct among *among,
-                 struct found *hit) {
-    ACTIVE(count_of(among->active));
-    COUNT(enter_alike, call);
-    const struct placed *s = &placed[first];
-    struct vec o = among->origin, d = turned(s, among->direction);
-    struct walk w = {axis_of(o.x, d.x, s->cell[0], s->around[0]),
-                     axis_of(o.y, d.y, s->cell[1], s->around[1]),
-                     axis_of(o.z, d.z, s->cell[2], s->around[2]), among->end};
-    for (mask going = among->active; any(going);) {
-        mask met = next_box(&w, going, no_lane()), entered = no_lane();
-        if (!any(met))
-            break;
-        ACTIVE(count_of(met));
-        COUNT(enter_alike, met);
-        real from = most_of(into_box(&w), set(0.0f));
-        struct vec start = at_copy(s, among, d, &w, from);
-        for (int i = first; i >= 0; i = placed[i].alike) {
-            COUNT(enter_alike, shape);
-            real in;
-            struct vec at;
-            mask behind, here = enter(start, d, &placed[i], met, &in, &at, &behind);
-            // As in enter_cells(); no copy reaches out of its cell, so that this cell's nearest is the first.
-            here = either(here, both(behind, greater(from, set(0.0f))));
-            here = both(here, less(from + in, hit->t));
-            entered = either(entered, here);
-            hit->t = choose(here, from + in, hit->t);
-            hit->shape = choose(here, set(placed[i].index), hit->shape);
-            hit->local = vec_choose(here, at, hit->local);
-        }
-        hit->found = either(hit->found, entered);
-        going = next_cells(&w, but_not(entered, met));
-    }
 }
 
 static inline mask in_box(const struct placed *s, struct vec p) {

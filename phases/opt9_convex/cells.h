@@ -25,9 +25,6 @@ static inline real until_bounds(struct vec origin, struct vec direction,
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
 mask enter_cells(const struct placed *s, const struct among *among, real *t, struct vec *local);
-// Camera rays among the copies of all shapes that are repeated as the first of them is, in one walk.
-void enter_alike(const struct placed *placed, int first, const struct among *among,
-                 struct found *hit);
 // As meet_from(), enter_on_the_way() and what hard shadows ask of a solid.
 mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end, float offset,
                 real *t, struct vec *local);

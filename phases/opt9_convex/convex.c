@@ -3,6 +3,7 @@
 // there are enough of them to fill all lanes.
 #include "cells.h"
 #include "crowd.h"
+#include "layers.h"
 #include "picture.h"
 #include "window.h"
 
@@ -17,22 +18,21 @@ static inline void take(mask met, real t, struct vec local, const struct placed 
 }
 
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
-static void first_hit(const struct ray *ray, const struct eye *eyes, const int *list, int count,
-                      const struct prepared *scene, struct found *hit) {
+static void first_hit(struct vec direction, mask active, const struct eye *eyes, const int *list,
+                      int count, const struct prepared *scene, struct found *hit) {
     COUNT(first_hit, call);
-    struct vec direction = ray->direction;
-    mask active = ray->active;
-    real zero = set(0.0f), bounds = zero;
-    *hit = (struct found){no_lane(), set(INFINITY), set(-1.0f), {zero, zero, zero}};
-    if (scene->repeats)
-        bounds = until_bounds(ray->origin, direction, &scene->model.march);
+    real zero = set(0.0f);
+    hit->found = no_lane();
+    hit->t = set(INFINITY);
+    hit->shape = set(-1.0f);
+    hit->local = (struct vec){zero, zero, zero};
     for (int k = 0; k < count; k++) {
         int i = list[k];
         const struct placed *s = &scene->placed[i];
         real t;
         mask met;
         struct vec local;
-        if (s->type == SHAPE_MANDELBULB) // by meet_bulbs()
+        if (s->type == SHAPE_MANDELBULB || s->repeated) // by meet_bulbs(), meet_layers()
             continue;
         ACTIVE(count_of(active));
         if (s->way == LINEAR) {
@@ -41,16 +41,6 @@ static void first_hit(const struct ray *ray, const struct eye *eyes, const int *
             t = set(eyes[i].height) / (zero - slope);
             met = both(active, less(slope, zero)); // the camera is above it
             local = hit->local;
-        } else if (s->repeated) {
-            COUNT(first_hit, repeated);
-            struct among among = {vec_set(eyes[i].at), vec_set(eyes[i].rest),   direction, active,
-                                  no_lane(),           least_of(bounds, hit->t)};
-            if (s->alike >= 0 || s->led) {
-                if (!s->led)
-                    enter_alike(scene->placed, i, &among, hit);
-                continue;
-            }
-            met = enter_cells(s, &among, &t, &local);
         } else {
             COUNT(first_hit, solid);
             mask behind;
@@ -229,16 +219,61 @@ static inline struct vec get_direction(const struct tile *tile, struct block blo
     return vec_scale(d, set(1.0f) / vec_norm(d));
 }
 
-// A camera ray and what it meets, but for Mandelbulbs.
+// Part by part, here and for hits: a mask that was just written, copied as a part of a whole register, is waited for.
+static inline void set_camera_ray(const struct tile *tile, struct vec direction, mask active,
+                                  int slot, struct ray *ray) {
+    COUNT(set_camera_ray, call);
+    real zero = set(0.0f);
+    ray->origin = tile->eye;
+    ray->direction = direction;
+    ray->weight = set(1.0f);
+    ray->pixel = lane_numbers() + set((float)slot);
+    ray->bounce = zero;
+    ray->leaves = set(-1.0f);
+    ray->active = active;
+    ray->local = (struct vec){zero, zero, zero};
+}
+
+// A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
 static inline void look(const struct tile *tile, struct block block, int slot,
                         const struct job *job, const struct desk *desk, struct stage *at) {
     ACTIVE(block.across * block.down);
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
-    at->ray =
-        (struct ray){tile->eye, d,          set(1.0f),         lane_numbers() + set((float)slot),
-                     set(0.0f), set(-1.0f), in_picture(block), {set(0.0f), set(0.0f), set(0.0f)}};
-    first_hit(&at->ray, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
+    mask active = in_picture(block);
+    set_camera_ray(tile, d, active, slot, &at->ray);
+    first_hit(d, active, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
+}
+
+// What a tile's packets meet where shapes are repeated: first of the others.
+static void look_through(const struct tile *tile, const struct job *job, const struct desk *desk,
+                         struct sight *sights) {
+    struct mesh mesh;
+    float per_height = tile->per_height;
+    mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
+    mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
+    mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
+    mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
+    mesh.step_across = 2 * BLOCK_WIDTH * per_height;
+    mesh.step_down = 2 * BLOCK_HEIGHT * per_height;
+    COUNT(look_through, call);
+    COUNT(look_through, scalar);
+    for (int row = 0; row < mesh.down; row++)
+        for (int i = 0; i < mesh.across; i++) {
+            struct sight *at = &sights[row * ACROSS + i];
+            struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
+            ACTIVE(block.across * block.down);
+            COUNT(look_through, packet);
+            at->direction = get_direction(tile, block, job->frame);
+            at->active = in_picture(block);
+            first_hit(at->direction, at->active, job->prepared->eyes, desk->list, desk->listed,
+                      job->prepared, &at->hit);
+        }
+    for (int k = 0; k < desk->listed; k++) {
+        const struct placed *s = &job->prepared->placed[desk->list[k]];
+        if (s->repeated && !s->led)
+            meet_layers(desk->list[k], &mesh, job, sights);
+    }
 }
 
 // The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
@@ -346,12 +381,26 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     }
     if (job->prepared->bulbs)
         look_for_bulbs(&tile, job, desk);
+    struct sight sights[BLOCKS];
+    if (job->prepared->repeats)
+        look_through(&tile, job, desk, sights);
     struct stage stage[GROUP];
     int pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
+            if (job->prepared->repeats) {
+                const struct sight *seen =
+                    &sights[(row - tile.top) / BLOCK_HEIGHT * ACROSS + count];
+                set_camera_ray(&tile, seen->direction, seen->active, pixel + count * LANES,
+                               &at->ray);
+                at->hit.found = seen->hit.found;
+                at->hit.t = seen->hit.t;
+                at->hit.shape = seen->hit.shape;
+                at->hit.local = seen->hit.local;
+                continue;
+            }
             look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
             if (job->prepared->bulbs)
                 take_bulb(at, pixel + count * LANES, desk);

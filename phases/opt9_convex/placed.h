@@ -70,10 +70,13 @@ struct prepared {
 
 // The camera as a shape sees it.
 struct eye {
-    float at[3];     // in the shape's frame, of a repeated one in the cell about 0
-    float rest[3];   // of a repeated one: what `at` lacks
-    float height;    // above a plane
-    float centre[3]; // the shape's position to the right, above and ahead of the camera
+    float at[3];   // in the shape's frame, of a repeated one in the cell about 0
+    float rest[3]; // of a repeated one: what `at` lacks
+    float height;  // above a plane
+    // The shape's position to the right, above and ahead of the camera; a plane's normal there; of a repeated one the
+    // world's origin from the camera in the shape's frame.
+    float centre[3];
+    float axis[3][3]; // of a repeated one: the camera's right, up and forward in its frame
 };
 
 // One frame's work for all workers.

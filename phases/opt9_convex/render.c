@@ -382,6 +382,11 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
         }
         if (p->repeated) {
             clear = clear && beside_copies(p, from, far, eye);
+            for (int k = 0; k < 3; k++) {
+                eye->centre[k] = (float)-dot(p->row[k], view->position);
+                for (int j = 0; j < 3; j++)
+                    eye->axis[j][k] = (float)dot(p->row[k], axis[j]);
+            }
             continue;
         }
         for (int k = 0; k < 3; k++) {

@@ -13,35 +13,36 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
 }
 
-// What is between two planes at distance `half` from the origin, of rays that are at c and go d. Be they so near that
+// What is between two planes at distance `half` from the origin, of rays that are at c and go 1/per. Be they so near that
 // rounding makes both the same: in is no more than out.
-static inline void slab(real c, real d, float half, real *in, real *out) {
-    real per = inverse_of(d), middle = c * per, width = set(half) * absolute(per);
+static inline void slab(real c, real per, float half, real *in, real *out) {
+    real middle = c * per, width = set(half) * absolute(per);
     *in = most_of(*in, set(0.0f) - middle - width);
     *out = least_of(*out, width - middle);
 }
 
-static inline mask enter_box(struct vec c, struct vec d, const struct placed *s, real *t) {
+static inline mask enter_box(struct vec c, struct vec per, const struct placed *s, real *t) {
     COUNT(enter_box, call);
     real out = set(INFINITY);
     *t = set(-INFINITY);
-    slab(c.x, d.x, s->size[0], t, &out);
-    slab(c.y, d.y, s->size[1], t, &out);
-    slab(c.z, d.z, s->size[2], t, &out);
+    slab(c.x, per.x, s->size[0], t, &out);
+    slab(c.y, per.y, s->size[1], t, &out);
+    slab(c.z, per.z, s->size[2], t, &out);
     return not_less(out, *t);
 }
 
-// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the distance: it is convex
-// along a ray, so that none goes too far, and a ray that comes no nearer has missed. A flat part is there at once.
-static inline mask enter_rounded_box(struct vec c, struct vec d, const struct placed *s, mask near,
-                                     real *t) {
+// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
+// the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
+// nearer has missed. A flat part is there at once.
+static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
+                                     const struct placed *s, mask near, real *t) {
     COUNT(enter_rounded_box, call);
     COUNT(enter_rounded_box, scalar);
     real zero = set(0.0f), out = set(INFINITY), at = set(-INFINITY);
-    real close = set(0x1p-22f * s->bound);
-    slab(c.x, d.x, s->size[0] + s->a, &at, &out);
-    slab(c.y, d.y, s->size[1] + s->a, &at, &out);
-    slab(c.z, d.z, s->size[2] + s->a, &at, &out);
+    float close = 0x1p-22f * s->bound, within = (s->a + close) * (s->a + close);
+    slab(c.x, per.x, s->size[0] + s->a, &at, &out);
+    slab(c.y, per.y, s->size[1] + s->a, &at, &out);
+    slab(c.z, per.z, s->size[2] + s->a, &at, &out);
     mask going = both(near, not_less(out, at)), found = no_lane();
     for (int step = 0; step < 64 && any(going); step++) {
         ACTIVE(count_of(going));
@@ -50,17 +51,20 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, const struct pl
         real x = most_of(absolute(p.x) - set(s->size[0]), zero);
         real y = most_of(absolute(p.y) - set(s->size[1]), zero);
         real z = most_of(absolute(p.z) - set(s->size[2]), zero);
-        real far = vec_norm((struct vec){x, y, z}), h = far - set(s->a);
-        real rate = mul_add(
-            x, negate_where(negative(p.x), d.x), // of far, times it
-            mul_add(y, negate_where(negative(p.y), d.y), z * negate_where(negative(p.z), d.z)));
-        mask reached = both(going, not_less(close, h));
-        mask gone = either(not_less(rate, zero), greater(at, out));
-        // What is left where it is reached is rounding, too, and must not become a long way at a tangent.
-        real least = most_of(choose(reached, far * set(0.1f), zero), set(1e-30f));
-        at = choose(going, at + h * far / most_of(zero - rate, least), at);
+        real square = vec_dot((struct vec){x, y, z}, (struct vec){x, y, z});
+        mask reached = both(going, not_less(set(within), square));
         found = either(found, reached);
-        going = but_not(either(reached, gone), going);
+        going = but_not(reached, going);
+        if (!any(going))
+            break;
+        ACTIVE(count_of(going));
+        COUNT(enter_rounded_box, on);
+        real rate = mul_add(
+            x, negate_where(negative(p.x), d.x), // of half the square
+            mul_add(y, negate_where(negative(p.y), d.y), z * negate_where(negative(p.z), d.z)));
+        going = but_not(either(not_less(rate, zero), greater(at, out)), going);
+        at = choose(
+            going, at - set(0.5f) * (square - set(s->a * s->a)) / least_of(rate, set(-1e-30f)), at);
     }
     *t = at;
     return found;
@@ -71,10 +75,10 @@ static inline mask enter_octahedron(struct vec c, struct vec d, const struct pla
     real out = set(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
          d_apart = d.x - d.y;
     *t = set(-INFINITY);
-    slab(sum + c.z, d_sum + d.z, s->a, t, &out);
-    slab(sum - c.z, d_sum - d.z, s->a, t, &out);
-    slab(apart + c.z, d_apart + d.z, s->a, t, &out);
-    slab(apart - c.z, d_apart - d.z, s->a, t, &out);
+    slab(sum + c.z, inverse_of(d_sum + d.z), s->a, t, &out);
+    slab(sum - c.z, inverse_of(d_sum - d.z), s->a, t, &out);
+    slab(apart + c.z, inverse_of(d_apart + d.z), s->a, t, &out);
+    slab(apart - c.z, inverse_of(d_apart - d.z), s->a, t, &out);
     return not_less(out, *t);
 }
 
@@ -84,7 +88,7 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     COUNT(enter_cone, call);
     COUNT(enter_cone, scalar);
     real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f);
-    slab(c.y, d.y, s->c, &in, &out);
+    slab(c.y, inverse_of(d.y), s->c, &in, &out);
     real k = set(s->slope[0] / s->slope[1]), wide = mul_add(k, c.y, set(0.5f * (s->a + s->b)));
     real dk = k * d.y;
     real a = mul_add(d.x, d.x, mul_sub(d.z, d.z, dk * dk));
@@ -162,6 +166,42 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
     return found;
 }
 
+// Rays that go d, 1/per in parts (of boxes alone; NULL: not known), and are nearest to the shape's position at c, `before` from
+// their origin, square = c·c, within the bounding sphere where `near`. Those that enter it: how far from there. Not for
+// planes.
+static inline mask enter_nearby(struct vec c, struct vec d, real before, real square,
+                                const struct vec *per, const struct placed *s, mask near,
+                                real *in) {
+    ACTIVE(count_of(near));
+    COUNT(enter_nearby, call);
+    real half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
+    near = both(near, greater(before + half, set(0.0f)));
+    struct vec box_per;
+    if (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX) {
+        COUNT(enter_nearby, box);
+        if (per) {
+            box_per = *per;
+        } else {
+            COUNT(enter_nearby, inverse);
+            box_per = (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
+        }
+    }
+    switch (s->type) {
+    case SHAPE_SPHERE:
+        COUNT(enter_nearby, sphere);
+        *in = set(0.0f) - half;
+        return near;
+    case SHAPE_BOX: return both(near, enter_box(c, box_per, s, in));
+    case SHAPE_ROUNDED_BOX: return both(near, enter_rounded_box(c, d, box_per, s, near, in));
+    case SHAPE_CONE: return both(near, enter_cone(c, d, s, in));
+    case SHAPE_OCTAHEDRON: return both(near, enter_octahedron(c, d, s, in));
+    default:
+        COUNT(enter_nearby, torus);
+        *in = most_of(set(0.0f) - half, set(0.0f) - before);
+        return both(near, enter_torus(c, d, s, near, in));
+    }
+}
+
 // Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
 // how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
 // convex solid before their origin, which may be inside. Not for planes.
@@ -180,23 +220,8 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
         return near;
     ACTIVE(count_of(near));
     COUNT(enter, near);
-    real in, half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
-    near = both(near, greater(before + half, set(0.0f)));
-    switch (s->type) {
-    case SHAPE_SPHERE:
-        COUNT(enter, sphere);
-        in = set(0.0f) - half;
-        break;
-    case SHAPE_BOX: near = both(near, enter_box(c, d, s, &in)); break;
-    case SHAPE_ROUNDED_BOX: near = both(near, enter_rounded_box(c, d, s, near, &in)); break;
-    case SHAPE_CONE: near = both(near, enter_cone(c, d, s, &in)); break;
-    case SHAPE_OCTAHEDRON: near = both(near, enter_octahedron(c, d, s, &in)); break;
-    default:
-        COUNT(enter, torus);
-        in = most_of(set(0.0f) - half, set(0.0f) - before);
-        near = both(near, enter_torus(c, d, s, near, &in));
-        break;
-    }
+    real in;
+    near = enter_nearby(c, d, before, square, NULL, s, near, &in);
     *t = before + in;
     *point = vec_along(c, d, in);
     mask ahead = greater(*t, set(0.0f));
