@@ -4,22 +4,17 @@
 #ifndef OPT8_POOL_H
 #define OPT8_POOL_H
 
-#include "streams.h"
+#include "umbra.h"
 
 enum { REFILL = TOGETHER / 16 }; // lanes that have ended
-
-struct shade {
-    real least, twice_previous;
-    struct exit exit;
-};
 
 // What the lanes of a packet have, but for what is in the group.
 struct pool {
     struct shade shade; // camera rays have its exit alone
-    real evals, length; // POOL_REALS from the beginning to here
+    real evals, length, end; // POOL_REALS from the beginning to here
     int ray[LANES];
 };
-enum { POOL_REALS = 6, APPROACH_REALS = 8 };
+enum { POOL_REALS = 7, APPROACH_REALS = 8 };
 
 // Packets of rays that are made ready one by one, and go lane by lane to where one is free.
 struct stream {
