@@ -78,7 +78,6 @@ struct walk {
     struct shade shade[GROUP];
     real evals[GROUP], length[GROUP], until[GROUP];
     mask there[GROUP]; // rays that have come as far
-    real twice[GROUP]; // of these, what their shade had then
 };
 
 static void begin_walk(struct walk *walk, int k, int first, bool before, struct list others,
@@ -109,7 +108,7 @@ static void begin_walk(struct walk *walk, int k, int first, bool before, struct 
         }
         group->t[k] = load(&desk->leg[LEG_T][first]);
         walk->shade[k].least = load(&desk->leg[LEG_LEAST][first]);
-        walk->twice[k] = walk->shade[k].twice_previous = load(&desk->leg[LEG_TWICE][first]);
+        walk->shade[k].twice_previous = load(&desk->leg[LEG_TWICE][first]);
         walk->evals[k] = load(&desk->leg[LEG_EVALS][first]);
         group->live[k] = less_in(active, group->t[k], walk->until[k]);
         walk->there[k] = but_not(group->live[k], active);
@@ -126,17 +125,14 @@ static inline bool walk_step(struct walk *walk, int k, float strength_sq, real c
     ACTIVE(count_of(live));
     COUNT(walk_step, call);
     walk->evals[k] = add_where(live, walk->evals[k], set(1.0f));
-    if (model->shadows == SHADOWS_SOFT)
-        soft_step(&walk->shade[k], k, strength_sq, group, model);
-    else
-        hard_step(&walk->shade[k], walk->length[k], k, group, model);
-    mask on = less_in(group->live[k], walk->evals[k], cap);
+    mask on = model->shadows == SHADOWS_SOFT
+                  ? soft_stride(&walk->shade[k], k, strength_sq, group, model)
+                  : hard_stride(&walk->shade[k], walk->length[k], k, group, model);
+    on = less_in(on, walk->evals[k], cap);
     mask before = less_in(on, group->t[k], walk->until[k]);
     if (same(before, live))
         return true;
-    mask there = but_not(before, on);
-    walk->there[k] = either(walk->there[k], there);
-    walk->twice[k] = choose(there, walk->shade[k].twice_previous, walk->twice[k]);
+    walk->there[k] = either(walk->there[k], but_not(before, on));
     return shade_ends(k, before, group);
 }
 
@@ -171,23 +167,23 @@ static void walk_among(int first, bool before, struct list others, struct world 
             continue;
         unload(group->t[k], &desk->leg[LEG_T][at]);
         unload(walk.shade[k].least, &desk->leg[LEG_LEAST][at]);
-        unload(walk.twice[k], &desk->leg[LEG_TWICE][at]);
+        unload(walk.shade[k].twice_previous, &desk->leg[LEG_TWICE][at]);
         unload(walk.evals[k], &desk->leg[LEG_EVALS][at]);
     }
 }
 
 // One packet of those that have come to the stretch, to go lane by lane.
-void ready_shadow(struct stream *stream, int number, struct world *world) {
+bool ready_shadow(struct stream *stream, int number, struct world *world) {
     struct desk *desk = world->desk;
     int first = number * LANES;
     struct place origin;
     struct vec to_light;
     queued(first, desk, &origin, &to_light);
-    stream->waiting = desk->under_way[number];
+    mask waiting = lanes_of(desk->under_way[number]);
     desk->under_way[number] = 0;
-    if (!stream->waiting)
-        return;
-    ACTIVE(__builtin_popcount(stream->waiting));
+    if (!any(waiting))
+        return false;
+    ACTIVE(count_of(waiting));
     COUNT(ready_shadow, call);
     stream->beam = eye_of(world->own, world->scene);
     approach_origins(origin, world->scene, &stream->beam);
@@ -198,45 +194,45 @@ void ready_shadow(struct stream *stream, int number, struct world *world) {
     stream->ready.evals = load(&desk->leg[LEG_EVALS][first]);
     stream->ready.length = load(&desk->shadow[S_DISTANCE][first]);
     stream->ready.end = load(&desk->leg[LEG_END][first]);
+    stream->ready.ray = lane_numbers() + set((float)first);
     stream->t = load(&desk->leg[LEG_T][first]);
-    for (int lane = 0; lane < LANES; lane++)
-        stream->ready.ray[lane] = first + lane;
+    make_ready(stream, waiting, world->scene);
+    return true;
 }
 
-// What has left the stretch, or has ended in it, leaves where it is.
-static void leave(const struct pool *pool, mask left, mask on, real t, struct desk *desk) {
+void leave(const struct pool *pool, mask ended, real t, struct desk *desk) {
     COUNT(leave, call);
-    float values[LEG_END][LANES];
+    float values[LEG_END][LANES], ray[LANES];
     unload(t, values[LEG_T]);
     unload(pool->shade.least, values[LEG_LEAST]);
     unload(pool->shade.twice_previous, values[LEG_TWICE]);
     unload(pool->evals, values[LEG_EVALS]);
-    for (unsigned rest = bits(left); rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest), ray = pool->ray[lane];
+    unload(pool->ray, ray);
+    for (unsigned rest = bits(ended), passed = bits(pool->passed); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), at = (int)ray[lane];
         for (int i = 0; i < LEG_END; i++)
-            desk->leg[i][ray] = values[i][lane];
-        desk->under_way[ray / LANES] |= (bits(on) >> lane & 1) << ray % LANES;
+            desk->leg[i][at] = values[i][lane];
+        desk->under_way[at / LANES] |= (passed >> lane & 1) << at % LANES;
     }
 }
 
-static inline void pool_step(struct pool *pool, int k, float strength_sq, real cap,
-                             struct world *world) {
+// How many lanes are still at work.
+static inline int pool_step(struct pool *pool, int k, float strength_sq, real cap,
+                            struct world *world) {
     struct group *group = &world->group;
     const struct model *model = &world->scene->model;
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
+    ACTIVE(count_of(group->live[k]));
     COUNT(pool_step, call);
-    pool->evals = pool->evals + set(1.0f);
-    if (model->shadows == SHADOWS_SOFT)
-        soft_step(&pool->shade, k, strength_sq, group, model);
-    else
-        hard_step(&pool->shade, pool->length, k, group, model);
-    mask on = less_in(group->live[k], pool->evals, cap);
+    pool->evals = add_where(group->live[k], pool->evals, set(1.0f));
+    mask on = model->shadows == SHADOWS_SOFT
+                  ? soft_stride(&pool->shade, k, strength_sq, group, model)
+                  : hard_stride(&pool->shade, pool->length, k, group, model);
+    on = less_in(on, pool->evals, cap);
     mask stay = not_greater_in(on, group->t[k], pool->end);
-    if (same(stay, live))
-        return;
-    shade_ends(k, stay, group);
-    leave(pool, but_not(stay, live), on, group->t[k], world->desk);
+    pool->passed = either(pool->passed, but_not(stay, on));
+    group->live[k] = stay;
+    group->high[k] = choose(stay, group->high[k], set(-INFINITY));
+    return __builtin_popcount(bits(stay));
 }
 
 static void through_stretches(struct world *world) {
@@ -253,8 +249,7 @@ static void through_stretches(struct world *world) {
             live = 0;
             for (int i = 0; i < group->count; i++) {
                 int k = group->list[i];
-                pool_step(&stream.pool[k], k, strength_sq, cap, world);
-                live += __builtin_popcount(bits(group->live[k]));
+                live += pool_step(&stream.pool[k], k, strength_sq, cap, world);
             }
         }
     }

@@ -47,8 +47,10 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
         scene_distances(group, scene);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
-            if (soft ? soft_step(&shades[k], k, strength_sq, group, model)
-                     : hard_step(&shades[k], length[k], k, group, model))
+            mask live = group->live[k];
+            mask on = soft ? soft_stride(&shades[k], k, strength_sq, group, model)
+                           : hard_stride(&shades[k], length[k], k, group, model);
+            if (same(on, live) || shade_ends(k, on, group))
                 i++;
             else
                 group->list[i] = group->list[--group->count];

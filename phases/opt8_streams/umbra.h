@@ -17,17 +17,17 @@ __attribute__((noinline, unused)) static bool shade_ends(int k, mask live, struc
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
-// packet's last step.
-static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct group *group,
-                             const struct model *model) {
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
+// this step: of those that are not, the shade stays as it is.
+static inline mask soft_stride(struct shade *ray, int k, float strength_sq, struct group *group,
+                               const struct model *model) {
     mask live = group->live[k];
     ACTIVE(count_of(live));
     COUNT(soft_step, call);
     real t = group->t[k], h = group->distance[k], zero = set(0.0f);
     mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
     if (!any(going))
-        return shade_ends(k, going, group);
+        return going;
     ACTIVE(count_of(going));
     COUNT(soft_step, step);
     // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
@@ -46,14 +46,13 @@ static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct
         ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
                             ray->least);
     }
-    ray->twice_previous = h + h;
+    ray->twice_previous = choose(going, h + h, twice);
     group->t[k] = t = add_where(going, t, h);
-    mask on = not_greater_in(going, beyond(ray->exit, t), zero);
-    return same(on, live) || shade_ends(k, on, group);
+    return not_greater_in(going, beyond(ray->exit, t), zero);
 }
 
-static inline bool hard_step(struct shade *ray, real distance, int k, struct group *group,
-                             const struct model *model) {
+static inline mask hard_stride(struct shade *ray, real distance, int k, struct group *group,
+                               const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(count_of(group->live[k]));
     COUNT(hard_step, call);
@@ -62,8 +61,7 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
     mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
     ray->least = drop(but_not(going, before), ray->least);
     group->t[k] = t = add_where(going, t, h);
-    mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
-    return same(on, live) || shade_ends(k, on, group);
+    return not_greater_in(going, beyond(ray->exit, t), set(0.0f));
 }
 
 #endif
