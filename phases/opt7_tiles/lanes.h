@@ -21,6 +21,7 @@
 //     less_in(m, a, b)              of the lanes of m those where a < b; not_less_in, not_greater_in: where not
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a; add_where(m, a, b): a + b or a
 //     negate_where(m, a)
+//     store_block(p, stride, r, g, b) red, green and blue of a block of four pixels a row, rows `stride` floats apart
 //
 //     half                          doubles of half of the lanes: what vec.h's wide is made of
 //

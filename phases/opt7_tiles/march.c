@@ -113,29 +113,63 @@ static inline bool march_step(struct progress *at, int step, int k, struct group
     return any(group->live[k]);
 }
 
-// The same steps where a plane is all that the rays can hit: nothing but t changes, and it stays in a register.
-static void march_line(struct progress *at, int k, int shape, struct group *group,
-                       const struct model *model) {
+// Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
+// operations that wait for each other.
+struct line {
+    real origin, direction, t;
+    struct exit exit;
+    mask live;
+};
+
+// What a step has come to.
+struct stride {
+    real distance;
+    mask going, inside;
+};
+
+static inline struct stride march_line(struct line *line, real hit_distance) {
+    ACTIVE(count_of(line->live));
     COUNT(march_line, call);
-    const struct approach *line = &group->beam[k].approach[shape];
-    real origin = line->origin.x, direction = line->direction.x, t = group->t[k];
+    real distance = mul_add(line->t, line->direction, line->origin);
+    mask going = not_less_in(line->live, distance, least_step(line->t, hit_distance));
+    line->t = add_where(going, line->t, distance);
+    mask inside = not_greater_in(going, beyond(line->exit, line->t), set(0.0f));
+    return (struct stride){distance, going, inside};
+}
+
+static void march_lines(struct progress packets[GROUP], int shape, struct group *group,
+                        const struct model *model) {
     real hit_distance = set((float)model->march.hit_distance);
-    const struct exit exit = at->exit;
-    mask live = group->live[k];
-    for (int step = 1; any(live); step++) {
-        ACTIVE(count_of(live));
-        COUNT(march_line, step);
-        real distance = mul_add(t, direction, origin);
-        mask going = not_less_in(live, distance, least_step(t, hit_distance));
-        t = add_where(going, t, distance);
-        mask inside = not_greater_in(going, beyond(exit, t), set(0.0f));
-        if (same(inside, live) && step < at->left)
-            continue;
-        group->distance[k] = distance;
-        march_ends(at, step, k, going, inside, group, step_cap(model));
-        live = group->live[k];
+    struct line line[GROUP];
+    int cap = step_cap(model), left = cap, under_way = group->count;
+    for (int k = 0; k < GROUP; k++) {
+        const struct approach *a = &group->beam[k].approach[shape];
+        line[k] = (struct line){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
+                                group->live[k]};
+        if (any(group->live[k]) && packets[k].left < left)
+            left = packets[k].left;
     }
-    at->t = t;
+    for (int step = 1; under_way > 0; step++) {
+        struct stride stride[GROUP];
+        bool on = step < left;
+        for (int k = 0; k < GROUP; k++)
+            stride[k] = march_line(&line[k], hit_distance);
+        for (int k = 0; k < GROUP; k++)
+            on = on && same(stride[k].inside, line[k].live);
+        if (on)
+            continue;
+        for (int k = 0; k < GROUP; k++) {
+            if (!any(line[k].live) ||
+                (same(stride[k].inside, line[k].live) && step < packets[k].left))
+                continue;
+            group->distance[k] = stride[k].distance;
+            march_ends(&packets[k], step, k, stride[k].going, stride[k].inside, group, cap);
+            line[k].live = group->live[k];
+            under_way -= !any(line[k].live);
+        }
+    }
+    for (int i = 0; i < group->count; i++)
+        packets[group->list[i]].t = line[group->list[i]].t;
 }
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
@@ -156,8 +190,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
-        for (int i = 0; i < group->count; i++)
-            march_line(&packets[group->list[i]], group->list[i], *list.shape, group, &scene->model);
+        march_lines(packets, *list.shape, group, &scene->model);
         return;
     }
     for (int step = 1; group->count > 0; step++) {

@@ -66,12 +66,22 @@ static void store_plane(float *plane, int stride, const struct frame *frame, str
     }
 }
 
+static void store_color(struct frame *frame, struct block block, struct vec color) {
+    size_t width = (size_t)frame->width;
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        store_block(rgb, 3 * width, color.x, color.y, color.z);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, color.z);
+}
+
 static void store(struct frame *frame, struct block block, real start, int shapes,
                   const struct shaded *seen) {
     COUNT(store, call);
-    store_plane(frame->rgb, 3, frame, block, seen->color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;

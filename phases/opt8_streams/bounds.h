@@ -4,6 +4,9 @@
 
 #include "tiles.h"
 
+// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
+#define TANGENT 2.48f
+
 // From a place on the way to the nearest from where the shape's own distance may say "hit".
 __attribute__((always_inline)) static inline real lower_bound(const struct approach *a, real t,
                                                               const struct placed *placed) {

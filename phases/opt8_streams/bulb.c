@@ -47,40 +47,42 @@ void gaze(struct vec direction, mask active, int slot, struct world *world) {
     unload(direction.z, &desk->gaze[2][slot]);
 }
 
-void ready_gaze(struct stream *stream, int number, struct world *world) {
+bool ready_gaze(struct stream *stream, int number, struct world *world) {
     struct desk *desk = world->desk;
     int slot = desk->gaze_at[number];
     struct vec direction = {load(&desk->gaze[0][slot]), load(&desk->gaze[1][slot]),
                             load(&desk->gaze[2][slot])};
-    stream->waiting = desk->gaze_active[number];
-    ACTIVE(__builtin_popcount(stream->waiting));
+    mask waiting = lanes_of(desk->gaze_active[number]);
+    ACTIVE(count_of(waiting));
     COUNT(ready_gaze, call);
     stream->beam = eye_of(world->own, world->scene);
     approach_origins(world->eye, world->scene, &stream->beam);
     approach_directions(direction, world->scene, &stream->beam);
     stream->ready.shade.exit = leaving(world->eye, direction, &world->scene->model);
     stream->ready.evals = stream->t = set(0.0f);
+    stream->ready.ray = lane_numbers() + set((float)slot);
     meets_bulbs(direction, all_lanes(), world, &stream->ready.length);
-    for (int lane = 0; lane < LANES; lane++)
-        stream->ready.ray[lane] = slot + lane;
+    make_ready(stream, waiting, world->scene);
+    return true;
 }
 
-// What has ended of a packet leaves where it is for recall().
-static void arrive(const struct pool *pool, mask ended, mask reached, mask passed, real t,
-                   real distance, struct desk *desk) {
-    float values[MARCHED][LANES];
+// For recall().
+void arrive(const struct pool *pool, mask ended, real t, struct desk *desk) {
+    float values[MARCHED][LANES], ray[LANES];
     unload(t, values[MARCHED_T]);
-    unload(keep(reached, distance), values[MARCHED_LAST]);
+    unload(keep(pool->found, pool->last), values[MARCHED_LAST]);
     unload(pool->evals, values[MARCHED_EVALS]);
-    unload(choose(passed, set(-1.0f), keep(reached, set(1.0f))), values[MARCHED_FOUND]);
+    unload(choose(pool->passed, set(-1.0f), keep(pool->found, set(1.0f))), values[MARCHED_FOUND]);
+    unload(pool->ray, ray);
     for (unsigned rest = bits(ended); rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest);
+        int lane = __builtin_ctz(rest), at = (int)ray[lane];
         for (int i = 0; i < MARCHED; i++)
-            desk->marched[i][pool->ray[lane]] = values[i][lane];
+            desk->marched[i][at] = values[i][lane];
     }
 }
 
-static inline void gaze_step(struct pool *pool, int k, real cap, struct world *world) {
+// How many lanes are still at work.
+static inline int gaze_step(struct pool *pool, int k, real cap, struct world *world) {
     struct group *group = &world->group;
     mask live = group->live[k];
     ACTIVE(count_of(live));
@@ -88,17 +90,18 @@ static inline void gaze_step(struct pool *pool, int k, real cap, struct world *w
     real t = group->t[k], distance = group->distance[k];
     real hit_distance = set((float)world->scene->model.march.hit_distance);
     mask going = not_less_in(live, distance, least_step(t, hit_distance));
+    mask reached = but_not(going, live);
     group->t[k] = t = add_where(going, t, distance);
-    pool->evals = pool->evals + set(1.0f);
+    pool->last = choose(reached, distance, pool->last);
+    pool->evals = add_where(live, pool->evals, set(1.0f));
     mask inside = not_greater_in(going, beyond(pool->shade.exit, t), set(0.0f));
     inside = less_in(inside, pool->evals, cap);
     mask on = not_greater_in(inside, t, pool->length);
-    if (same(on, live))
-        return;
-    arrive(pool, but_not(on, live), but_not(going, live), but_not(on, inside), t, distance,
-           world->desk);
+    pool->found = either(pool->found, reached);
+    pool->passed = either(pool->passed, but_not(on, inside));
     group->live[k] = on;
     group->high[k] = choose(on, group->high[k], set(-INFINITY));
+    return __builtin_popcount(bits(on));
 }
 
 void march_gazes(struct world *world) {
@@ -112,8 +115,7 @@ void march_gazes(struct world *world) {
             live = 0;
             for (int i = 0; i < group->count; i++) {
                 int k = group->list[i];
-                gaze_step(&stream.pool[k], k, cap, world);
-                live += __builtin_popcount(bits(group->live[k]));
+                live += gaze_step(&stream.pool[k], k, cap, world);
             }
         }
     }

@@ -2,9 +2,6 @@
 // the way; an interval is a lane.
 #include "bounds.h"
 
-// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
-#define TANGENT 2.48f
-
 static real most_lane(mask active, real a) {
     COUNT(most_lane, call);
     a = choose(active, a, set(-INFINITY));

@@ -22,6 +22,7 @@
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a; add_where(m, a, b): a + b or a
 //     negate_where(m, a)
 //     pack(m, a, p)                 the lanes of m in a row from p on; LANES floats are written at most
+//     fill(m, a, p)                 a, but for the lanes of m, which get what is in a row from p on
 //     least_lane(a)                 the least of all lanes
 //     store_block(p, stride, r, g, b) red, green and blue of a block of four pixels a row, rows `stride` floats apart
 //

@@ -210,6 +210,10 @@ static inline void pack(mask m, real a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
 }
 
+static inline real fill(mask m, real a, const float *from) {
+    return _mm512_mask_expandloadu_ps(a, m.all, from);
+}
+
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);

@@ -216,6 +216,14 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
+static inline real fill(mask m, real a, const float *from) {
+    float lanes[LANES];
+    unload(a, lanes);
+    for (unsigned rest = bits(m); rest; rest &= rest - 1)
+        lanes[__builtin_ctz(rest)] = *from++;
+    return load(lanes);
+}
+
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     float lanes[3][LANES];

@@ -4,78 +4,141 @@
 #ifndef OPT8_POOL_H
 #define OPT8_POOL_H
 
-#include "streams.h"
+#include "umbra.h"
 
 enum { REFILL = TOGETHER / 16 }; // lanes that have ended
-
-struct shade {
-    real least, twice_previous;
-    struct exit exit;
-};
 
 // What the lanes of a packet have, but for what is in the group.
 struct pool {
     struct shade shade; // camera rays have its exit alone
-    real evals, length; // POOL_REALS from the beginning to here
-    int ray[LANES];
+    real evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
+    real last;                    // of a camera ray that has been hit
+    mask held, found, passed;     // with a ray, if it has ended or not; of those that have: how
 };
-enum { POOL_REALS = 6, APPROACH_REALS = 8 };
+enum { POOL_REALS = 8 };
 
 // Packets of rays that are made ready one by one, and go lane by lane to where one is free.
 struct stream {
     int next, count; // of the packets that wait
     struct pool pool[GROUP], ready;
     struct beam beam; // of the one that is ready
-    real t;
-    unsigned waiting; // its lanes that have not gone
-    bool shadows;     // else camera rays
+    real t, high;
+    int waiting, gone; // of its rays
+    bool shadows;      // else camera rays
 };
 
-// Makes packet `number` ready.
-void ready_shadow(struct stream *stream, int number, struct world *world);
-void ready_gaze(struct stream *stream, int number, struct world *world);
+// Makes packet `number` ready: false if it has no ray.
+bool ready_shadow(struct stream *stream, int number, struct world *world);
+bool ready_gaze(struct stream *stream, int number, struct world *world);
+// Lanes whose ray has ended leave what has become of it.
+void leave(const struct pool *pool, mask ended, real t, struct desk *desk);
+void arrive(const struct pool *pool, mask ended, real t, struct desk *desk);
 
-static inline void copy_reals(void *to, int here, const void *from, int there, int count) {
+static inline void pack_in_place(mask m, real *first, int count) {
     for (int i = 0; i < count; i++)
-        ((float *)to)[i * LANES + here] = ((const float *)from)[i * LANES + there];
+        pack(m, first[i], (float *)&first[i]);
 }
 
-static inline void copy_lane(struct stream *stream, int k, int here, struct world *world) {
-    struct group *group = &world->group;
-    int there = __builtin_ctz(stream->waiting), shapes = world->scene->model.shape_count;
-    stream->waiting &= stream->waiting - 1;
-    copy_reals(&stream->pool[k], here, &stream->ready, there, POOL_REALS);
-    copy_reals(&group->t[k], here, &stream->t, there, 1);
-    for (int i = 0; i < shapes; i++) {
-        copy_reals(&group->beam[k].approach[i], here, &stream->beam.approach[i], there,
-                   APPROACH_REALS);
-        ((float *)&group->beam[k].wake[i * GROUP])[here] = -INFINITY;
+// What of a shape's approach is used.
+static inline int approach_reals(const struct placed *placed) {
+    return placed->way == POWER ? 8 : 6;
+}
+
+// The rays of m move to the front; how far the steady shapes are is known of all of them at once: so no lane that is
+// filled wakes one for the others.
+static inline void make_ready(struct stream *stream, mask m, const struct prepared *scene) {
+    ACTIVE(count_of(m));
+    COUNT(make_ready, call);
+    struct beam *beam = &stream->beam;
+    real least = set(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct placed *placed = &scene->placed[i];
+        struct approach *a = &beam->approach[i];
+        if (placed->steady) {
+            COUNT(make_ready, steady);
+            real distance =
+                distance_to_shape(a, stream->t, placed, false, placed->way, placed->type, m);
+            beam->wake[i * GROUP] = wakes_at(distance + stream->t, placed);
+            least = least_of(distance, least);
+            pack_in_place(m, &beam->wake[i * GROUP], 1);
+        }
+        pack_in_place(m, &a->origin.x, approach_reals(placed));
     }
-    ((float *)&group->high[k])[here] = INFINITY;
-    stream->pool[k].ray[here] = stream->ready.ray[there];
+    stream->high = least - stream->t;
+    pack_in_place(m, &stream->ready.shade.least, POOL_REALS);
+    pack_in_place(m, &stream->t, 1);
+    pack_in_place(m, &stream->high, 1);
+    stream->waiting = __builtin_popcount(bits(m));
+    stream->gone = 0;
 }
 
-// Lanes that are free get a ray, as long as there is one. How many lanes have one.
+static inline void fill_reals(mask m, real *to, const real *from, int gone, int count) {
+    for (int i = 0; i < count; i++)
+        to[i] = fill(m, to[i], (const float *)&from[i] + gone);
+}
+
+static inline void fill_lanes(struct stream *stream, int k, unsigned lanes, struct world *world) {
+    struct group *group = &world->group;
+    struct pool *pool = &stream->pool[k];
+    mask m = lanes_of(lanes);
+    int gone = stream->gone;
+    fill_reals(m, &pool->shade.least, &stream->ready.shade.least, gone, POOL_REALS);
+    fill_reals(m, &group->t[k], &stream->t, gone, 1);
+    fill_reals(m, &group->high[k], &stream->high, gone, 1);
+    for (int i = 0; i < world->scene->model.shape_count; i++) {
+        const struct placed *placed = &world->scene->placed[i];
+        fill_reals(m, &group->beam[k].approach[i].origin.x, &stream->beam.approach[i].origin.x,
+                   gone, approach_reals(placed));
+        real *wake = &group->beam[k].wake[i * GROUP];
+        if (placed->steady)
+            fill_reals(m, wake, &stream->beam.wake[i * GROUP], gone, 1);
+        else
+            *wake = choose(m, set(-INFINITY), *wake);
+    }
+    pool->found = but_not(m, pool->found);
+    pool->passed = but_not(m, pool->passed);
+    stream->gone += __builtin_popcount(lanes);
+    stream->waiting -= __builtin_popcount(lanes);
+}
+
+// The first `count` of them.
+static inline unsigned first_of_lanes(unsigned lanes, int count) {
+    unsigned rest = lanes;
+    for (; rest && count > 0; count--)
+        rest &= rest - 1;
+    return lanes & ~rest;
+}
+
+// What has ended is delivered, and lanes that are free get a ray, as long as there is one. How many lanes have one.
 static inline int refill(struct stream *stream, struct world *world) {
     struct group *group = &world->group;
     int live = 0;
     group->count = 0;
     for (int k = 0; k < GROUP; k++) {
-        unsigned all = (1u << LANES) - 1, lanes = bits(group->live[k]);
-        for (unsigned ended = ~lanes & all; ended; ended &= ended - 1) {
-            while (!stream->waiting && stream->next < stream->count) {
-                int number = stream->next++;
-                if (stream->shadows)
-                    ready_shadow(stream, number, world);
-                else
-                    ready_gaze(stream, number, world);
-            }
-            if (!stream->waiting)
-                break;
-            copy_lane(stream, k, __builtin_ctz(ended), world);
-            lanes |= ended & -ended;
+        struct pool *pool = &stream->pool[k];
+        unsigned lanes = bits(group->live[k]), free = bits(but_not(group->live[k], all_lanes()));
+        mask ended = but_not(group->live[k], pool->held);
+        if (any(ended)) {
+            if (stream->shadows)
+                leave(pool, ended, group->t[k], world->desk);
+            else
+                arrive(pool, ended, group->t[k], world->desk);
         }
-        group->live[k] = lanes_of(lanes);
+        while (free) {
+            while (stream->waiting == 0 && stream->next < stream->count) {
+                int number = stream->next++;
+                if (!(stream->shadows ? ready_shadow(stream, number, world)
+                                      : ready_gaze(stream, number, world)))
+                    stream->waiting = 0;
+            }
+            if (stream->waiting == 0)
+                break;
+            unsigned here = first_of_lanes(free, stream->waiting);
+            fill_lanes(stream, k, here, world);
+            lanes |= here;
+            free &= ~here;
+        }
+        group->live[k] = pool->held = lanes_of(lanes);
         if (lanes)
             group->list[group->count++] = k;
         live += __builtin_popcount(lanes);
@@ -89,7 +152,7 @@ static inline void stream_begin(struct stream *stream, int packets, bool shadows
     struct group *group = &world->group;
     *stream = (struct stream){.count = packets, .shadows = shadows};
     for (int k = 0; k < GROUP; k++) {
-        group->live[k] = no_lane();
+        stream->pool[k].held = group->live[k] = no_lane();
         group->t[k] = set(0.0f);
         group->high[k] = set(-INFINITY);
         group->beam[k].list = world->scene->all;

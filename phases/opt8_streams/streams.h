@@ -39,6 +39,9 @@ enum shadow_field {
 // Mandelbulb is before it any more.
 enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
 
+// How far a shadow ray has come, where there is a Mandelbulb; LEG_END: of the stretch where that may be the nearest.
+enum leg { LEG_T, LEG_LEAST, LEG_TWICE, LEG_EVALS, LEG_END, LEGS };
+
 // A worker's own.
 struct desk {
     float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
@@ -47,6 +50,8 @@ struct desk {
     float gaze[3][STRIP_PIXELS], marched[MARCHED][STRIP_PIXELS]; // camera rays of bulb.c
     int gaze_at[STRIP_PIXELS / LANES], gazes;                    // the first pixel of each packet
     unsigned gaze_active[STRIP_PIXELS / LANES];
+    float leg[LEGS][ROOM];
+    unsigned under_way[ROOM / LANES]; // the rays of each packet that have not ended
     int *shading,
         shadings; // shapes that can come between the group in work and the light, and how many
 };
@@ -63,6 +68,7 @@ void march_gazes(struct world *world);
 
 // Work off the queues.
 void cast_shadows(struct world *world);
+void cast_streams(struct world *world); // where there is a Mandelbulb
 void follow_mirrors(struct world *world);
 
 // Which shapes can come between the group's hits and the light.

@@ -157,3 +157,9 @@ struct list list_without_bulbs(const struct prepared *scene, struct own *own) {
         own->wanted[i] = own->wanted[i] && scene->placed[i].trust != BALL;
     return list_of(own->wanted, scene, own->tile);
 }
+
+struct list list_of_others(const struct prepared *scene, struct own *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = scene->placed[i].trust != BALL;
+    return list_of(own->wanted, scene, own->shadow);
+}

@@ -37,6 +37,8 @@ struct list list_of_cone(int lane, const struct prepared *scene, struct own *own
 
 // What is on the last list_of_cone(), but for Mandelbulbs.
 struct list list_without_bulbs(const struct prepared *scene, struct own *own);
+// All but the Mandelbulbs, in own->shadow.
+struct list list_of_others(const struct prepared *scene, struct own *own);
 
 // By least of distances: where a ray is hit; or that very number.
 enum meant { HIT, UNION };
