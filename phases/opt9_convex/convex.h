@@ -36,6 +36,7 @@ enum shadow_field {
     S_TO_LIGHT = 6,
     S_LIGHT = 9,
     S_FACING = 12,
+    S_LIT = S_FACING, // of a crowd's, once it has been marched
     S_SHAPE,
     S_PIXEL,
     S_FIELDS
