@@ -1,5 +1,7 @@
 // Marches of a crowd's shadow rays: sorted by where they are from, then a few packets at a time (beam.h).
 #include "beam.h"
+#include <stdlib.h>
+#define UNTIL0 (getenv("U0")?(float)atof(getenv("U0")):1.0f)
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
 
@@ -116,15 +118,21 @@ static real *fields_of(struct walk *w, int i) {
 
 // Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out.
 static void close_ranks(struct beam *beam, struct desk *desk) {
-    int moving = 0, waiting = 0, at = 0;
+    int moving = 0, live = 0, packets = 0, at = 0;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
-        mask live = both(w->rays.active, not_in(w->march.done));
-        keep_answers(w, but_not(live, w->rays.active), desk);
-        w->rays.active = live;
-        waiting += count_of(both(live, w->waits));
-        moving += count_of(but_not(w->waits, live));
+        mask ended = both(w->rays.active, w->march.done);
+        if (any(ended))
+            keep_answers(w, ended, desk);
+        w->rays.active = but_not(ended, w->rays.active);
+        mask here = but_not(w->waits, w->rays.active);
+        live += count_of(w->rays.active);
+        moving += count_of(here);
+        packets = any(here) ? i + 1 : packets;
     }
+    beam->moving = (moving + LANES - 1) / LANES;
+    if (beam->moving == packets)
+        return;
     float fields[WALK_REALS][BEAM_RAYS + LANES];
     for (int wait = 0; wait < 2; wait++)
         for (int i = 0; i < beam->count; i++) {
@@ -136,13 +144,12 @@ static void close_ranks(struct beam *beam, struct desk *desk) {
                 pack(those, *fields_of(w, k), &fields[k][at]);
             at += count_of(those);
         }
-    beam->count = (at + LANES - 1) / LANES;
-    beam->moving = (moving + LANES - 1) / LANES;
+    beam->count = (live + LANES - 1) / LANES;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
         for (int k = 0; k < WALK_REALS; k++)
             *fields_of(w, k) = load(&fields[k][i * LANES]);
-        w->rays.active = first_lanes(at - i * LANES);
+        w->rays.active = first_lanes(live - i * LANES);
         w->waits = not_in(first_lanes(moving - i * LANES));
         w->march.done = not_in(w->rays.active);
     }
@@ -270,8 +277,8 @@ static void begin_walk(struct walk *w, int first, const struct beam *beam,
     *w = (struct walk){
         .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
         .waits = all_lanes(),
-        .until = set(0.0f),
-        .asked = set(INFINITY)};
+        .until = set(UNTIL0 * work->scene->tree.spacing),
+        .asked = set(work->scene->lit_slope)};
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = desk->order[0][first + i];
@@ -295,6 +302,39 @@ static void add_answers(int first, struct desk *desk) {
     }
 }
 
+// The solids that its rays may meet: desk->ahead.
+static void look_along(int first, const struct convex *work) {
+    COUNT(look_along, call);
+    struct desk *desk = work->desk;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int end = first + BEAM_RAYS < desk->shadows ? first + BEAM_RAYS : desk->shadows;
+    float least[3], most[3], to[3], square = 0, spread = 0;
+    for (int k = 0; k < 3; k++) {
+        least[k] = most[k] = field[S_POINT + k][desk->order[0][first]];
+        to[k] = field[S_TO_LIGHT + k][desk->order[0][first]];
+    }
+    for (int i = first; i < end; i++) {
+        COUNT(look_along, ray);
+        float off = 0;
+        for (int k = 0; k < 3; k++) {
+            float x = field[S_POINT + k][desk->order[0][i]],
+                  l = field[S_TO_LIGHT + k][desk->order[0][i]] - to[k];
+            least[k] = x < least[k] ? x : least[k];
+            most[k] = x > most[k] ? x : most[k];
+            off += l * l;
+        }
+        spread = off > spread ? off : spread;
+    }
+    float centre[3];
+    for (int k = 0; k < 3; k++) {
+        centre[k] = 0.5f * (least[k] + most[k]);
+        square += 0.25f * (most[k] - least[k]) * (most[k] - least[k]);
+    }
+    int count = crowd_towards_light(centre, sqrtf(square) * (1 + 1e-4f), to,
+                                    sqrtf(spread) * 1.01f + 1e-4f, work, desk->ahead);
+    desk->aheads = count - work->scene->plane_count;
+}
+
 static void cast_beam(int first, const struct convex *work) {
     COUNT(cast_beam, call);
     struct desk *desk = work->desk;
@@ -306,6 +346,7 @@ static void cast_beam(int first, const struct convex *work) {
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
         beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
+    look_along(first, work);
     for (int at = first; at < desk->shadows && beam.count < BEAM; at += LANES, beam.count++) {
         struct walk *w = &beam.walk[beam.count];
         begin_walk(w, at, &beam, work);
@@ -321,6 +362,7 @@ static void cast_beam(int first, const struct convex *work) {
 }
 
 void cast_crowd(const struct convex *work) {
+    work->desk->ahead = work->desk->casters;
     crowd_sort(work->desk, work->scene);
     for (int first = 0; first < work->desk->shadows; first += BEAM_RAYS)
         cast_beam(first, work);

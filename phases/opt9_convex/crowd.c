@@ -66,6 +66,7 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
                         set(w->top),
                         {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
                          root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
+    desk->row = desk->leaf = -1;
     int count = list_those(&scene->tree, lies_across, &seen, list);
     for (int k = 0; k < count; k++)
         mark(desk, list[k]);
@@ -75,31 +76,14 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
     return take_marked(desk, scene, list);
 }
 
-struct beam {
-    struct vec centre, to_light;
-    real radius, reach, q, narrow;
-};
-
-static inline mask in_beam(struct vec centre, real radius, const void *with) {
-    COUNT(in_beam, call);
-    const struct beam *b = with;
-    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
-    real r = blurred(radius, v, b->reach) + b->radius;
-    real lean = mul_add(b->q, r, vec_dot(v, b->to_light));
-    real need = neg_mul_add(r, r, vec_dot(v, v));
-    mask misses =
-        either(less(lean, set(0.0f)), less(lean * lean * set(1 + 1e-4f), b->narrow * need));
-    return not_in(both(greater(need, set(0.0f)), misses));
-}
-
 int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                         const struct convex *work, int *list) {
     COUNT(crowd_towards_light, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    struct beam beam = {vec_set(centre), vec_set(to_light),
+    struct shaft shaft = {vec_set(centre), vec_set(to_light),
                         set(radius),     set(size),
                         set(q),          set(q < 1 ? 1 - q * q : 0.0f)};
-    int count = list_those(&work->scene->tree, in_beam, &beam, list);
+    int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
     return and_planes(work->scene, list, count);
 }
 
@@ -200,11 +184,8 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
         look_at_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
                       &nears[scene->planes[k]]);
     end_behind_all(r, scene);
-    int count = crowd_along(r->point, r->to_light, r->active, work, work->desk->vicinity);
-    for (int k = 0; k < count; k++)
-        if (scene->placed[work->desk->vicinity[k]].way != LINEAR)
-            enter_on_the_way(&scene->placed[work->desk->vicinity[k]], work->desk->vicinity[k], r,
-                             r->active);
+    for (int k = 0; k < work->desk->aheads; k++)
+        enter_on_the_way(&scene->placed[work->desk->ahead[k]], work->desk->ahead[k], r, r->active);
     // A cone's slope must be below 1 for its end to be told (earliest).
     struct leapers l = {r, both(both(r->on_plane, r->active), less(r->facing, set(0.99f))), scene};
     r->alone = choose(l.able, r->alone, set(0.0f));

@@ -72,4 +72,22 @@ static inline real blurred(real radius, struct vec v, real reach) {
     return mul_add(set(1e-6f), size, radius * set(1 + 1e-5f));
 }
 
+// Cones of slope q about rays from a ball.
+struct shaft {
+    struct vec centre, to_light;
+    real radius, reach, q, narrow;
+};
+
+static inline mask in_shaft(struct vec centre, real radius, const void *with) {
+    COUNT(in_shaft, call);
+    const struct shaft *b = with;
+    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
+    real r = blurred(radius, v, b->reach) + b->radius;
+    real lean = mul_add(b->q, r, vec_dot(v, b->to_light));
+    real need = neg_mul_add(r, r, vec_dot(v, v));
+    mask misses =
+        either(less(lean, set(0.0f)), less(lean * lean * set(1 + 1e-4f), b->narrow * need));
+    return not_in(both(greater(need, set(0.0f)), misses));
+}
+
 #endif
