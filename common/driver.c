@@ -516,6 +516,8 @@ int main(int argc, char **argv) {
     if (!scene_load(s.options.scene, &s.options.overrides, &s.scene, error))
         return complain(BAD_INPUT, "%s", error);
     const char *unsupported = phase_unsupported(&s.scene);
+    if (!unsupported && phase_picture_unsupported)
+        unsupported = phase_picture_unsupported(&s.scene, s.options.width, s.options.height);
     if (unsupported)
         status = complain(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
     else if (s.options.frames && !s.scene.model.features.motion)

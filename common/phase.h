@@ -17,6 +17,10 @@ struct prepared; // the phase's own
 // NULL if the phase renders this scene, else the reason in one sentence; the driver then refuses.
 const char *phase_unsupported(const struct scene *scene);
 
+// Only of phases that have bounds for a picture's shape: the same of a picture of that size of a scene that it renders.
+const char *phase_picture_unsupported(const struct scene *scene, int width, int height)
+    __attribute__((weak));
+
 // What may be worked out once per scene from shapes, materials and limits. Timed apart as set-up.
 // The model outlives what is prepared from it. NULL when memory is short. Renders with that many
 // threads; more than 1 only if phase.json says so.

@@ -88,9 +88,16 @@ const char *phase_unsupported(const struct scene *scene) {
         return reason;
     if ((reason = out_of_place(scene)))
         return reason;
-    // How wide the picture is, the driver does not say here: as its own default. phase_render asks again.
-    bool fit = format_fit(&settings, model, &scene->view, &format, error) &&
-               directions_fit(&format, &scene->view, 16.0 / 9, error);
+    return format_fit(&settings, model, &scene->view, &format, error) ? NULL : error;
+}
+
+const char *phase_picture_unsupported(const struct scene *scene, int width, int height) {
+    static char error[512];
+    struct settings settings;
+    struct format format;
+    bool fit = settings_read(getenv("STEPWISE_FIXED"), &settings, error) &&
+               format_fit(&settings, &scene->model, &scene->view, &format, error) &&
+               directions_fit(&format, &scene->view, (double)width / height, error);
     return fit ? NULL : error;
 }
 
@@ -183,7 +190,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
             world_place(world, &prepared->model);
     }
     if (!directions_fit(&world->format, view, (double)frame->width / frame->height, error)) {
-        fprintf(stderr, "%s\n", error); // the driver knows of no reason but memory
+        fprintf(stderr, "%s\n", error); // by a hair of the camera's: the driver asked before
         return false;
     }
     format_say(&world->format, prepared->said);

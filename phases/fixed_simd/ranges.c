@@ -134,11 +134,12 @@ bool directions_fit(const struct format *f, const struct view *view, double aspe
     double least = ldexp((double)f->least + 10, -f->bits);
     if (f->steps > 0 || shortest > least)
         return true;
-    snprintf(error, 512,
-             "directions to the pixels of a picture %.3g times as wide as high: their squares, of "
-             "less than 16, are down to %g, and the article's 1/root of %d bits of fraction takes "
-             "more than %g (STEPWISE_FIXED: other bits, a larger unit or roots=2)",
-             aspect, shortest, f->bits, least);
+    snprintf(
+        error, 512,
+        "directions to the pixels of a picture %.3g times as wide as high: their squares, of "
+        "less than 16, are down to %g, and the article's 1/root of %d bits of fraction takes "
+        "more than %g (a narrower view, or STEPWISE_FIXED: other bits, a larger unit or roots=2)",
+        aspect, shortest, f->bits, least);
     return false;
 }
 

@@ -407,7 +407,8 @@ def test_directions_shorter_than_the_articles_root_takes_are_refused(tmp_path):
     assert done.returncode == 4 and "down to 0.015625," in done.stderr
     store.write_json(tmp_path / "scene.json", WIDE)  # of a picture wider than the driver's own
     done = run("fixed", tmp_path / "scene.json", (2000, 1), "roots=article")
-    assert done.returncode != 0 and "a picture 2e+03 times as wide as high" in done.stderr
+    assert done.returncode == 4 and "a picture 2e+03 times as wide as high" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
 
 
 # Where a path leads it is at no frame's beginning but at 0.5 s: frame 30.
