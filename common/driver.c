@@ -117,81 +117,91 @@ static int good_together(int argc, char **argv, struct options *o) {
     return OK;
 }
 
+enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST };
+static const struct option known[] = {{"height", required_argument, 0, 'n'},
+                                      {"width", required_argument, 0, 'w'},
+                                      {"output", required_argument, 0, 'o'},
+                                      {"aov", no_argument, 0, AOV},
+                                      {"threads", required_argument, 0, THREADS},
+                                      {"reps", required_argument, 0, REPS},
+                                      {"warmup", required_argument, 0, WARMUP},
+                                      {"frames", required_argument, 0, FRAMES},
+                                      {"first-frame", required_argument, 0, FIRST},
+                                      {"hit-distance", required_argument, 0, HIT},
+                                      {"max-steps", required_argument, 0, STEPS},
+                                      {"json", no_argument, 0, JSON},
+                                      {"jsonl", no_argument, 0, JSONL},
+                                      {"list", no_argument, 0, LIST},
+                                      {"help", no_argument, 0, 'h'},
+                                      {0, 0, 0, 0}};
+
+// The value of an option that has one, into `o`. NULL, or what is required in its place.
+static const char *take(int option, const char *value, struct options *o) {
+    bool good = true;
+    char *end;
+    const char *wanted = "";
+    switch (option) {
+    case 'n':
+        good = whole_number(value, 1, LARGEST_SIDE, &o->height);
+        wanted = "-n: a height of 1 to 32768 pixels";
+        break;
+    case 'w':
+        good = whole_number(value, 1, LARGEST_SIDE, &o->width);
+        wanted = "-w: a width of 1 to 32768 pixels";
+        break;
+    case 'o': o->out = value; break;
+    case THREADS:
+        good = whole_number(value, 1, 4096, &o->threads);
+        wanted = "--threads: 1 to 4096";
+        break;
+    case REPS:
+        good = whole_number(value, 1, 1000000, &o->reps);
+        wanted = "--reps: 1 to 1000000";
+        break;
+    case WARMUP:
+        good = whole_number(value, 0, 1000000, &o->warmup);
+        wanted = "--warmup: 0 to 1000000";
+        break;
+    case FRAMES:
+        good = whole_number(value, 1, MOST_FRAMES, &o->frames);
+        wanted = "--frames: 1 to 1000000";
+        break;
+    case FIRST:
+        good = whole_number(value, 0, MOST_FRAMES, &o->first_frame);
+        wanted = "--first-frame: 0 to 1000000";
+        break;
+    case HIT:
+        o->overrides.hit_distance = strtod(value, &end);
+        good = end != value && !*end && o->overrides.hit_distance >= 1e-9 &&
+               o->overrides.hit_distance <= 1e9;
+        wanted = "--hit-distance: a length of 1e-9 to 1e9";
+        break;
+    case STEPS:
+        good = whole_number(value, 1, 1000000000, &o->overrides.max_steps);
+        wanted = "--max-steps: 1 to 1000000000";
+        break;
+    }
+    return good ? NULL : wanted;
+}
+
 // Parses into `o`; returns OK, or the status to exit with (−1: --help or --list was served).
 static int list_phases(void);
 static int parse(int argc, char **argv, struct options *o) {
-    enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST };
-    static const struct option known[] = {{"height", required_argument, 0, 'n'},
-                                          {"width", required_argument, 0, 'w'},
-                                          {"output", required_argument, 0, 'o'},
-                                          {"aov", no_argument, 0, AOV},
-                                          {"threads", required_argument, 0, THREADS},
-                                          {"reps", required_argument, 0, REPS},
-                                          {"warmup", required_argument, 0, WARMUP},
-                                          {"frames", required_argument, 0, FRAMES},
-                                          {"first-frame", required_argument, 0, FIRST},
-                                          {"hit-distance", required_argument, 0, HIT},
-                                          {"max-steps", required_argument, 0, STEPS},
-                                          {"json", no_argument, 0, JSON},
-                                          {"jsonl", no_argument, 0, JSONL},
-                                          {"list", no_argument, 0, LIST},
-                                          {"help", no_argument, 0, 'h'},
-                                          {0, 0, 0, 0}};
     *o = (struct options){.threads = 1};
     opterr = 0;
     for (int c; (c = getopt_long(argc, argv, ":n:w:o:h", known, NULL)) != -1;) {
-        bool good = true;
-        const char *wanted = "";
-        char *end;
+        const char *wanted = NULL;
         switch (c) {
-        case 'n':
-            good = whole_number(optarg, 1, LARGEST_SIDE, &o->height);
-            wanted = "-n: a height of 1 to 32768 pixels";
-            break;
-        case 'w':
-            good = whole_number(optarg, 1, LARGEST_SIDE, &o->width);
-            wanted = "-w: a width of 1 to 32768 pixels";
-            break;
-        case 'o': o->out = optarg; break;
         case AOV: o->aov = true; break;
-        case THREADS:
-            good = whole_number(optarg, 1, 4096, &o->threads);
-            wanted = "--threads: 1 to 4096";
-            break;
-        case REPS:
-            good = whole_number(optarg, 1, 1000000, &o->reps);
-            wanted = "--reps: 1 to 1000000";
-            break;
-        case WARMUP:
-            good = whole_number(optarg, 0, 1000000, &o->warmup);
-            wanted = "--warmup: 0 to 1000000";
-            break;
-        case FRAMES:
-            good = whole_number(optarg, 1, MOST_FRAMES, &o->frames);
-            wanted = "--frames: 1 to 1000000";
-            break;
-        case FIRST:
-            good = whole_number(optarg, 0, MOST_FRAMES, &o->first_frame);
-            wanted = "--first-frame: 0 to 1000000";
-            break;
-        case HIT:
-            o->overrides.hit_distance = strtod(optarg, &end);
-            good = end != optarg && !*end && o->overrides.hit_distance >= 1e-9 &&
-                   o->overrides.hit_distance <= 1e9;
-            wanted = "--hit-distance: a length of 1e-9 to 1e9";
-            break;
-        case STEPS:
-            good = whole_number(optarg, 1, 1000000000, &o->overrides.max_steps);
-            wanted = "--max-steps: 1 to 1000000000";
-            break;
         case JSON: o->json = true; break;
         case JSONL: o->jsonl = true; break;
         case LIST: return list_phases();
         case 'h': fputs(USAGE, stdout); return -1;
         case ':': return complain(BAD_INPUT, "%s: a value is required", argv[optind - 1]);
-        default: return complain(BAD_INPUT, "%s: unknown option; see render -h", argv[optind - 1]);
+        case '?': return complain(BAD_INPUT, "%s: unknown option; see render -h", argv[optind - 1]);
+        default: wanted = take(c, optarg, o);
         }
-        if (!good)
+        if (wanted)
             return complain(BAD_INPUT, "%s is required, not \"%s\"", wanted, optarg);
     }
     return good_together(argc, argv, o);
