@@ -59,6 +59,10 @@ static inline bool any(mask a) {
     return !_kortestz_mask16_u8(a, a);
 }
 
+static inline int count_of(mask a) {
+    return __builtin_popcount(a);
+}
+
 static inline bool bit_of(mask a, int lane) {
     return a >> lane & 1;
 }

@@ -61,6 +61,10 @@ static inline bool any(mask a) {
     return !_mm256_testz_ps(a.all, a.all);
 }
 
+static inline int count_of(mask a) {
+    return __builtin_popcount((unsigned)_mm256_movemask_ps(a.all));
+}
+
 static inline bool bit_of(mask a, int lane) {
     return _mm256_movemask_ps(a.all) >> lane & 1;
 }

@@ -7,7 +7,7 @@
 //     set(a)  ramp()            a in each lane; 0, 1, 2 … from the first lane on
 //     plus  minus  product  times   sum3(…): a·x + b·y + c·z by fused products
 //     positive  less            choose(m, yes, no)  both  but_not(a, b): b where not a
-//     any(m)  bit_of(m, i)      whether the lane i is among them
+//     any(m)  bit_of(m, i)      whether the lane i is among them; count_of(m): how many there are
 //     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|, by root and division
 //     look_up(table, at)        table[at] of each lane; bit_set(a, k): lanes whose whole number has that bit
 //     unload(a, scale, to)      as floats, times scale; unload_wide: as doubles

@@ -6,6 +6,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "flops.h"
+
 static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
@@ -72,14 +74,16 @@ static const double DIRECTION_ERROR = 0x1p-20;
 // camera's frame. The band of pixels i … i + 15 is from (2·i − size)·half to (2·i + 32 − size)·half.
 static void reach_of(double across, double ahead, double radius, double half, int size, int *first,
                      int *last) {
+    COUNT(reach_of, call);
     *first = (size + BLOCK - 1) / BLOCK;
     *last = -1;
     if (!(ahead > -radius))
         return;
     for (int band = 0; band * BLOCK < size; band++) {
+        COUNT(reach_of, band);
         double begin = (2.0 * BLOCK * band - size) * half, end = begin + 2 * BLOCK * half;
         if (across - begin * ahead >= -radius * sqrt(1 + begin * begin) &&
-            across - end * ahead <= radius * sqrt(1 + end * end)) {
+            (COUNT(reach_of, before), across - end * ahead <= radius * sqrt(1 + end * end))) {
             *first = band < *first ? band : *first;
             *last = band;
         }
@@ -88,6 +92,7 @@ static void reach_of(double across, double ahead, double radius, double half, in
 
 static void reach_of_sphere(struct world *w, int i, const struct shape *shape,
                             const struct view *view, const struct frame *frame) {
+    COUNT(reach_of_sphere, call);
     double from[3], half = view->tan_half_fov / frame->height;
     for (int k = 0; k < 3; k++)
         from[k] = shape->position[k] - view->position[k];
@@ -112,6 +117,7 @@ static void aim(struct world *w, const struct view *view, const struct frame *fr
 
 void world_look(struct world *w, const struct model *model, const struct view *view,
                 const struct frame *frame) {
+    COUNT(world_look, call);
     const struct format *f = &w->format;
     aim(w, view, frame);
     for (int k = 0; k < 3; k++) {
@@ -120,6 +126,7 @@ void world_look(struct world *w, const struct model *model, const struct view *v
         w->emission[k] = (float)view->light_emission[k];
     }
     for (int i = 0; i < w->count; i++) {
+        COUNT(world_look, sphere);
         const struct shape *shape = &model->shapes[i];
         double from[3];
         for (int k = 0; k < 3; k++) {

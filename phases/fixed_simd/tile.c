@@ -3,126 +3,16 @@
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <string.h>
 
-#include "number.h"
+#include "rays.h"
 #include "trace.h"
-
-struct rays {
-    struct vec from, along;
-    mask on;
-};
-
-struct hit {
-    num t, shape; // shape: −1, none
-    mask found;
-};
-
-static struct vec vec_set(const one a[3]) {
-    return (struct vec){set(a[0]), set(a[1]), set(a[2])};
-}
-
-static struct vec vec_minus(struct vec a, struct vec b) {
-    return (struct vec){minus(a.x, b.x), minus(a.y, b.y), minus(a.z, b.z)};
-}
-
-// a + b·s
-static struct vec vec_along(struct vec a, struct vec b, num s, const struct format *f) {
-    return (struct vec){plus(a.x, times(b.x, s, f)), plus(a.y, times(b.y, s, f)),
-                        plus(a.z, times(b.z, s, f))};
-}
-
-static struct vec vec_choose(mask m, struct vec a, struct vec b) {
-    return (struct vec){choose(m, a.x, b.x), choose(m, a.y, b.y), choose(m, a.z, b.z)};
-}
-
-static struct vec look_up_vec(one *const table[3], num at) {
-    return (struct vec){look_up(table[0], at), look_up(table[1], at), look_up(table[2], at)};
-}
-
-// Of rays through the middle of pixels, given as 2·column + 1 − width and height − 1 − 2·row.
-static struct vec get_direction(num across, num up, const struct world *w) {
-    const struct format *f = &w->format;
-    const num per = set(w->per_height);
-    num x = shifted(product(across, per), w->finer), y = shifted(product(up, per), w->finer),
-        nothing;
-    struct vec d = vec_set(w->forward), r = vec_set(w->right), u = vec_set(w->up);
-    d.x = plus(d.x, shifted(plus(product(r.x, x), product(u.x, y)), f->bits));
-    d.y = plus(d.y, shifted(plus(product(r.y, x), product(u.y, y)), f->bits));
-    d.z = plus(d.z, shifted(plus(product(r.z, x), product(u.z, y)), f->bits));
-    return normalised(d, f, &nothing);
-}
-
-// A sphere is hit at −b − √d, if that is ahead and nearer than what was.
-static void hit_sphere(int i, num b, num d, struct hit *hit, const struct format *f) {
-    mask real = positive(d);
-    if (!any(real))
-        return;
-    num t = minus(minus(set(0), b), root(d, f));
-    mask nearer = both(both(real, positive(t)), less(t, hit->t));
-    hit->t = choose(nearer, t, hit->t);
-    hit->shape = choose(nearer, set(i), hit->shape);
-}
-
-static struct hit nothing_hit(void) {
-    return (struct hit){.t = set(MOST), .shape = set(-1)};
-}
-
-// Of camera rays: what does not depend on their direction was worked out for the frame.
-static struct hit first_hit(struct vec along, const struct world *w, const int *list, int count) {
-    const struct format *f = &w->format;
-    struct hit hit = nothing_hit();
-    for (int k = 0; k < count; k++) {
-        int i = list[k];
-        struct vec from = {set(w->eye[0][i]), set(w->eye[1][i]), set(w->eye[2][i])};
-        num b = sum3(from, along, f);
-        hit_sphere(i, b, plus(times(b, b, f), set(w->rest[i])), &hit, f);
-    }
-    hit.found = less(set(-1), hit.shape);
-    return hit;
-}
-
-static struct hit next_hit(const struct rays *rays, const struct world *w) {
-    const struct format *f = &w->format;
-    struct hit hit = nothing_hit();
-    for (int i = 0; i < w->count; i++) {
-        struct vec from = {minus(rays->from.x, set(w->centre[0][i])),
-                           minus(rays->from.y, set(w->centre[1][i])),
-                           minus(rays->from.z, set(w->centre[2][i]))};
-        num b = sum3(from, rays->along, f);
-        num d = plus(minus(times(b, b, f), sum3(from, from, f)), set(w->radius_sq[i]));
-        hit_sphere(i, b, choose(rays->on, d, set(0)), &hit, f);
-    }
-    hit.found = both(rays->on, less(set(-1), hit.shape));
-    return hit;
-}
-
-// Which of the rays meet a sphere before `far`.
-static mask blocked(struct rays rays, num far, const struct world *w) {
-    const struct format *f = &w->format;
-    mask dark = but_not(rays.on, rays.on);
-    for (int i = 0; i < w->count; i++) {
-        struct vec from = {minus(rays.from.x, set(w->centre[0][i])),
-                           minus(rays.from.y, set(w->centre[1][i])),
-                           minus(rays.from.z, set(w->centre[2][i]))};
-        num b = sum3(from, rays.along, f);
-        num d = plus(minus(times(b, b, f), sum3(from, from, f)), set(w->radius_sq[i]));
-        mask ahead = both(both(rays.on, positive(d)), less(b, set(0)));
-        if (!any(ahead))
-            continue;
-        num t = minus(minus(set(0), b), root(d, f));
-        mask now = both(both(ahead, positive(t)), less(t, far));
-        dark = either(now, dark);
-        rays.on = but_not(now, rays.on);
-        if (!any(rays.on))
-            break;
-    }
-    return dark;
-}
 
 // x^k for 0 ≤ x ≤ 1 and each lane's own whole k, by repeated squaring.
 static num power(num x, num k, const struct world *w) {
+    COUNT(power, call);
     const struct format *f = &w->format;
     num y = set(w->whole);
     for (int i = 0; i < w->shine_bits; i++) {
+        COUNT(power, bit);
         y = choose(bit_set(k, i), times(y, x, f), y);
         x = times(x, x, f);
     }
@@ -136,6 +26,8 @@ static num capped(num a) {
 // What a hit sends back of the light: ambient, diffuse and specular.
 static struct vec light_at(struct vec p, struct vec n, struct vec along, const struct hit *hit,
                            const struct world *w) {
+    ACTIVE(count_of(hit->found));
+    COUNT(light_at, call);
     const struct format *f = &w->format;
     const num ambient = set(w->ambient);
     struct vec base = look_up_vec(w->colour, hit->shape);
@@ -146,11 +38,15 @@ static struct vec light_at(struct vec p, struct vec n, struct vec along, const s
     num facing = sum3(n, l, f);
     mask lit = both(hit->found, positive(facing));
     if (w->shadows && any(lit)) {
+        ACTIVE(count_of(lit));
+        COUNT(light_at, shadow);
         struct rays ray = {vec_along(p, l, set(w->offset), f), l, lit};
         lit = but_not(blocked(ray, sum3(way, l, f), w), lit);
     }
     if (!any(lit))
         return colour;
+    ACTIVE(count_of(lit));
+    COUNT(light_at, lit);
     // l mirrored at n, less the paper's R, along the ray
     num twice = plus(facing, facing);
     num shine = minus(sum3(l, along, f), times(twice, sum3(n, along, f), f));
@@ -177,6 +73,8 @@ struct seen {
 };
 
 static struct vec normal_of(struct vec p, const struct hit *hit, const struct world *w) {
+    ACTIVE(count_of(hit->found));
+    COUNT(normal_of, call);
     num nothing;
     num at = choose(hit->found, hit->shape, set(0));
     return normalised(vec_minus(p, look_up_vec(w->centre, at)), &w->format, &nothing);
@@ -184,6 +82,7 @@ static struct vec normal_of(struct vec p, const struct hit *hit, const struct wo
 
 // The mirror loop: each bounce adds what its hit sends back, weighed by the mirrors before it.
 static struct seen trace(struct rays rays, const struct world *w, const int *list, int count) {
+    COUNT(trace, call);
     const struct format *f = &w->format;
     const struct vec sky = vec_set(w->background);
     struct seen seen = {.hit = first_hit(rays.along, w, list, count)};
@@ -195,6 +94,8 @@ static struct seen trace(struct rays rays, const struct world *w, const int *lis
     num weight = set(w->whole);
     rays.on = hit.found;
     for (int bounce = 0;; bounce++) {
+        ACTIVE(count_of(rays.on));
+        COUNT(trace, bounce);
         struct vec p = vec_along(rays.from, rays.along, choose(hit.found, hit.t, set(0)), f);
         hit.shape = choose(hit.found, hit.shape, set(0));
         struct vec n = normal_of(p, &hit, w);
@@ -208,6 +109,8 @@ static struct seen trace(struct rays rays, const struct world *w, const int *lis
         rays.on = both(hit.found, positive(weight));
         if (bounce == w->bounces || !any(rays.on))
             return seen;
+        ACTIVE(count_of(rays.on));
+        COUNT(trace, mirror);
         num twice = sum3(rays.along, n, f);
         twice = minus(set(0), plus(twice, twice));
         rays.along = vec_along(rays.along, n, twice, f);
@@ -222,6 +125,7 @@ struct block {
 
 // The article's test: whether any of the rays through the corners meets a sphere, before or behind the camera.
 static bool corner_hit(struct block b, const struct world *w, const struct frame *frame) {
+    COUNT(corner_hit, call);
     enum { ROOM = LANES > 4 ? LANES : 4 };
     one across[ROOM], up[ROOM];
     for (int i = 0; i < ROOM; i++) {
@@ -229,8 +133,10 @@ static bool corner_hit(struct block b, const struct world *w, const struct frame
         up[i] = frame->height - 1 - 2 * (b.row + (i >> 1 & 1) * (b.down - 1));
     }
     for (int first = 0; first < 4; first += LANES) {
+        ACTIVE(4 < LANES ? 4 : LANES);
         struct vec along = get_direction(load(across + first), load(up + first), w);
         for (int i = 0; i < w->count; i++) {
+            COUNT(corner_hit, sphere);
             struct vec from = {set(w->eye[0][i]), set(w->eye[1][i]), set(w->eye[2][i])};
             num s = sum3(from, along, &w->format);
             if (any(positive(plus(times(s, s, &w->format), set(w->rest[i])))))
@@ -276,6 +182,7 @@ static void clear_block(struct block b, const struct world *w, struct frame *fra
 // What is asked for beside the colour. A normal is made as long as a frame's is.
 static void store_hits(const struct seen *seen, size_t first, int count, const struct world *w,
                        struct frame *frame) {
+    COUNT(store_hits, call);
     const struct format *f = &w->format;
     float t[LANES], shape[LANES];
     double normal[3][LANES];
@@ -286,6 +193,7 @@ static void store_hits(const struct seen *seen, size_t first, int count, const s
     unload_wide(seen->normal.z, f->scale, normal[2]);
     for (int lane = 0; lane < count; lane++) {
         size_t pixel = first + (size_t)lane;
+        COUNT(store_hits, lane);
         bool hit = bit_of(seen->hit.found, lane);
         double n[3] = {normal[0][lane], normal[1][lane], normal[2][lane]};
         double length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -295,12 +203,15 @@ static void store_hits(const struct seen *seen, size_t first, int count, const s
         if (frame->plane_count)
             frame->planes[0][pixel] = 0;
         for (int i = 0; i < 3; i++)
-            frame->normal[3 * pixel + (size_t)i] = hit && length > 0 ? (float)(n[i] / length) : 0;
+            frame->normal[3 * pixel + (size_t)i] =
+                hit && length > 0 ? (COUNT(store_hits, axis), (float)(n[i] / length)) : 0;
     }
 }
 
 static void store(const struct seen *seen, int column, int row, int count, const struct world *w,
                   struct frame *frame) {
+    ACTIVE(count);
+    COUNT(store, call);
     float r[LANES], g[LANES], b[LANES];
     unload(seen->colour.x, w->format.scale, r);
     unload(seen->colour.y, w->format.scale, g);
@@ -317,6 +228,8 @@ static void store(const struct seen *seen, int column, int row, int count, const
 }
 
 static void render_block(struct block b, const struct world *w, struct frame *frame, int *list) {
+    ACTIVE(LANES);
+    COUNT(render_block, call);
     int count = candidates(b, w, frame, list);
     if (count == 0) {
         clear_block(b, w, frame);
@@ -326,6 +239,8 @@ static void render_block(struct block b, const struct world *w, struct frame *fr
     for (int row = b.row; row < b.row + b.down; row++)
         for (int done = 0; done < b.across; done += LANES) {
             int column = b.column + done, rest = b.across - done;
+            ACTIVE(rest < LANES ? rest : LANES);
+            COUNT(render_block, packet);
             num lane = ramp();
             num across = plus(plus(lane, lane), set(2 * column + 1 - frame->width));
             struct rays rays = {eye, get_direction(across, set(frame->height - 1 - 2 * row), w),

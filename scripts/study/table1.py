@@ -14,7 +14,11 @@ TERMS = (
     ("vector library", ("vec_", "new_vector")),
     ("into the shape's frame", ("apply_transform", "rotate_point", "approach", "wrap", "distance_to_shape")),
     ("marching and shadow rays", ("ray_march", "soft_shadow", "hard_shadow", "shadow", "sdf", "place")),
-    ("rays of the camera", ("get_direction", "phase_render", "store")),
+    (
+        "closed forms",
+        ("first_hit", "next_hit", "hit_sphere", "blocked", "ask_", "meet_sphere", "meet_box", "meet_cone"),
+    ),
+    ("rays of the camera", ("get_direction", "get_rays", "phase_render", "store")),
 )
 REST = "normals and light"
 
