@@ -13,7 +13,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import matplotlib
 
-from study import fixed, fixed_page, fixed_pictures, machine, registry, store
+from study import fixed, fixed_page, fixed_pictures, machine, moving, registry, store
 from study.draw import STYLE, save
 
 DESCRIPTION = """\
@@ -56,7 +56,7 @@ def main() -> int:
     if args.json:
         cli.emit(result)
     else:
-        lines = [*map(fixed_page.sentence, result["rows"]), *map(fixed_page.moving, result["animation"])]
+        lines = [*map(fixed_page.sentence, result["rows"]), *map(moving.sentence, result["animation"])]
         print("\n".join([*lines, *map(str, paths)]))
     bad = [r for r in (*result["rows"], *result["sweep"], *result["clearing"]) if r.get("non_finite")]
     for row in bad:

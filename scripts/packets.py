@@ -13,13 +13,23 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import matplotlib
 
-from study import machine, packets, packets_page, registry, store
+from study import (
+    machine,
+    packets,
+    packets_moving,
+    packets_page,
+    packets_pictures,
+    packets_rays,
+    registry,
+    store,
+)
 from study.draw import STYLE, save
 
 DESCRIPTION = """\
 Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of
 lanes and root; beside Embree, where it was there to build with, on the same rays by turns, hit by hit
-compared. Then ray tracing against sphere tracing on the same scenes: time to equal error."""
+compared. Ray tracing against sphere tracing on the same scenes: time to equal error. Then frame times of an
+animation, the tree built anew for each frame, and the pictures beside their difference to truth."""
 
 
 def arguments() -> argparse.Namespace:
@@ -27,10 +37,12 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("--ray-n", type=cli.at_least(16), default=360, metavar="N", help="height of the rays' picture: 360")
     add("-n", type=cli.at_least(16), default=180, help="height of the pictures; default: 180")
+    add("--frames", type=cli.at_least(2), default=30, help="of the animation; 900 for all of it; default: 30")
+    add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--reps", type=cli.at_least(1), default=5, help="of the rays in each; default: 5")
     add("--seed", type=int, help="of rays and order; default: random")
-    add("--run", type=Path, metavar="DIR", help="for packets.json, figures/; default: build/systems")
+    add("--run", type=Path, metavar="DIR", help="for packets.json, images/, figures/; default: build/systems")
     args = parser.parse_args()
     args.seed = secrets.randbelow(2**32) if args.seed is None else args.seed
     return args
@@ -42,18 +54,20 @@ def main() -> int:
     begun = time.monotonic()
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
+    found["animation"] = packets_moving.study(args.frames, args.frame_n)
     about = {"launches": args.launches, "reps": args.reps, "seed": args.seed}
     about["took_s"] = time.monotonic() - begun
     result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})
     store.write_json(folder / packets.FILE, result)
-    paths = []
+    paths = packets_pictures.write_pictures(folder, packets_rays.scenes(made), args.n)
     with matplotlib.rc_context(STYLE):
         for name, drawing in packets_page.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
         cli.emit(result)
     else:
-        print("\n".join([*packets_page.sentences(result), *map(str, paths)]))
+        lines = [*packets_page.sentences(result), *packets_moving.sentences(result), *map(str, paths)]
+        print("\n".join(lines))
     bad = packets_page.faults(result)
     for text in bad:
         cli.say(f"FAIL {text}")

@@ -7,20 +7,17 @@ the keys.
 from __future__ import annotations
 
 import contextlib
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from study import registry, rods, run, stats, store, truth
+from study import moving, registry, rods, run, stats, store, truth
 from study.registry import Scene, find_scene
 
 Row = dict[str, Any]
 FILE = "fixed.json"
 SETTINGS = "STEPWISE_FIXED"  # of a driver: the phases' settings.c
-SCENE, MOVING = "spheres40", "spheres40_animated"
+SCENE, MOVING = "spheres40", moving.MOVING
 ARTICLE = {
     "ms": 14.29,
     "cores": 35,
@@ -46,20 +43,9 @@ CASES = {
 CLEARS = ("never", "corners", "safe", "lists")
 
 
-@contextlib.contextmanager
-def settings(words: str, lanes: int | None = None) -> Iterator[None]:
+def settings(words: str, lanes: int | None = None) -> contextlib.AbstractContextManager[None]:
     """Drivers started within work as `words` say, on no more lanes; not for several threads."""
-    wanted = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": "avx2"} if lanes == 8 else {})
-    before = {key: os.environ.get(key) for key in wanted}
-    os.environ.update(wanted)
-    try:
-        yield
-    finally:
-        for key, value in before.items():
-            if value is None:
-                del os.environ[key]
-            else:
-                os.environ[key] = value
+    return moving.environment({SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": "avx2"} if lanes == 8 else {}))
 
 
 def able() -> dict[str, tuple[str, str, int]]:
@@ -165,35 +151,24 @@ def clearing(sizes: Sequence[int], launches: int, seed: int, phase: str) -> list
 
 
 def animation(phase: str, words: str, frames: int, n: int, threads: int) -> Row:
-    """MOVING from its beginning: the distribution of its frames' times, update and all. Raises StudyError."""
-    scene = registry.animated()[MOVING]
-    size = scene.size(n)
+    """moving.animation under these settings. Raises StudyError."""
     with settings(words):
-        record = run.render(
-            phase, scene.path, n, size[0], animation=frames, warmup=2, threads=threads, timed=False
-        )
-    ms = np.array([f["ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
-    update = np.array([f["update_ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
-    found = {f"p{p}": float(np.percentile(ms, p)) for p in (5, 50, 95)} | {"most": float(ms.max())}
-    per = {"core_ns_per_pixel": found["p50"] * 1e6 * threads / (size[0] * n)}
-    about = {"phase": phase, "settings": record["settings"], "threads": threads, "frames": frames}
-    return about | {"width": size[0], "n": n, "ms": found, "update_ms": float(np.median(update)), **per,
-                    "all_ms": ms.tolist()}  # fmt: skip
+        return moving.animation(phase, frames, n, threads)
 
 
 def study(n: int, sizes: Sequence[int], frames: int, frame_n: int, launches: int, seed: int) -> Row:
     """All of fixed.json but the context."""
     simd = registry.cpu_supports(registry.find_phase("fixed_simd"))
     fast = "fixed_simd" if simd else "fixed"
-    threads = [1] + ([len(run.USABLE)] if len(run.USABLE) > 1 else [])
-    moving = [(fast, f"roots=3 {SAFE}")] + ([("fixed_float", SAFE)] if simd else [])
+    threads = moving.thread_counts()
+    moved = [(fast, f"roots=3 {SAFE}")] + ([("fixed_float", SAFE)] if simd else [])
     return {
         "article": ARTICLE,
         "rows": beside(n, launches, seed),
         "sweep": sweep(n, launches, seed, fast),
         "clearing": clearing(sizes, launches, seed, fast),
         "animation": [
-            animation(phase, words, frames, frame_n, count) for phase, words in moving for count in threads
+            animation(phase, words, frames, frame_n, count) for phase, words in moved for count in threads
         ],
     }
 

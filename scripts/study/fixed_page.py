@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from study import fixed, show
+from study import fixed, moving, show
 from study.draw import COLOURS, Drawing
 from study.fixed import Row
 from study.sections import Part, part
@@ -69,15 +69,6 @@ CLEARING = [
     Column("", "wrongly cleared, ppm", lambda r: show.number(r["wrongly_cleared_ppm"])),
     Column("to truth", "PSNR, dB", _shown("psnr_db")),
 ]
-ANIMATION = [
-    Column("", "phase", lambda r: r["phase"]),
-    Column("", "threads", lambda r: str(r["threads"])),
-    Column("", "frames", lambda r: f"{r['frames']} at {r['width']}×{r['n']}"),
-    *(Column("ms a frame, update and all", name, lambda r, k=key: show.number(r["ms"][k]))
-      for name, key in (("median", "p50"), ("5 %", "p5"), ("95 %", "p95"), ("most", "most"))),
-    Column("", "update, ms", lambda r: show.number(r["update_ms"], 2)),
-    Column("", "core·ns a pixel", lambda r: show.number(r["core_ns_per_pixel"])),
-]  # fmt: skip
 NOTE = (
     "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves its "
     "spheres otherwise; here is this house's shading, so that truth can judge it. Its time is of 35 cores of "
@@ -94,15 +85,6 @@ def sentence(row: Row) -> str:
     """For a terminal."""
     psnr = _shown("psnr_db")(row)
     return f"{row['case']}, {row['width']}×{row['n']}: {_ms(row)} ms, {psnr} dB, {_wrong(row)} ppm wrong hits"
-
-
-def moving(row: Row) -> str:
-    """For a terminal."""
-    ms = row["ms"]
-    return (
-        f"animation, {row['phase']}, {row['threads']} threads: {ms['p50']:.3g} ms a frame "
-        f"({ms['p5']:.3g} to {ms['p95']:.3g}, at most {ms['most']:.3g})"
-    )
 
 
 def _error(row: Row) -> str:
@@ -164,7 +146,7 @@ def parts(result: Row) -> list[Part]:
             "fixed-animation",
             "Rays in integers: an animation, frame by frame",
             result["animation"],
-            ANIMATION,
+            moving.COLUMNS,
             False,
         ),
         ("fixed-clearing", "Rays in integers: which blocks are cleared", result["clearing"], CLEARING, False),

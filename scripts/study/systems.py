@@ -11,7 +11,9 @@ from study import (
     lattice,
     lattice_page,
     packets,
+    packets_moving,
     packets_page,
+    packets_pictures,
     rods,
     rods_page,
     rods_pictures,
@@ -70,9 +72,11 @@ def section(path: Path) -> Section:
     with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
         traced = packets.read(path / packets.FILE)
         drawn = drawn | packets_page.drawings(traced)
-        parts += packets_page.parts(traced)
+        parts += packets_page.parts(traced) + packets_moving.parts(traced)
         remarks += packets_page.remarks(traced)
-        rows += packets_page.system_rows(traced)
+        rows += packets_page.system_rows(traced) + packets_moving.system_rows(traced)
+        if traced["rays"]:
+            pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
     if rows:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}

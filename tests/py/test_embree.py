@@ -135,6 +135,7 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(packets, "drawn_scenes", lambda _: [find_scene("spheres40")])
     monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
     words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
+    words += ["--frames", "3", "--frame-n", "16"]
     monkeypatch.setattr(sys, "argv", ["packets.py", *words, "--run", str(tmp_path)])
     main = runpy.run_path(str(ROOT / "scripts" / "packets.py"))["main"]
     assert main() == 0
@@ -160,8 +161,12 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     (drawn,) = result["drawn"]
     assert [r["phase"] for r in drawn["rows"]] == ["packets", "opt8_streams"]
     assert all(r["threads"][0]["threads"] == 1 for r in drawn["rows"])
+    trees = [(row["tree"], row["settings"].split()[0], row["threads"]) for row in result["animation"]]
+    assert trees[0] == ("BVH", "tree=bvh", 1) and trees[-1][:2] == ("kd-tree", "tree=kd")
+    assert all(len(row["all_ms"]) == 3 and row["update_ms"] > 0 for row in result["animation"])
     said = capsys.readouterr().out
-    assert "balls, mirror:" in said and "spheres40" in said
+    assert "balls, mirror:" in said and "spheres40" in said and "animation, packets, 1 threads" in said
+    assert (tmp_path / "images" / "packets-pictures.png").exists()
     assert (tmp_path / "figures" / f"{packets_page.FIGURE}.svg").exists()
 
 

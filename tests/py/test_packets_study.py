@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import packets, packets_page, packets_rays, show, systems
+from study import packets, packets_moving, packets_page, packets_pictures, packets_rays, show, systems
 from study.cli import StudyError
+from study.registry import Scene
 
 DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
 INF = np.inf
@@ -105,6 +107,57 @@ def test_the_page_by_hand(tmp_path):
     assert packets_page.faults(made_up()) == []
     for name in packets_page.drawings(made_up()).values():
         assert name.make() is not None
+
+
+def animated() -> dict:
+    """Made up, and of one row: 20 ms a frame at 1000×500, so 40 ns a pixel and core, on two 80."""
+    ms = {"p5": 18.0, "p50": 20.0, "p95": 25.0, "most": 40.0}
+    row = {"tree": "BVH", "phase": "packets", "settings": "tree=bvh", "frames": 9, "width": 1000, "n": 500}
+    row |= {"ms": ms, "update_ms": 0.25, "all_ms": [20.0] * 9}
+    return made_up() | {
+        "animation": [
+            row | {"threads": 1, "core_ns_per_pixel": 40.0},
+            row | {"threads": 2, "core_ns_per_pixel": 80.0},
+            row | {"tree": "kd-tree", "threads": 1, "core_ns_per_pixel": 40.0},
+        ]
+    }
+
+
+def test_the_animation_on_the_page_by_hand(tmp_path):
+    """The article's 14.29 ms on 35 cores at 1920×1080: 241.198 ns a pixel and core."""
+    (tmp_path / packets.FILE).write_text(json.dumps(animated()))
+    section = systems.section(tmp_path)
+    (table,) = (p for p in section.parts if p.name == "packets-animation")
+    first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
+    assert "| 9 at 1000×500 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
+    one, two = packets_moving.system_rows(animated())  # of its own tree alone
+    assert one["what"] == "spheres40_animated 1000×500, ms a frame, the BVH rebuilt, 1 thread"
+    assert one["ratio"] == "6.03× its pixels per core and second" and two["ratio"].startswith("3.01×")
+    assert "95 % of frames under 25.0 ms; the tree 0.25" in one["ours"]
+    assert packets_moving.sentences(animated())[2].endswith("kd-tree and all 0.25 of them")
+    assert not packets_moving.parts(made_up()) + packets_moving.system_rows(made_up())  # an older file
+
+
+def test_the_sheet_shows_the_difference_to_truth(monkeypatch, tmp_path):
+    """Of a picture that is off by 1/10 in one pixel and one that is as truth has it."""
+    planes = dict.fromkeys(("R", "G", "B", "Z", "evals"), np.zeros((8, 16), np.float32))
+    planes |= {"id": np.zeros((8, 16), np.float32)}
+    exact = planes | dict.fromkeys(("status", "status.all"), np.full((8, 16), 2, np.float32))
+    off = planes | {"R": np.where(np.arange(128).reshape(8, 16) == 5, np.float32(0.1), np.float32(0))}
+    drawn = {"off": off, "same": planes}
+    figures = []
+    monkeypatch.setattr(packets_pictures.rods, "picture", lambda _, __, one, size: drawn[one.name])
+    monkeypatch.setattr(packets_pictures.truth, "picture", lambda one, size: exact)
+    monkeypatch.setattr(packets_pictures.panels, "save", lambda figure, path: figures.append(figure) or path)
+    scenes = [Scene(name, tmp_path, DATA, False) for name in drawn]
+    (path,) = packets_pictures.write_pictures(tmp_path, scenes, 16)
+    assert path == tmp_path / "images" / "packets-pictures.png"
+    _, *panels = figures[0].axes  # its colour bar is the first
+    titles = [p.get_title(loc="left") for p in panels]
+    psnr = 10 * math.log10(3 * 128 / 0.1**2)
+    assert titles[1] == f"to truth, 16×8: {psnr:.1f} dB, 0 ppm wrong hits" and "identical" in titles[3]
+    shown = [p.images[0].get_array() for p in panels]
+    assert np.isclose(shown[1].max(), 0.1) and np.sum(shown[1] > 1e-6) == 1 and shown[3].max() < 1e-6
 
 
 def test_without_embree_the_page_says_so(tmp_path):

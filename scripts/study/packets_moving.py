@@ -1,0 +1,57 @@
+"""packets.json's `animation`: shapes that move, the tree built anew before each frame and timed with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from study import fixed, moving, packets_rays, show
+from study.sections import Part, part
+from study.show import Column
+
+Row = dict[str, Any]
+TREES = {"BVH": "tree=bvh", "kd-tree": "tree=kd"}
+COLUMNS = [Column("", "tree", lambda r: r["tree"]), *moving.COLUMNS]
+
+
+def study(frames: int, n: int) -> list[Row]:
+    """A row for each tree and number of threads. Raises StudyError."""
+    rows = []
+    for name, words in TREES.items():
+        with moving.environment({packets_rays.SETTINGS: words}):
+            for threads in moving.thread_counts():
+                rows.append({"tree": name, **moving.animation("packets", frames, n, threads)})
+    return rows
+
+
+def parts(result: Row) -> list[Part]:
+    """Its table; none in a file of before there was one."""
+    caption = "Packet ray tracing: an animation, the tree built anew for each frame"
+    return part("packets-animation", caption, result.get("animation", []), COLUMNS)
+
+
+def sentences(result: Row) -> list[str]:
+    """For a terminal."""
+    return [
+        f"{moving.sentence(row)}, {row['tree']} and all {row['update_ms']:.2g} of them"
+        for row in result.get("animation", [])
+    ]
+
+
+def system_rows(result: Row) -> list[Row]:
+    """Rows of the table of all systems, of the phase's own tree; the article with such frames is P3's."""
+    said = fixed.ARTICLE
+    theirs = said["ms"] * 1e6 * said["cores"] / (said["width"] * said["height"])
+    return [
+        {
+            "system": "packet ray tracer (P2)",
+            "what": f"{moving.MOVING} {row['width']}×{row['n']}, ms a frame, the {row['tree']} rebuilt, "
+            f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}",
+            "article": f"{said['ms']} ({said['cpu']}; P3's)",
+            "ours": f"{show.number(row['ms']['p50'])} (95 % of frames under {show.number(row['ms']['p95'])} "
+            f"ms; the tree {show.number(row['update_ms'], 2)})",
+            "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",
+            "error": show.NOTHING,
+        }
+        for row in result.get("animation", [])
+        if row["tree"] == next(iter(TREES))
+    ]

@@ -1,0 +1,48 @@
+"""What the packet ray tracer draws of its scenes, and under each how far that is from truth: a sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from study import images, panels, rods, truth
+from study.registry import Scene
+
+PICTURES = "packets-pictures"
+CAPTION = (
+    "Phase packets on spheres40, trio without its torus under hard shadows, and 4,096 spheres; below, in "
+    "half as many lines, the largest difference to truth of R, G, B in each pixel"
+)
+
+
+def title_of(made: images.Picture, exact: images.Picture) -> str:
+    """Size and error of a difference."""
+    off, (high, wide) = rods.errors(exact, made), made["R"].shape
+    psnr = "identical" if off["psnr_db"] is None else f"{off['psnr_db']:.1f} dB"
+    return f"to truth, {wide}×{high}: {psnr}, {off['wrong_ppm']:,.0f} ppm wrong hits"
+
+
+def write_pictures(folder: Path, scenes: Sequence[Scene], n: int) -> list[Path]:
+    """The sheet: pictures of `n` lines, differences of n // 2. Raises StudyError."""
+    count = len(scenes)
+    figure = Figure(figsize=(6 * count + 1, 7.9), dpi=100, facecolor="white")
+    title = "The packet ray tracer; below, its difference to truth (black: less than 10⁻⁶)"
+    figure.suptitle(title, x=0.01, y=0.985, ha="left", va="top", fontsize=16)
+    edges = {"left": 0.01, "right": 1 - 1.1 / (6 * count + 1), "top": 0.88, "bottom": 0.02}
+    ratios = (*[1] * count, 0.04)
+    spots = figure.add_gridspec(2, count + 1, wspace=0.03, hspace=0.12, width_ratios=ratios, **edges)
+    bar = figure.add_subplot(spots[1, count])
+    for column, scene in enumerate(scenes):
+        above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))
+        large, small = scene.size(n), scene.size(n // 2)
+        shown = rods.picture("packets", "", scene, large)
+        panels.show(above, images.to_display(images.rgb(shown)))
+        above.set_title(f"{scene.name}, {large[0]}×{large[1]}", fontsize=14, loc="left")
+        made, exact = rods.picture("packets", "", scene, small), truth.picture(scene, small)
+        bar.clear()
+        panels.difference(below, bar, exact, made)
+        below.set_title(title_of(made, exact), fontsize=14, loc="left")
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    return [panels.save(figure, folder / "images" / f"{PICTURES}.png")]
