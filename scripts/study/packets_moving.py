@@ -32,7 +32,7 @@ def parts(result: Row) -> list[Part]:
 def sentences(result: Row) -> list[str]:
     """For a terminal."""
     return [
-        f"{moving.sentence(row)}, {row['tree']} and all {row['update_ms']:.2g} of them"
+        f"{moving.sentence(row)}; building the {row['tree']} {row['update_ms']:.2g} ms of it"
         for row in result.get("animation", [])
     ]
 

@@ -134,7 +134,7 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     assert one["what"] == "spheres40_animated 1000×500, ms a frame, the BVH rebuilt, 1 thread"
     assert one["ratio"] == "6.03× its pixels per core and second" and two["ratio"].startswith("3.01×")
     assert "95 % of frames under 25.0 ms; the tree 0.25" in one["ours"]
-    assert packets_moving.sentences(animated())[2].endswith("kd-tree and all 0.25 of them")
+    assert packets_moving.sentences(animated())[2].endswith("building the kd-tree 0.25 ms of it")
     assert not packets_moving.parts(made_up()) + packets_moving.system_rows(made_up())  # an older file
 
 
