@@ -347,6 +347,22 @@ static int material_index(json_t *materials, const char *wanted) {
     return -1;
 }
 
+static void read_plane(struct reader *r, json_t *object, struct shape *shape) {
+    double *n = shape->plane.normal;
+    if (!vector(r, object, "normal", ANY, n))
+        return;
+    double length = sqrt(dot3(n, n));
+    shape->plane.offset = number(r, object, "offset", ANY);
+    if (!(length >= SMALLEST)) {
+        fail(r, "normal", "is zero; a direction is required");
+        return;
+    }
+    normalize3(n); // n·p = offset keeps its plane when both are divided
+    shape->plane.offset /= length;
+    if (!(fabs(shape->plane.offset) <= LARGEST))
+        fail(r, "offset", "divided by the length of normal it is beyond %g", LARGEST);
+}
+
 static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
     static const char *const keys[SHAPE_TYPES][4] = {
         {"radius"},
@@ -380,22 +396,7 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         shape->cone.half_height = number(r, object, "half_height", POSITIVE);
         break;
     case SHAPE_OCTAHEDRON: shape->octahedron.radius = number(r, object, "radius", POSITIVE); break;
-    case SHAPE_PLANE: {
-        double *n = shape->plane.normal;
-        if (vector(r, object, "normal", ANY, n)) {
-            double length = sqrt(dot3(n, n));
-            shape->plane.offset = number(r, object, "offset", ANY);
-            if (!(length >= SMALLEST))
-                fail(r, "normal", "is zero; a direction is required");
-            else { // n·p = offset keeps its plane when both are divided
-                normalize3(n);
-                shape->plane.offset /= length;
-                if (!(fabs(shape->plane.offset) <= LARGEST))
-                    fail(r, "offset", "divided by the length of normal it is beyond %g", LARGEST);
-            }
-        }
-        break;
-    }
+    case SHAPE_PLANE: read_plane(r, object, shape); break;
     case SHAPE_MANDELBULB:
         shape->mandelbulb.power = number(r, object, "power", POSITIVE);
         if (!r->failed && shape->mandelbulb.power != 8)

@@ -12,6 +12,10 @@ struct query {
     bool newton;
 };
 
+static inline mask active_in(const struct beams *b, int packet) {
+    return first_lanes(b->count - packet * LANES);
+}
+
 // What of a solid's interval counts as a hit of a ray from outside, or from inside.
 static inline mask entered(mask met, real in, real out, struct vec o, enum solid type,
                            const struct hot *hot, int i, enum lane_of lane, real *t) {
