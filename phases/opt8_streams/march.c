@@ -160,6 +160,7 @@ __attribute__((always_inline)) static inline void march_alone(struct progress pa
                                                               int shape, enum shape_type type,
                                                               struct group *group,
                                                               const struct prepared *scene) {
+    COUNT(march_alone, call);
     const struct placed *placed = &scene->placed[shape];
     real hit_distance = set((float)scene->model.march.hit_distance);
     int cap = step_cap(&scene->model), under_way = group->count;
