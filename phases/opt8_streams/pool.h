@@ -10,7 +10,7 @@ enum { REFILL = TOGETHER / 16 }; // lanes that have ended
 
 // What the lanes of a packet have, but for what is in the group.
 struct pool {
-    struct shade shade; // camera rays have its exit alone
+    struct shade shade;           // camera rays have its exit alone
     real evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
     real last;                    // of a camera ray that has been hit
     mask held, found, passed;     // with a ray, if it has ended or not; of those that have: how

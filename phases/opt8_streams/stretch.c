@@ -10,14 +10,16 @@ struct stretch {
 };
 
 // Where |origin + t·direction| < radius + t·slope; never narrower than that. Near to a slope of 1: everywhere.
-static struct stretch within_line(const struct approach *bulb, real radius, real slope) {
+// `along`: origin·direction; `square`: |origin|².
+static struct stretch within_line(real along, real square, real radius, real slope) {
     COUNT(within_line, call);
     real none = set(INFINITY), zero = set(0.0f);
     real lead = neg_mul_add(slope, slope, set(1.0f));
-    real half = mul_sub(radius, slope, vec_dot(bulb->origin, bulb->direction));
-    real rest = neg_mul_add(radius, radius, vec_dot(bulb->origin, bulb->origin));
+    real half = mul_sub(radius, slope, along);
+    real rest = neg_mul_add(radius, radius, square);
     real inner = neg_mul_add(lead, rest, half * half);
-    inner = mul_add(set(0x1p-20f), mul_add(half, half, absolute(rest)), inner); // what float makes of it
+    inner = mul_add(set(0x1p-20f), mul_add(half, half, absolute(rest)),
+                    inner); // what float makes of it
     real side = root(most_of(inner, zero)), per = set(1.0f) / lead;
     real from = (half - side) * per, to = (half + side) * per;
     mask some = both(not_less(inner, zero), not_less(to, zero));
@@ -34,9 +36,11 @@ static struct stretch before_plane(const struct approach *bulb, const struct app
     COUNT(before_plane, call);
     real height = plane->origin.x, slope = plane->direction.x + set(0x1p-12f);
     height = mul_add(set(0x1p-10f), absolute(height), height + set(0x1p-10f));
-    real two = set(2.0f);
-    struct stretch near = within_line(bulb, mul_add(two, height, set(placed->a)), slope + slope);
-    struct stretch far = within_line(bulb, height + set(TANGENT), slope);
+    real along = vec_dot(bulb->origin, bulb->direction);
+    real square = vec_dot(bulb->origin, bulb->origin);
+    real near_radius = mul_add(set(2.0f), height, set(placed->a));
+    struct stretch near = within_line(along, square, near_radius, slope + slope);
+    struct stretch far = within_line(along, square, height + set(TANGENT), slope);
     return (struct stretch){most_of(near.from, far.from), least_of(near.to, far.to)};
 }
 
@@ -65,8 +69,7 @@ static struct stretch stretch_of(const struct beam *beam, const struct prepared 
 }
 
 // The shadow rays from `first` on, of the desk's queue.
-static mask queued(int first, struct desk *desk, struct place *origin,
-                   struct vec *to_light) {
+static mask queued(int first, struct desk *desk, struct place *origin, struct vec *to_light) {
     float (*field)[ROOM] = desk->shadow;
     *origin = (struct place){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
     *to_light = load_vec(field + S_TO_LIGHT, first);
@@ -126,8 +129,8 @@ static inline bool walk_step(struct walk *walk, int k, float strength_sq, real c
     COUNT(walk_step, call);
     walk->evals[k] = add_where(live, walk->evals[k], set(1.0f));
     mask on = model->shadows == SHADOWS_SOFT
-                  ? soft_stride(&walk->shade[k], k, strength_sq, group, model)
-                  : hard_stride(&walk->shade[k], walk->length[k], k, group, model);
+                  ? soft_step(&walk->shade[k], k, strength_sq, group, model)
+                  : hard_step(&walk->shade[k], walk->length[k], k, group, model);
     on = less_in(on, walk->evals[k], cap);
     mask before = less_in(on, group->t[k], walk->until[k]);
     if (same(before, live))
@@ -188,9 +191,9 @@ bool ready_shadow(struct stream *stream, int number, struct world *world) {
     stream->beam = eye_of(world->own, world->scene);
     approach_origins(origin, world->scene, &stream->beam);
     approach_directions(to_light, world->scene, &stream->beam);
-    stream->ready.shade = (struct shade){load(&desk->leg[LEG_LEAST][first]),
-                                         load(&desk->leg[LEG_TWICE][first]),
-                                         leaving(origin, to_light, &world->scene->model)};
+    stream->ready.shade =
+        (struct shade){load(&desk->leg[LEG_LEAST][first]), load(&desk->leg[LEG_TWICE][first]),
+                       leaving(origin, to_light, &world->scene->model)};
     stream->ready.evals = load(&desk->leg[LEG_EVALS][first]);
     stream->ready.length = load(&desk->shadow[S_DISTANCE][first]);
     stream->ready.end = load(&desk->leg[LEG_END][first]);
@@ -225,8 +228,8 @@ static inline int pool_step(struct pool *pool, int k, float strength_sq, real ca
     COUNT(pool_step, call);
     pool->evals = add_where(group->live[k], pool->evals, set(1.0f));
     mask on = model->shadows == SHADOWS_SOFT
-                  ? soft_stride(&pool->shade, k, strength_sq, group, model)
-                  : hard_stride(&pool->shade, pool->length, k, group, model);
+                  ? soft_step(&pool->shade, k, strength_sq, group, model)
+                  : hard_step(&pool->shade, pool->length, k, group, model);
     on = less_in(on, pool->evals, cap);
     mask stay = not_greater_in(on, group->t[k], pool->end);
     pool->passed = either(pool->passed, but_not(stay, on));

@@ -1,6 +1,6 @@
 // Shadow rays that wait, in packets: see streams.h. Each of them marches until its last ray is done.
-#include "bounds.h"
 #include "umbra.h"
+#include "bounds.h"
 
 static void wait_for(struct rays *rays, real length[GROUP], int first, struct desk *desk) {
     COUNT(wait_for, call);
@@ -48,8 +48,8 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             mask live = group->live[k];
-            mask on = soft ? soft_stride(&shades[k], k, strength_sq, group, model)
-                           : hard_stride(&shades[k], length[k], k, group, model);
+            mask on = soft ? soft_step(&shades[k], k, strength_sq, group, model)
+                           : hard_step(&shades[k], length[k], k, group, model);
             if (same(on, live) || shade_ends(k, on, group))
                 i++;
             else

@@ -19,8 +19,8 @@ __attribute__((noinline, unused)) static bool shade_ends(int k, mask live, struc
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
 // this step: of those that are not, the shade stays as it is.
-static inline mask soft_stride(struct shade *ray, int k, float strength_sq, struct group *group,
-                               const struct model *model) {
+static inline mask soft_step(struct shade *ray, int k, float strength_sq, struct group *group,
+                             const struct model *model) {
     mask live = group->live[k];
     ACTIVE(count_of(live));
     COUNT(soft_step, call);
@@ -51,8 +51,8 @@ static inline mask soft_stride(struct shade *ray, int k, float strength_sq, stru
     return not_greater_in(going, beyond(ray->exit, t), zero);
 }
 
-static inline mask hard_stride(struct shade *ray, real distance, int k, struct group *group,
-                               const struct model *model) {
+static inline mask hard_step(struct shade *ray, real distance, int k, struct group *group,
+                             const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(count_of(group->live[k]));
     COUNT(hard_step, call);
