@@ -14,7 +14,8 @@
 #define BULB_SHARE 0.52f
 
 // A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
-// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 14 bits will do.
+// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 14 bits will do, but in the first two
+// of a camera ray's (`exact`).
 struct bulb {
     real x, y, z, flat, m; // flat: x² + z², m: |·|²
     real slope, product;
@@ -72,16 +73,22 @@ static inline void bulb_grow(struct bulb *b, real bailout) {
     b->on = and_not_greater(b->on, grown, bailout);
 }
 
+// 1/√a for the derivative's sum.
+static inline real small_root(real a, bool exact) {
+    return exact ? rough_inverse_root(a) : root_guess(a);
+}
+
 // With A = ρ² − y²: (ρ + iy)⁴ has 2·A² − m² for its real part, and (ρ + iy)⁸ twice that one's square less m⁴, and
 // 8·ρ·y·A·that beside it. (x + iz)²/ρ² and ⁴ are halved and in eighths, K is 128 times what they turn.
-static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, real bailout) {
+static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, bool exact,
+                             real bailout) {
     ACTIVE(count_of(b->on));
     COUNT(bulb_step, call);
     real x = b->x, y = b->y, z = b->z, m = b->m, square = m * m, r, per;
     if (i == 0) {
         COUNT(bulb_step, first);
         b->product = m;
-        b->slope = mul_add(square * set(12.0f), m, root_guess(m));
+        b->slope = mul_add(square * set(12.0f), m, small_root(m, exact));
     } else {
         COUNT(bulb_step, later);
         if (i == first)
@@ -90,7 +97,8 @@ static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, rea
             COUNT(bulb_step, product);
             b->product = mul_add_where(b->on, b->product, m, set(0.0f));
         }
-        b->slope = mul_add_where(b->on, b->slope, square * set(8.0f) * m, root_guess(b->product));
+        b->slope = mul_add_where(b->on, b->slope, square * set(8.0f) * m,
+                                 small_root(b->product, exact && i <= 1));
     }
     real a = neg_mul_add(y, y, b->flat), k1 = mul_sub(set(2.0f), a * a, square);
     real k = (a * k1) * (y * root_and_inverse(b->flat, 1024.0f, &r, &per));
@@ -134,12 +142,13 @@ enum {
 
 // From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
 __attribute__((always_inline)) static inline void bulbs_end(const struct placed *s, int first,
-                                                            bool soon, int count, struct bulb *b,
-                                                            const struct vec *p, real *distance) {
+                                                            bool soon, bool exact, int count,
+                                                            struct bulb *b, const struct vec *p,
+                                                            real *distance) {
     real bailout = set(s->bailout);
     for (int i = first; i < s->iterations; i++) {
         for (int k = 0; k < count; k++)
-            bulb_step(&b[k], p[k], i, first, bailout);
+            bulb_step(&b[k], p[k], i, first, exact, bailout);
         if (soon || i % 2 == 1) {
             mask on = b[0].on;
             for (int k = 1; k < count; k++)
@@ -152,12 +161,13 @@ __attribute__((always_inline)) static inline void bulbs_end(const struct placed 
         distance[k] = bulb_end(&b[k], p[k]);
 }
 
-__attribute__((always_inline)) static inline void
-bulbs(const struct placed *s, const struct vec *p, const mask *done, bool soon, real *distance) {
+__attribute__((always_inline)) static inline void bulbs(const struct placed *s, const struct vec *p,
+                                                        const mask *done, bool soon, bool exact,
+                                                        real *distance) {
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++)
         b[k] = bulb_begin(p[k], done[k]);
-    bulbs_end(s, 0, soon, ABREAST, b, p, distance);
+    bulbs_end(s, 0, soon, exact, ABREAST, b, p, distance);
 }
 
 #endif

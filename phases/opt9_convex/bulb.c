@@ -119,7 +119,7 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct placed 
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
     }
-    bulbs(s, at, done, soon, h);
+    bulbs(s, at, done, soon, true, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
         advance(&p[k], h[k], hit_distance, oldest, close);

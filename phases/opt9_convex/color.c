@@ -19,7 +19,7 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     real f[4];
     for (int k = 0; k < 4; k++)
         b[k] = bulb_begin(at[k], done);
-    bulbs_end(s, 0, false, 4, b, at, f);
+    bulbs_end(s, 0, false, false, 4, b, at, f);
     struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
     return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
 }

@@ -192,7 +192,7 @@ nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving,
             struct vec p[ABREAST];
             for (int k = 0; k < ABREAST; k++)
                 p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-            bulbs(s, p, done, leaving, own);
+            bulbs(s, p, done, leaving, false, own);
         } else
             for (int k = 0; k < ABREAST; k++)
                 own[k] = distance_along(&m[k].nears[i], m[k].t, s);
