@@ -20,13 +20,13 @@
 #define CLOSE_LEAVES 1e-2f // at the end of its piece: until such a step
 #define CLOSE_PIECE 0.02f  // half length of a piece, at most
 #define CLOSE_LEAST 0x1p-20f
-#define CLOSE_SHARE 0.03125f // of ρ
-enum { CLOSE_TERMS = 6 };
+#define CLOSE_SHARE 0.03125f              // of ρ
+enum { CLOSE_TERMS = 6, CLOSE_TOLD = 4 }; // x, y, z and the derivative
 
 // What a lane knows; all from the middle of its piece.
 enum close_field {
-    N_TERM, // x, y, z of the constants, then of the factors of t …
-    N_PLACE = 3 * CLOSE_TERMS,
+    N_TERM, // the constants of all that is told, then the factors of t …
+    N_PLACE = CLOSE_TOLD * CLOSE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
     N_END, // of the piece, or of the ray
@@ -89,13 +89,14 @@ static inline wide wide_minus(wide a, wide b) {
     return (wide){a.low - b.low, a.high - b.high};
 }
 
-static inline void first_of_wide(struct wide_vec place, wide to[3]) {
+static inline void first_of_wide(struct wide_vec place, wide to[CLOSE_TOLD]) {
     COUNT(bulb_first, both);
-    struct half_vec low = bulb_first(place.x.low, place.y.low, place.z.low);
-    struct half_vec high = bulb_first(place.x.high, place.y.high, place.z.high);
+    struct half_bulb low = bulb_first(place.x.low, place.y.low, place.z.low);
+    struct half_bulb high = bulb_first(place.x.high, place.y.high, place.z.high);
     to[0] = (wide){low.x, high.x};
     to[1] = (wide){low.y, high.y};
     to[2] = (wide){low.z, high.z};
+    to[3] = (wide){low.slope, high.slope};
 }
 
 // One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
@@ -117,7 +118,7 @@ static inline void put_terms(const wide sum[3], const wide difference[3],
         real factor = narrow(term);
         if (k > 0)
             factor = factor * power[k];
-        unload(factor, to->field[N_TERM + 3 * k + axis]);
+        unload(factor, to->field[N_TERM + CLOSE_TOLD * k + axis]);
     }
 }
 
@@ -125,12 +126,12 @@ static void put_pieces(struct wide_vec o, struct wide_vec d, wide middle, real e
                        struct pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
     COUNT(put_pieces, call);
-    wide sum[3][3], difference[3][3], reach = wide_sum(end, set(0.0f));
+    wide sum[CLOSE_TOLD][3], difference[CLOSE_TOLD][3], reach = wide_sum(end, set(0.0f));
     for (int i = 0; i < 3; i++) {
-        wide away = wide_mul(reach, nodes[i]), before[3], behind[3];
+        wide away = wide_mul(reach, nodes[i]), before[CLOSE_TOLD], behind[CLOSE_TOLD];
         first_of_wide(places(o, d, wide_minus(middle, away)), before);
         first_of_wide(places(o, d, wide_plus(middle, away)), behind);
-        for (int axis = 0; axis < 3; axis++) {
+        for (int axis = 0; axis < CLOSE_TOLD; axis++) {
             sum[axis][i] = wide_plus(behind[axis], before[axis]);
             difference[axis][i] = wide_minus(behind[axis], before[axis]);
         }
@@ -138,7 +139,7 @@ static void put_pieces(struct wide_vec o, struct wide_vec d, wide middle, real e
     real power[CLOSE_TERMS] = {set(1.0f), per_end};
     for (int k = 2; k < CLOSE_TERMS; k++)
         power[k] = power[k - 1] * per_end;
-    for (int axis = 0; axis < 3; axis++)
+    for (int axis = 0; axis < CLOSE_TOLD; axis++)
         put_terms(sum[axis], difference[axis], power, axis, to);
 }
 
@@ -217,18 +218,22 @@ struct close_packet {
     mask done, reached, met;
 };
 
-static inline struct vec close_first(const struct close_lanes *lanes, real t) {
+// After the first iteration.
+static inline struct bulb close_first(const struct close_lanes *lanes, real t, mask done) {
     ACTIVE(LANES);
     COUNT(close_first, call);
-    const real *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
-    struct vec value = {term[0], term[1], term[2]};
+    const real *term = lanes->field + N_TERM + CLOSE_TOLD * (CLOSE_TERMS - 1);
+    real x = term[0], y = term[1], z = term[2], slope = term[3];
     for (int k = 1; k < CLOSE_TERMS; k++) {
-        term -= 3;
-        value.x = mul_add(value.x, t, term[0]);
-        value.y = mul_add(value.y, t, term[1]);
-        value.z = mul_add(value.z, t, term[2]);
+        term -= CLOSE_TOLD;
+        x = mul_add(x, t, term[0]);
+        y = mul_add(y, t, term[1]);
+        z = mul_add(z, t, term[2]);
+        slope = mul_add(slope, t, term[3]);
     }
-    return value;
+    real flat = mul_add(x, x, mul_add(z, z, set(1e-30f)));
+    real m = mul_add(y, y, flat);
+    return (struct bulb){x, y, z, flat, m, slope, set(1.0f), not_in(done), no_lane()};
 }
 
 static inline void advance_close(struct close_packet *p, const real field[N_FIELDS], real h,
@@ -260,14 +265,10 @@ static inline int step_close(const struct placed *s, const struct close_lanes *l
             (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
             p[k].t);
-        b[k] = bulb_begin(at[k], p[k].done);
-        struct vec first = close_first(&lanes[k], p[k].t);
-        b[k].x = first.x;
-        b[k].y = first.y;
-        b[k].z = first.z;
-        bulb_grow(&b[k], set(s->bailout));
+        b[k] = close_first(&lanes[k], p[k].t, p[k].done);
+        b[k].on = and_not_greater(b[k].on, b[k].m, set(s->bailout));
     }
-    bulbs_end(s, 1, false, b, at, h);
+    bulbs_end(s, 1, false, true, ABREAST, b, at, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
         advance_close(&p[k], lanes[k].field, h[k], hit_distance, oldest);
@@ -317,8 +318,6 @@ static void retire_close(struct close_packet *p, struct close_lanes *from, float
         return;
     COUNT(retire_close, ended);
     float way[LANES], middle[LANES], rays[LANES], had[LANES];
-    real far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
-    real rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
     real taken = set(steps) - from->field[N_BORN];
     unload(p->t, way);
     unload(from->field[N_MIDDLE], middle);
@@ -331,6 +330,10 @@ static void retire_close(struct close_packet *p, struct close_lanes *from, float
     mask on = but_not(either(p->reached, over), lanes_of(ended));
     if (!any(on))
         return;
+    ACTIVE(count_of(on));
+    COUNT(retire_close, on);
+    real far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
+    real rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
     mask open = both(on, greater(p->step, set(CLOSE_LEAVES)));
     unload(far, way);
     unload(rest, middle);

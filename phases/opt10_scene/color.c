@@ -12,13 +12,16 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     COUNT(bulb_normal, scalar);
     mask done = not_in(found);
     // Along the world's axes, as in every phase: columns of the shape's matrix.
-    struct vec to[3];
+    struct vec at[4] = {p};
     for (int k = 0; k < 3; k++)
-        to[k] = (struct vec){p.x + set(step * s->turn[0][k]), p.y + set(step * s->turn[1][k]),
-                             p.z + set(step * s->turn[2][k])};
-    real f = sdf_mandelbulb(p, s, done), fx = sdf_mandelbulb(to[0], s, done);
-    real fy = sdf_mandelbulb(to[1], s, done), fz = sdf_mandelbulb(to[2], s, done);
-    struct vec n = {fx - f, fy - f, fz - f};
+        at[k + 1] = (struct vec){p.x + set(step * s->turn[0][k]), p.y + set(step * s->turn[1][k]),
+                                 p.z + set(step * s->turn[2][k])};
+    struct bulb b[4];
+    real f[4];
+    for (int k = 0; k < 4; k++)
+        b[k] = bulb_begin(at[k], done);
+    bulbs_end(s, 0, false, false, 4, b, at, f);
+    struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
     return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
 }
 

@@ -126,12 +126,6 @@ static inline real guess_inverse(real a) {
     return _mm256_castsi256_ps(bits);
 }
 
-// 1/√a to 12 bits (16 lanes: 14), for normal a > 0.
-static inline real root_guess(real a) {
-    COUNT(root_guess, call);
-    return _mm256_rsqrt_ps(a);
-}
-
 // a·b + c in the lanes of m, a in the others.
 static inline real mul_add_where(mask m, real a, real b, real c) {
     return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.all);
@@ -148,6 +142,12 @@ static inline real rough_inverse_root(real a) {
     return r * _mm256_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
+// 1/√a to 14 bits and better.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return rough_inverse_root(a);
+}
+
 static inline real rough_inverse(real a) {
     COUNT(rough_inverse, call);
     real r = _mm256_rcp_ps(a);
@@ -155,12 +155,12 @@ static inline real rough_inverse(real a) {
 }
 
 // 2·√a and 4/a for normal a > 0, to a few ulp.
-static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+static inline real root_and_inverse(real a, float scale, real *one, real *other) {
     COUNT(root_and_inverse, call);
     COUNT(root_and_inverse, eight);
-    real r = rough_inverse_root(a), rr = r + r;
-    *twice_root = a * rr;
-    *four_per = rr * rr;
+    real r = rough_inverse_root(a);
+    *one = *other = r;
+    return (a * r) * set(scale);
 }
 
 // a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
@@ -206,6 +206,12 @@ static inline real scaled(real a, real n) {
     return _mm256_castsi256_ps(_mm256_add_epi32(_mm256_castps_si256(a), power));
 }
 
+// 2 to the power of minus a's exponent.
+static inline real power_per(real a) {
+    __m256i field = _mm256_and_si256(_mm256_castps_si256(a), _mm256_set1_epi32(0x7f800000));
+    return _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_set1_epi32(0x7f000000), field));
+}
+
 // The lanes of m in a row, from `to` on: at most LANES floats are written.
 static inline void pack(mask m, real a, float to[LANES]) {
     float lanes[LANES];
@@ -221,6 +227,14 @@ static inline void expand_rows(real *to, int count, unsigned lanes, const float 
         for (int i = 0; i < count; i++)
             lane[i * LANES] = from[(size_t)i * (size_t)stride];
     }
+}
+
+// `count` registers' lanes `here` into the lanes `there` of others: as many, in their order.
+static inline void move_lanes(float *to, unsigned there, const float *from, unsigned here,
+                              int count) {
+    for (; here; here &= here - 1, there &= there - 1)
+        for (int i = 0; i < count; i++)
+            to[i * LANES + __builtin_ctz(there)] = from[i * LANES + __builtin_ctz(here)];
 }
 
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.

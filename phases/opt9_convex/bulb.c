@@ -105,8 +105,10 @@ static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
 }
 
 // A step of all packets. How many lanes have ended.
-__attribute__((always_inline)) static inline int
-step_bulbs(const struct placed *s, struct packet *p, real hit_distance, real oldest, real close) {
+__attribute__((always_inline)) static inline int step_bulbs(const struct placed *s,
+                                                            struct packet *p, bool soon,
+                                                            real hit_distance, real oldest,
+                                                            real close) {
     struct vec at[ABREAST];
     mask done[ABREAST];
     real h[ABREAST];
@@ -117,13 +119,52 @@ step_bulbs(const struct placed *s, struct packet *p, real hit_distance, real old
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
     }
-    bulbs(s, at, done, false, h);
+    bulbs(s, at, done, soon, true, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
         advance(&p[k], h[k], hit_distance, oldest, close);
         ended += count_of(p[k].done);
     }
     return ended;
+}
+
+// The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
+// until a ray of theirs ends.
+static void step_together(const struct placed *s, float (*rays)[BULB_ROOM], int count,
+                          const struct limits *limits, real hit_distance, float close) {
+    COUNT(step_together, call);
+    for (int first = 0; first < count; first += ABREAST * LANES) {
+        struct packet p[ABREAST], next[ABREAST];
+        for (int k = 0; k < ABREAST; k++) {
+            int from = first + k * LANES, left = count - from;
+            left = left < 0 ? 0 : left < LANES ? left : LANES;
+            struct lanes lanes = {.live = (1u << left) - 1};
+            for (int i = 0; i < B_LANE; i++)
+                lanes.field[i] = left ? load(&rays[i][from]) : set(2.0f);
+            p[k] = packet_of(&lanes);
+        }
+        int steps = 0;
+        for (; steps < limits->max_steps - 1; steps++) {
+            int ended = 0, before = 0;
+            for (int k = 0; k < ABREAST; k++) {
+                next[k] = p[k];
+                before += count_of(p[k].done);
+            }
+            ended = step_bulbs(s, next, true, hit_distance, set(-INFINITY), set(close));
+            if (ended > before)
+                break;
+            for (int k = 0; k < ABREAST; k++)
+                p[k] = next[k];
+        }
+        for (int k = 0; k < ABREAST; k++) {
+            int from = first + k * LANES;
+            if (from >= count)
+                break;
+            unload(p[k].t, &rays[B_T][from]);
+            unload(p[k].rest, &rays[B_MORE][from]);
+            unload(set((float)steps), &rays[B_BORN][from]);
+        }
+    }
 }
 
 static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int count,
@@ -154,7 +195,7 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
         while (ended < enough) {
             COUNT(march_floats, step);
             steps += 1.0f;
-            ended = step_bulbs(s, p, hit_distance, set(steps - most), set(close));
+            ended = step_bulbs(s, p, false, hit_distance, set(steps - most), set(close));
         }
         live = 0;
         for (int k = 0; k < ABREAST; k++) {
@@ -168,7 +209,10 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
     COUNT(march_bulb, call);
     desk->shape = s->index;
     bool coarse = !((float)limits->hit_distance < COARSE);
-    march_floats(s, desk->bulb, count, limits, coarse ? 0.0f : CLOSE, desk);
+    float close = coarse ? 0.0f : CLOSE;
+    float hit = (float)limits->hit_distance;
+    step_together(s, desk->bulb, count, limits, set(hit > 0x1p-24f ? hit : 0x1p-24f), close);
+    march_floats(s, desk->bulb, count, limits, close, desk);
     if (coarse)
         return;
     struct close_lanes lanes[ABREAST];

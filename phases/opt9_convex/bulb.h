@@ -13,28 +13,38 @@
 
 #define BULB_SHARE 0.52f
 
+// A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
+// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 14 bits will do, but in the first two
+// of a camera ray's (`exact`).
 struct bulb {
-    real x, y, z, m, dz;
+    real x, y, z, flat, m; // flat: x² + z², m: |·|²
+    real slope, product;
     mask on, far; // on: have not escaped
 };
+
+static inline void bulb_square(struct bulb *b, real *m) {
+    b->flat = mul_add(b->x, b->x, mul_add(b->z, b->z, set(1e-30f)));
+    *m = mul_add(b->y, b->y, b->flat);
+}
 
 static inline struct bulb bulb_begin(struct vec p, mask done) {
     ACTIVE(LANES - count_of(done));
     COUNT(bulb_begin, call);
-    real square = mul_add(p.x, p.x, mul_add(p.y, p.y, mul_add(p.z, p.z, set(1e-30f))));
-    struct bulb b = {p.x, p.y, p.z, square, set(1.5f), no_lane(), greater(square, set(1024.0f))};
+    struct bulb b = {.x = p.x, .y = p.y, .z = p.z};
+    bulb_square(&b, &b.m);
+    b.far = greater(b.m, set(1024.0f));
     b.on = not_in(either(done, b.far));
     return b;
 }
 
-// A point with a double in each lane.
-struct half_vec {
-    half x, y, z;
+// A point with a double in each lane, and the derivative there.
+struct half_bulb {
+    half x, y, z, slope;
 };
 
 // The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
 // float ends: later iterations' errors count an eighth and less of the one before.
-static inline struct half_vec bulb_first(half x, half y, half z) {
+static inline struct half_bulb bulb_first(half x, half y, half z) {
     COUNT(bulb_first, call);
     half one = half_set(1.0), two = half_set(2.0);
     half k3 = half_mul_add(x, x, half_mul_add(z, z, half_set(1e-30)));
@@ -46,61 +56,83 @@ static inline struct half_vec bulb_first(half x, half y, half z) {
     half q = (k4 + k4) * b2, k = k1 * q, z4 = z * ((per + per) * (per + per));
     half sin2 = x * z4, cos2 = half_neg_mul_add(z, z4, two);
     half cos4 = half_neg_mul_add(sin2, sin2, two), sin4 = sin2 * cos2, k_sin4 = k * sin4;
-    return (struct half_vec){half_mul_add(k_sin4, cos4, x),
-                             half_mul_add(k1, k1, half_neg_mul_add(q, q, y)),
-                             half_mul_add(k_sin4, sin4, half_neg_mul_add(k, two, z))};
+    half m = half_mul_add(y, y, k3), s = half_rough_inverse_root(m), root = m * s;
+    half twelve = half_mul_add(half_neg_mul_add(root, s, one), half_set(6.0), half_set(12.0));
+    return (struct half_bulb){half_mul_add(k_sin4, cos4, x),
+                              half_mul_add(k1, k1, half_neg_mul_add(q, q, y)),
+                              half_mul_add(k_sin4, sin4, half_neg_mul_add(k, two, z)),
+                              half_mul_add((m * m) * m, root * twelve, one)};
 }
 
 // What comes of an iteration for those that have not escaped before.
 static inline void bulb_grow(struct bulb *b, real bailout) {
     COUNT(bulb_grow, call);
-    real m = b->m, square = m * m, r = root_guess(m), h = m * r;
-    real more = mul_add(neg_mul_add(h, r, set(1.0f)), set(4.0f), set(8.0f)); // 8·√m/h
-    b->dz = mul_add_where(b->on, b->dz, square * h * m * more, set(1.0f));
-    real grown = mul_add(b->x, b->x, mul_add(b->y, b->y, b->z * b->z));
-    b->m = choose(b->on, grown, m);
+    real grown;
+    bulb_square(b, &grown);
+    b->m = choose(b->on, grown, b->m);
     b->on = and_not_greater(b->on, grown, bailout);
 }
 
-static inline void bulb_step(struct bulb *b, struct vec p, real bailout) {
+// 1/√a for the derivative's sum.
+static inline real small_root(real a, bool exact) {
+    return exact ? rough_inverse_root(a) : root_guess(a);
+}
+
+// With A = ρ² − y²: (ρ + iy)⁴ has 2·A² − m² for its real part, and (ρ + iy)⁸ twice that one's square less m⁴, and
+// 8·ρ·y·A·that beside it. (x + iz)²/ρ² and ⁴ are halved and in eighths, K is 128 times what they turn.
+static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, bool exact,
+                             real bailout) {
     ACTIVE(count_of(b->on));
     COUNT(bulb_step, call);
-    real x = b->x, y = b->y, z = b->z;
-    real k3 = mul_add(x, x, mul_add(z, z, set(1e-30f))), k4 = neg_mul_add(y, y, k3);
-    real twice_rho, four_per;
-    root_and_inverse(k3, &twice_rho, &four_per);
-    real b2 = twice_rho * y, k1 = mul_sub(k4, k4, b2 * b2), q = (k4 + k4) * b2, k = k1 * q;
-    real z4 = z * four_per, sin2 = x * z4,
-         cos2 = neg_mul_add(z, z4, set(2.0f)); // all of them doubled
-    real cos4 = neg_mul_add(sin2, sin2, set(2.0f)), sin4 = sin2 * cos2, k_sin4 = k * sin4;
+    real x = b->x, y = b->y, z = b->z, m = b->m, square = m * m, r, per;
+    if (i == 0) {
+        COUNT(bulb_step, first);
+        b->product = m;
+        b->slope = mul_add(square * set(12.0f), m, small_root(m, exact));
+    } else {
+        COUNT(bulb_step, later);
+        if (i == first)
+            b->product = m;
+        else {
+            COUNT(bulb_step, product);
+            b->product = mul_add_where(b->on, b->product, m, set(0.0f));
+        }
+        b->slope = mul_add_where(b->on, b->slope, square * set(8.0f) * m,
+                                 small_root(b->product, exact && i <= 1));
+    }
+    real a = neg_mul_add(y, y, b->flat), k1 = mul_sub(set(2.0f), a * a, square);
+    real k = (a * k1) * (y * root_and_inverse(b->flat, 1024.0f, &r, &per));
+    real z1 = (z * r) * per, sin2 = x * z1, cos2 = neg_mul_add(z, z1, set(0.5f));
+    real cos4 = neg_mul_add(sin2, sin2, set(0.125f)), sin4 = sin2 * cos2, k_sin4 = k * sin4;
     b->x = mul_add(k_sin4, cos4, p.x);
-    b->z = mul_add(k_sin4, sin4, neg_mul_add(k, set(2.0f), p.z));
-    b->y = mul_add(k1, k1, neg_mul_add(q, q, p.y));
+    b->z = mul_add(k_sin4, sin4, neg_mul_add(k, set(1.0f / 128.0f), p.z));
+    b->y = mul_add(set(2.0f), k1 * k1, neg_mul_add(square, square, p.y));
     bulb_grow(b, bailout);
 }
 
-// ln a to 2e-6: what it errs by at a = 1 is a quarter of that, over dz, of the surface's place.
+// ¼·ln a to 5e-7: what it errs by at a = 1 is, over the derivative, of the surface's place.
 static inline real rough_log(real a) {
     COUNT(rough_log, call);
     real e, f = mantissa_near_1(a, &e) - set(1.0f);
-    real p = mul_add(f, set(-0.10063060373067856f), set(0.202902689576149f));
-    p = mul_add(f, p, set(-0.25720563530921936f));
-    p = mul_add(f, p, set(0.33385127782821655f));
-    p = mul_add(f, p, set(-0.4998246431350708f));
-    p = mul_add(f, p, set(0.999990701675415f));
-    return mul_add(f, p, e * set(0.69314718056f));
+    real p = mul_add(f, set(0.25f * -0.10063060373067856f), set(0.25f * 0.202902689576149f));
+    p = mul_add(f, p, set(0.25f * -0.25720563530921936f));
+    p = mul_add(f, p, set(0.25f * 0.33385127782821655f));
+    p = mul_add(f, p, set(0.25f * -0.4998246431350708f));
+    p = mul_add(f, p, set(0.25f * 0.999990701675415f));
+    return mul_add(f, p, e * set(0.25f * 0.69314718056f));
 }
 
 static inline real bulb_end(const struct bulb *b, struct vec p) {
     COUNT(bulb_end, call);
-    real m = most_of(b->m, set(1e-30f));
-    real distance = m * rough_inverse_root(m) * (rough_inverse(b->dz) * set(0.25f)) * rough_log(m);
+    real all = b->m * b->product; // ¼·√m/dz·ln m, √m/√product = m/√all
+    real distance = b->m * rough_inverse_root(all) * rough_inverse(b->slope) * rough_log(b->m);
+    distance = keep(greater(all, set(0x1p-124f)), distance); // 0/0 at the centre, which is inside
     if (any(b->far)) {
         COUNT(bulb_end, far);
         real square = vec_dot(p, p), r = root(square);
         distance = choose(b->far, r * log_of(r) * set(1.0f / 3.0f), distance);
     }
-    return keep(greater(b->m, set(0.0f)), distance); // 0/0 at the centre, which is inside
+    return distance;
 }
 
 enum {
@@ -108,32 +140,34 @@ enum {
     POOLS = 2 * ABREAST + 1
 }; // packets; of shadow rays: in work, on their way out, the next
 
-// From iteration `first` on; `soon`: all may have escaped after one.
+// From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
 __attribute__((always_inline)) static inline void bulbs_end(const struct placed *s, int first,
-                                                            bool soon, struct bulb *b,
-                                                            const struct vec *p, real *distance) {
+                                                            bool soon, bool exact, int count,
+                                                            struct bulb *b, const struct vec *p,
+                                                            real *distance) {
     real bailout = set(s->bailout);
     for (int i = first; i < s->iterations; i++) {
-        for (int k = 0; k < ABREAST; k++)
-            bulb_step(&b[k], p[k], bailout);
+        for (int k = 0; k < count; k++)
+            bulb_step(&b[k], p[k], i, first, exact, bailout);
         if (soon || i % 2 == 1) {
             mask on = b[0].on;
-            for (int k = 1; k < ABREAST; k++)
+            for (int k = 1; k < count; k++)
                 on = either(on, b[k].on);
             if (!any(on))
                 break;
         }
     }
-    for (int k = 0; k < ABREAST; k++)
+    for (int k = 0; k < count; k++)
         distance[k] = bulb_end(&b[k], p[k]);
 }
 
-__attribute__((always_inline)) static inline void
-bulbs(const struct placed *s, const struct vec *p, const mask *done, bool soon, real *distance) {
+__attribute__((always_inline)) static inline void bulbs(const struct placed *s, const struct vec *p,
+                                                        const mask *done, bool soon, bool exact,
+                                                        real *distance) {
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++)
         b[k] = bulb_begin(p[k], done[k]);
-    bulbs_end(s, 0, soon, b, p, distance);
+    bulbs_end(s, 0, soon, exact, ABREAST, b, p, distance);
 }
 
 #endif

@@ -119,9 +119,10 @@ static inline real inverse_root(real a) {
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
-// 1/√a to 14 bits (8 lanes: 12), for normal a > 0.
+// 1/√a to 14 bits, for normal a > 0.
 static inline real root_guess(real a) {
     COUNT(root_guess, call);
+    COUNT(root_guess, sixteen);
     return _mm512_rsqrt14_ps(a);
 }
 
@@ -147,14 +148,15 @@ static inline real rough_inverse(real a) {
     return r * _mm512_fnmadd_ps(a, r, set(2.0f));
 }
 
-// 2·√a and 4/a for normal a > 0, to an ulp or two: both by one step from the same 14 bits.
-static inline void root_and_inverse(real a, real *twice_root, real *four_per) {
+// scale·√a for normal a > 0, to an ulp or two, and two factors of 1/a, whose product may be below what is normal: all
+// by one step from the same 14 bits.
+static inline real root_and_inverse(real a, float scale, real *one, real *other) {
     COUNT(root_and_inverse, call);
     COUNT(root_and_inverse, sixteen);
-    real r = _mm512_rsqrt14_ps(a), rr = r + r, h = a * r, four = rr * rr;
-    real error = _mm512_fnmadd_ps(h, r, set(1.0f));
-    *twice_root = _mm512_fmadd_ps(h, error, h + h);
-    *four_per = _mm512_fmadd_ps(four, error, four);
+    real r = _mm512_rsqrt14_ps(a), h = a * r, error = _mm512_fnmadd_ps(h, r, set(1.0f));
+    *one = r;
+    *other = _mm512_fmadd_ps(r, error, r);
+    return h * _mm512_fmadd_ps(error, set(0.5f * scale), set(scale));
 }
 
 // a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
@@ -198,6 +200,12 @@ static inline real scaled(real a, real n) {
     return _mm512_castsi512_ps(_mm512_add_epi32(_mm512_castps_si512(a), power));
 }
 
+// 2 to the power of minus a's exponent.
+static inline real power_per(real a) {
+    __m512i field = _mm512_and_si512(_mm512_castps_si512(a), _mm512_set1_epi32(0x7f800000));
+    return _mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(0x7f000000), field));
+}
+
 // The lanes of m in a row, from `to` on: LANES floats are written.
 static inline void pack(mask m, real a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
@@ -212,6 +220,15 @@ static inline real expand(real a, unsigned to, const float *from) {
 static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
     for (int i = 0; i < count; i++)
         to[i] = expand(to[i], lanes, from + (size_t)i * (size_t)stride);
+}
+
+// `count` registers' lanes `here` into the lanes `there` of others: as many, in their order.
+static inline void move_lanes(float *to, unsigned there, const float *from, unsigned here,
+                              int count) {
+    for (int i = 0; i < count; i++, to += LANES, from += LANES) {
+        __m512 row = _mm512_maskz_compress_ps((__mmask16)here, _mm512_loadu_ps(from));
+        _mm512_storeu_ps(to, _mm512_mask_expand_ps(_mm512_loadu_ps(to), (__mmask16)there, row));
+    }
 }
 
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.

@@ -67,8 +67,6 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
     return choose(can, t, start);
 }
 
-enum { NEAR_REALS = 8 };
-
 void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
                   struct march *m) {
     const struct model *model = &work->scene->model;
@@ -134,7 +132,7 @@ nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving,
             struct vec p[ABREAST];
             for (int k = 0; k < ABREAST; k++)
                 p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-            bulbs(s, p, done, leaving, own);
+            bulbs(s, p, done, leaving, false, own);
         } else
             for (int k = 0; k < ABREAST; k++)
                 own[k] = distance_along(&m[k].nears[i], m[k].t, s);
@@ -203,47 +201,62 @@ static void add_lane(int i, float lit, struct desk *desk) {
 struct pool {
     struct march march;
     struct near *nears;
-    int ray[LANES];    // which of the queue
+    float ray[LANES];  // which of the queue
     float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
     unsigned live, leaving;
 };
 
-static void copy_lane(struct pool *to, int here, const struct pool *from, int there, int shapes) {
-    float *a = (float *)&to->march.t;
-    const float *b = (const float *)&from->march.t;
-    for (int i = 0; i < MARCH_REALS; i++)
-        a[i * LANES + here] = b[i * LANES + there];
-    for (int k = 0; k < shapes; k++) {
-        a = (float *)&to->nears[k].origin;
-        b = (const float *)&from->nears[k].origin;
-        for (int i = 0; i < NEAR_REALS; i++)
-            a[i * LANES + here] = b[i * LANES + there];
+// The first so many of the bits set.
+static inline unsigned first_bits(unsigned bits, int count) {
+    unsigned rest = bits;
+    for (int i = 0; i < count; i++)
+        rest &= rest - 1;
+    return bits & ~rest;
+}
+
+// The first lanes of `here` go on in those of `there`, as many as both have. Which were moved. Of what a shape is to a
+// ray: a height and a slope, or a place and a direction (beside Mandelbulbs no sphere has `power`).
+static unsigned move_rays(struct pool *to, unsigned there, const struct pool *from, unsigned here,
+                          const struct prepared *scene) {
+    COUNT(move_rays, call);
+    int a = __builtin_popcount(there), b = __builtin_popcount(here);
+    there = first_bits(there, a < b ? a : b);
+    here = first_bits(here, a < b ? a : b);
+    move_lanes((float *)&to->march.t, there, (const float *)&from->march.t, here, MARCH_REALS);
+    for (int k = 0; k < scene->model.shape_count; k++) {
+        float *row = (float *)&to->nears[k].origin;
+        const float *old = (const float *)&from->nears[k].origin;
+        bool linear = scene->placed[k].way == LINEAR;
+        move_lanes(row, there, old, here, linear ? 1 : 6);
+        if (linear)
+            move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
     }
-    to->ray[here] = from->ray[there];
-    to->born[here] = from->born[there];
-    to->live |= 1u << here;
+    move_lanes(to->ray, there, from->ray, here, 1);
+    move_lanes(to->born, there, from->born, here, 1);
+    to->live |= there;
+    return here;
 }
 
 // Takes rays from `ready`, which is made anew from the queue whenever it is empty.
 static int refill(struct pool *to, struct pool *ready, int next, int steps,
                   const struct convex *work) {
     struct desk *desk = work->desk;
-    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended; ended &= ended - 1) {
+    unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
+    while (ended) {
         while (!ready->live && next < desk->shadows) {
             struct rays r = waiting(desk->shadow, next, desk->shadows);
             begin(&r, ready->nears, desk->casters, work, &ready->march);
             ready->live = bits(r.active) & ~bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)
-                ready->ray[lane] = next + lane; // what is dark from the start adds nothing
+                ready->ray[lane] = (float)(next + lane); // what is dark from the start adds nothing
             next += LANES;
         }
         if (!ready->live)
             break;
-        int lane = __builtin_ctz(ready->live);
-        copy_lane(to, __builtin_ctz(ended), ready, lane, work->scene->model.shape_count);
-        to->born[__builtin_ctz(ended)] = (float)steps;
-        ready->live &= ready->live - 1;
+        ready->live &= ~move_rays(to, ended, ready, ready->live, work->scene);
+        ended &= ~to->live;
     }
+    unload(choose(lanes_of(all & to->live), set((float)steps), load(to->born)), to->born);
     to->march.done = lanes_of(~to->live);
     return next;
 }
@@ -254,13 +267,16 @@ static int refill(struct pool *to, struct pool *ready, int next, int steps,
 enum { LOOK_EVERY = 4 };
 
 static void answer(const struct pool *from, unsigned which, struct desk *desk) {
-    ACTIVE(__builtin_popcount(which));
     COUNT(answer, call);
+    if (!which)
+        return;
+    ACTIVE(__builtin_popcount(which));
+    COUNT(answer, some);
     float lit[LANES];
     mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
     unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
     for (unsigned rest = which; rest; rest &= rest - 1)
-        add_lane(from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+        add_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
 }
 
 // Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
@@ -335,10 +351,12 @@ static void retire(struct pool *from, struct pools *pools, const struct convex *
     answer(from, ended & ~leaving, work->desk);
     from->live &= ~ended;
     from->leaving &= ~ended;
-    for (; leaving; leaving &= leaving - 1) {
-        int to = pools->leaving++;
-        copy_lane(&pools->out[to / LANES], to % LANES, from, __builtin_ctz(leaving),
-                  work->scene->model.shape_count);
+    while (leaving) {
+        struct pool *to = &pools->out[pools->leaving / LANES];
+        unsigned room = ~to->live & ((1u << LANES) - 1);
+        unsigned moved = move_rays(to, room, from, leaving, work->scene);
+        leaving &= ~moved;
+        pools->leaving += __builtin_popcount(moved);
         if (pools->leaving == ABREAST * LANES)
             see_off(pools, work);
     }

@@ -49,8 +49,7 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
-    real twice = m->previous + m->previous,
-         unit = scaled(set(1.0f), set(0.0f) - exponent_of(twice));
+    real twice = m->previous + m->previous, unit = power_per(twice);
     real part = h * unit, square = h * h;
     twice = twice * unit;
     real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);

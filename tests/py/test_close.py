@@ -67,6 +67,16 @@ def test_polynomials_are_the_first_iteration(phase: str) -> None:
         told = sum(term * u**k for k, term in enumerate(terms))
         assert np.abs(told - mapped(middle + way * half * u)).max() < 2**-24
 
+    def slope(p: np.ndarray) -> np.ndarray:
+        return 12 * np.linalg.norm(p, axis=0) ** 7 + 1  # 8·|p|⁷·1.5 + 1: scales the estimate alone
+
+    behind, before = (np.array([slope(middle + sign * way * half * u) for u in nodes]) for sign in (1, -1))
+    values = behind + before, behind - before
+    terms = [np.tensordot(factors[k % 2][k // 2], values[k % 2], 1) for k in range(TERMS)]
+    for u in np.linspace(-1, 1, 41):
+        told, true = sum(term * u**k for k, term in enumerate(terms)), slope(middle + way * half * u)
+        assert (np.abs(told - true) / true).max() < 2**-24
+
 
 @pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASES[0]])), reason=f"the CPU lacks what {PHASES[0]} needs"
