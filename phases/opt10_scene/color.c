@@ -202,8 +202,10 @@ static inline real shine_of(real a, real shininess) {
 }
 #endif
 
-INLINE void stage_light(struct stage *at, const struct surface *surface, const struct view *view,
-                        const struct model *model) {
+// axis: the plane's normal, which a kernel knows, where all hits are on it.
+INLINE void stage_light(struct stage *at, const struct surface *surface, const float *axis,
+                        const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
     const struct ray *ray = &at->ray;
     ACTIVE(count_of(at->hit.found));
     COUNT(stage_light, call);
@@ -217,16 +219,16 @@ INLINE void stage_light(struct stage *at, const struct surface *surface, const s
     at->weight = weight;
     at->color = vec_choose(at->hit.found, vec_scale(base, weight * set(0.01f)),
                            background(ray->weight, model)); // ambient
-    const double *light = view->light_position, *e = view->light_emission;
-    struct vec l = {set((float)light[0]) - p.x, set((float)light[1]) - p.y,
-                    set((float)light[2]) - p.z};
+    const float *light = work->light, *e = work->emission;
+    struct vec l = {set(light[0]) - p.x, set(light[1]) - p.y, set(light[2]) - p.z};
     real square = vec_dot(l, l), per = set(1.0f) / root(square);
     l = vec_scale(l, per);
-    real facing = vec_dot(n, l);
+    real facing = axis ? dot_with(axis, l) : vec_dot(n, l);
     at->lit = both(at->hit.found, both(greater(facing, zero), greater(square, zero)));
     at->facing = facing;
     at->to_light = l;
-    real shine = vec_dot(vec_reflect(l, n), ray->direction), specular = zero;
+    real shine = vec_dot(axis ? reflected_at(axis, l) : vec_reflect(l, n), ray->direction),
+         specular = zero;
     mask shines = both(at->lit, greater(shine, surface->shine_from));
     if (any(shines)) {
         ACTIVE(count_of(shines));
@@ -235,20 +237,20 @@ INLINE void stage_light(struct stage *at, const struct surface *surface, const s
             keep(shines, set(0.2f) * shine_of(most_of(shine, set(1e-30f)), surface->shininess));
     }
     real reach = weight * per;
-    at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
-                             set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
-                             set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+    at->light = (struct vec){set(e[0]) * mul_add(base.x, facing, specular) * reach,
+                             set(e[1]) * mul_add(base.y, facing, specular) * reach,
+                             set(e[2]) * mul_add(base.z, facing, specular) * reach};
 }
 
 // Twice, so that a generated kernel knows the plane's material in the first.
-static inline void light_stage(struct stage *at, const struct view *view,
-                               const struct prepared *scene) {
+static inline void light_stage(struct stage *at, const struct convex *work) {
     COUNT(light_stage, call);
+    const struct prepared *scene = KNOWN(work->scene);
     if (at->flat) {
         struct surface plane = surface_of_plane(scene);
-        stage_light(at, &plane, view, &scene->model);
+        stage_light(at, &plane, scene->placed[scene->plane].normal, work);
     } else
-        stage_light(at, &at->surface, view, &scene->model);
+        stage_light(at, &at->surface, NULL, work);
 }
 
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
@@ -404,7 +406,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         stage_surface(&stage[i], work->scene);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
-            light_stage(&stage[i], work->view, KNOWN(work->scene));
+            light_stage(&stage[i], work);
     if (model->shadows != SHADOWS_NONE && !asked_one_by_one(work->scene))
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)

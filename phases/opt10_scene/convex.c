@@ -355,7 +355,11 @@ int convex_tiles(const struct job *job) {
 void convex_tile(const struct job *job, int number, struct desk *desk) {
     struct frame *frame = job->frame;
     const struct view *view = job->view;
-    struct convex work = {job->prepared, view, desk};
+    struct convex work = {.scene = job->prepared, .view = view, .desk = desk};
+    for (int k = 0; k < 3; k++) {
+        work.light[k] = (float)view->light_position[k];
+        work.emission[k] = (float)view->light_emission[k];
+    }
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
     COUNT(convex_tile, call);
     COUNT(convex_tile, scalar);
@@ -427,6 +431,12 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     }
     follow_mirrors(&work);
     cast_shadows(&work);
+#if LANES == 16
+    if (whole_lines(tile.left, tile.right, tile.top, tile.bottom)) {
+        store_lines(frame, tile.left, tile.right, tile.top, tile.bottom, desk->color);
+        return;
+    }
+#endif
     pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT)
         for (int i = 0; tile.left + i * BLOCK_WIDTH < tile.right; i++, pixel += LANES)

@@ -98,6 +98,7 @@ struct convex {
     const struct prepared *scene;
     const struct view *view;
     struct desk *desk;
+    float light[3], emission[3]; // the view's, as floats: not once more for each packet
 };
 
 // What one of these files calls of another: a kernel is one file.

@@ -29,6 +29,15 @@ static inline real dot_with(const float a[3], struct vec v) {
     return vec_dot(vec_set(a), v);
 }
 
+// v mirrored at a plane through 0 with unit normal a.
+INLINE struct vec reflected_at(const float a[3], struct vec v) {
+#if UNROLLED
+    if (a[0] == 0.0f && a[1] == 1.0f && a[2] == 0.0f)
+        return (struct vec){v.x, set(0.0f) - v.y, v.z};
+#endif
+    return vec_reflect(v, vec_set(a));
+}
+
 INLINE struct vec turned(const struct placed *placed, struct vec v) {
     COUNT(turned, call);
     if (!placed->turned)

@@ -33,6 +33,8 @@ struct stage {
     real weight, facing;
     mask lit, open;
     bool flat; // all its hits are on the scene's first plane
+    // So that no field is read of one packet a multiple of 4 KiB behind where another's was written just before.
+    real apart[16];
 };
 
 static inline struct vec background(real weight, const struct model *model) {

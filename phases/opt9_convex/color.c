@@ -171,8 +171,8 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
         at->surface = surface_at(&at->hit, ray->direction, scene);
 }
 
-static inline void stage_light(struct stage *at, const struct view *view,
-                               const struct model *model) {
+static inline void stage_light(struct stage *at, const struct convex *work) {
+    const struct model *model = &work->scene->model;
     const struct ray *ray = &at->ray;
     const struct surface *surface = &at->surface;
     ACTIVE(count_of(at->hit.found));
@@ -187,9 +187,8 @@ static inline void stage_light(struct stage *at, const struct view *view,
     at->weight = weight;
     at->color = vec_choose(at->hit.found, vec_scale(base, weight * set(0.01f)),
                            background(ray->weight, model)); // ambient
-    const double *light = view->light_position, *e = view->light_emission;
-    struct vec l = {set((float)light[0]) - p.x, set((float)light[1]) - p.y,
-                    set((float)light[2]) - p.z};
+    const float *light = work->light, *e = work->emission;
+    struct vec l = {set(light[0]) - p.x, set(light[1]) - p.y, set(light[2]) - p.z};
     real square = vec_dot(l, l), per = set(1.0f) / root(square);
     l = vec_scale(l, per);
     real facing = vec_dot(n, l);
@@ -205,9 +204,9 @@ static inline void stage_light(struct stage *at, const struct view *view,
             keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
     }
     real reach = weight * per;
-    at->light = (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
-                             set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
-                             set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+    at->light = (struct vec){set(e[0]) * mul_add(base.x, facing, specular) * reach,
+                             set(e[1]) * mul_add(base.y, facing, specular) * reach,
+                             set(e[2]) * mul_add(base.z, facing, specular) * reach};
 }
 
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
@@ -357,7 +356,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         stage_surface(&stage[i], work->scene);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
-            stage_light(&stage[i], work->view, model);
+            stage_light(&stage[i], work);
     if (model->shadows != SHADOWS_NONE && !asked_one_by_one(work->scene))
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)

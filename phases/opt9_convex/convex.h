@@ -102,6 +102,7 @@ struct convex {
     const struct prepared *scene;
     const struct view *view;
     struct desk *desk;
+    float light[3], emission[3]; // the view's, as floats: not once more for each packet
 };
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own

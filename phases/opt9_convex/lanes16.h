@@ -244,6 +244,30 @@ static inline void store_block(float *rgb, size_t stride, real r, real g, real b
     }
 }
 
+// One row of four blocks of 4 x 4 that lie one behind the other.
+static inline real row_of(const float *from) {
+    __m512 a = _mm512_castps128_ps512(_mm_loadu_ps(from));
+    a = _mm512_insertf32x4(a, _mm_loadu_ps(from + 16), 1);
+    a = _mm512_insertf32x4(a, _mm_loadu_ps(from + 32), 2);
+    return _mm512_insertf32x4(a, _mm_loadu_ps(from + 48), 3);
+}
+
+// Red, green and blue of 16 pixels in a row.
+static inline void store_row(float *rgb, real r, real g, real b) {
+    // Of each of the three registers which lanes come from red, which from green (from 16 on), then which from blue.
+    const __m512i rg[3] = {
+        _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5),
+        _mm512_setr_epi32(21, 0, 6, 22, 0, 7, 23, 0, 8, 24, 0, 9, 25, 0, 10, 26),
+        _mm512_setr_epi32(0, 11, 27, 0, 12, 28, 0, 13, 29, 0, 14, 30, 0, 15, 31, 0)};
+    const __m512i to_b[3] = {
+        _mm512_setr_epi32(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15),
+        _mm512_setr_epi32(0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15),
+        _mm512_setr_epi32(26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31)};
+    for (int i = 0; i < 3; i++)
+        _mm512_storeu_ps(rgb + 16 * i,
+                         _mm512_permutex2var_ps(_mm512_permutex2var_ps(r, rg[i], g), to_b[i], b));
+}
+
 static inline half half_set(double a) {
     return _mm512_set1_pd(a);
 }

@@ -32,6 +32,8 @@ struct stage {
     struct surface surface;
     real weight, facing;
     mask lit, open;
+    // So that no field is read of one packet a multiple of 4 KiB behind where another's was written just before.
+    real apart[16];
 };
 
 static inline struct vec background(real weight, const struct model *model) {
