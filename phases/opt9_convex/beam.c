@@ -245,7 +245,7 @@ static void leave_solids(struct walk *w, const struct near *nears, real strength
 }
 
 // A step of all rays in the vicinity; whether there are any.
-static bool walk_on(struct beam *beam, real strength, real hit, const struct convex *work) {
+static bool walk_on(struct beam *beam, real strength, real hit) {
     bool moves = false;
     vicinity_nearest(beam);
     for (int i = 0; i < beam->moving; i++) {
@@ -341,6 +341,8 @@ static void cast_beam(int first, const struct convex *work) {
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct near *second = desk->near + model->shape_count;
     struct beam beam = {.near = {.list = desk->vicinity}};
+    _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
+                   "room for both");
     beam.near.wakes = (real *)second;
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
@@ -353,7 +355,7 @@ static void cast_beam(int first, const struct convex *work) {
     }
     long left = (long)model->march.max_steps * BEAM_RAYS;
     while (left > 0 && look_around(&beam, work))
-        for (; left > 0 && walk_on(&beam, strength, hit, work); left--)
+        for (; left > 0 && walk_on(&beam, strength, hit); left--)
             ;
     for (int i = 0; i < beam.count; i++)
         keep_answers(&beam.walk[i], beam.walk[i].rays.active, desk);
