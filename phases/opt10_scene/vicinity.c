@@ -163,6 +163,7 @@ static inline bool too_far(const struct vicinity *v, int k, int i, const struct 
     real least = square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
     if (any(but_not(stands_still(w), not_less(w->least, least))))
         return false;
+    COUNT(too_far, told);
     v->wakes[k * BEAM + i] = least + w->march.t;
     return true;
 }
