@@ -37,6 +37,7 @@ enum shadow_field {
     S_TO_LIGHT = 6,
     S_LIGHT = 9,
     S_FACING = 12,
+    S_LIT = S_FACING, // of a crowd's, once it has been marched
     S_SHAPE,
     S_PIXEL,
     S_FIELDS
@@ -81,6 +82,9 @@ struct desk {
     struct shapes casters[CASTS]; // those that a packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
+    int *ahead, aheads; // solids that the beam of shadow rays in work may meet
+    int row,
+        leaf; // of the tree's leaves: what was in a shadow ray's way the last time, −1: nothing yet
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
     unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };

@@ -29,32 +29,11 @@ int crowd_along(struct vec origin, struct vec direction, mask active, const stru
 mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
                   mask active, const struct convex *work);
 
-// What a packet of shadow rays knows of the shapes near it: all that are within `within` of the centre.
-static inline real distance_between(struct vec a, struct vec b) {
-    COUNT(distance_between, call);
-    struct vec v = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return vec_norm(v);
-}
-
-struct vicinity {
-    struct vec centre;
-    float within, room; // room: for rays to take a step in it
-    int count;
-    int *list;
-    int recent;  // which of the list was the nearest to one of the rays
-    real *wakes; // of the list: where t + the nearest distance is less, so is that one
-};
-
-// Sorts the shadow rays that wait, so that those of a packet are near each other: desk->order[0].
-void crowd_sort(struct desk *desk, const struct prepared *scene);
-// Sets the rays' end, their first entry into a solid and how far planes' rays can leap.
+// Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
 // Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the
 // way ends.
 mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
                   const struct convex *work);
-// Of one of the lanes in `last`, at t, where the nearest shape is no further than h.
-void crowd_about(const struct rays *r, real t, real h, mask last, struct near *nears,
-                 struct vicinity *v, const struct convex *work);
 
 #endif

@@ -1,28 +1,9 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "crowd.h"
+#include "umbra.h"
 
 #include <string.h>
-
-// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
-// power is not.
-__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
-                                                                 const struct placed *s) {
-    COUNT(distance_along, call);
-    if (s->way == LINEAR) {
-        COUNT(distance_along, linear);
-        return mul_add(t, near->direction.x, near->origin.x);
-    }
-    if (near->power) {
-        COUNT(distance_along, power);
-        real power = mul_add(t, t + near->slope, near->constant);
-        return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
-    }
-    COUNT(distance_along, point);
-    struct vec p = vec_along(near->origin, near->direction, t);
-    return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, no_lane());
-}
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
@@ -94,20 +75,7 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
     return choose(can, t, start);
 }
 
-// One packet's march.
-struct march {
-    struct near *nears;
-    const struct shapes *casters;
-    mask done;
-    real t, from, previous, end; // MARCH_REALS from here on
-    real square, divisor;        // least² = square/divisor; no root or quotient until the end
-    real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
-    mask one;                    // one convex solid alone can bring a term below 1
-};
-enum { MARCH_REALS = 8 };
-enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
-
-static void begin(struct rays *r, struct near *nears, struct shapes *casters,
+SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
                   const struct convex *work, struct march *m) {
     const struct model *model = &KNOWN(work->scene)->model;
     *m = (struct march){.nears = nears,
@@ -152,33 +120,6 @@ static void begin(struct rays *r, struct near *nears, struct shapes *casters,
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
-}
-
-__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
-                                                       real hit_distance, float dark) {
-    ACTIVE(LANES - count_of(m->done));
-    COUNT(step, call);
-    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
-    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
-    // distances from underflow.
-    real twice = m->previous + m->previous, unit = power_per(twice);
-    real part = h * unit, square = h * h;
-    twice = twice * unit;
-    real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
-    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
-    real term = strength * strength * square * inside, divisor = beyond * beyond;
-    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
-    m->square = choose(darker, term, m->square);
-    m->divisor = choose(darker, divisor, m->divisor);
-    m->previous = h;
-    if (dark > 0.0f) {
-        COUNT(step, dark);
-        done = either(done, less(m->square, m->divisor * set(dark)));
-    }
-    done = either(done, greater(m->from, m->end)); // the step to here began behind it
-    m->from = m->t;
-    m->t = m->t + drop(done, h);
-    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
 }
 
 INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
@@ -255,36 +196,6 @@ static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
                          .to_light = load_vec(field + S_TO_LIGHT, first),
                          .facing = load(&field[S_FACING][first]),
                          .shape = load(&field[S_SHAPE][first]),
-                         .end = set(0.0f),
-                         .alone = set(INFINITY),
-                         .on_plane = no_lane(),
-                         .some = no_lane(),
-                         .many = no_lane(),
-                         .first = set(INFINITY),
-                         .cosine = set(1.0f)};
-}
-
-static real gathered(const float *field, const unsigned short *order, int count) {
-    float lanes[LANES];
-    for (int i = 0; i < LANES; i++)
-        lanes[i] = field[order[i < count ? i : 0]];
-    return load(lanes);
-}
-
-static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
-    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
-                        gathered(field[2], order, count)};
-}
-
-// The same of rays that have been sorted; of a packet that has none, the first ray's.
-static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
-    COUNT(sorted, call);
-    return (struct rays){.active = first_lanes(count),
-                         .point = gathered_vec(field + S_POINT, order, count),
-                         .local = gathered_vec(field + S_LOCAL, order, count),
-                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
-                         .facing = gathered(field[S_FACING], order, count),
-                         .shape = gathered(field[S_SHAPE], order, count),
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
@@ -537,182 +448,6 @@ static void cast_streams(const struct convex *work) {
     desk->shadows = 0;
 }
 
-#ifndef SCENE_KERNEL
-// A packet's march through a crowd. The rays of a packet come apart, so only those near the one that is furthest
-// behind are marched, until all of them have left its vicinity; the others wait.
-struct walk {
-    struct march march;
-    struct rays rays;
-    struct vicinity near;
-    mask waits;
-    real until, asked; // where what is in the way ends, of the cones of slope `asked`
-};
-
-static void look_around(struct walk *w, const struct convex *work) {
-    COUNT(look_around, call);
-    struct march *m = &w->march;
-    real q = root(m->square / m->divisor) *
-             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
-    // The term of the step that led here is one of those that q bounds only if that step was as long. What was in the
-    // way the last time still is, unless it is behind or q is less.
-    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
-    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
-    if (any(asked)) {
-        real until = set(0.0f);
-        m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
-        w->until = choose(asked, until, w->until);
-        w->asked = choose(asked, q, w->asked);
-    }
-    if (all(m->done))
-        return;
-    real rear = set(least_lane(choose(m->done, set(INFINITY), m->t)));
-    mask last = but_not(m->done, not_less(rear, m->t));
-    // Its own shape is no further than t, and no distance grows faster than a ray goes.
-    real h = least_of(m->t, m->previous + m->previous);
-    crowd_about(&w->rays, m->t, h, last, m->nears, &w->near, work);
-    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
-    w->waits = not_less(distance_between(p, w->near.centre), set(w->near.room));
-}
-
-// See nearest(); what is known of the list's shapes is packed. The one that was the nearest is asked first: what sleeps
-// beside that is told for all at once, for a branch on each one's distance waits for its root.
-static inline void ask_about(struct vicinity *v, int k, const struct near *nears, real t,
-                             const struct prepared *scene, real *least) {
-    COUNT(nearest_about, awake);
-    real h = distance_along(&nears[k], t, &scene->placed[v->list[k]]);
-    v->wakes[k] = (h + t) * set(1.0f - 0x1p-18f);
-    v->recent = any(less(h, *least)) ? k : v->recent;
-    *least = least_of(*least, h);
-}
-
-static real nearest_about(struct vicinity *v, const struct near *nears, real t, mask still,
-                          const struct prepared *scene) {
-    ACTIVE(LANES - count_of(still));
-    real least = set(INFINITY);
-    if (v->count == 0)
-        return least;
-    int asked = v->recent;
-    ask_about(v, asked, nears, t, scene, &least);
-    for (int first = 0; first < v->count; first += 64) {
-        int count = v->count - first < 64 ? v->count - first : 64;
-        unsigned long long awake = 0;
-        COUNT(nearest_about, row);
-        for (int k = 0; k < count; k++) {
-            COUNT(nearest_about, shape);
-            mask wakes = not_less(least + t, v->wakes[first + k]);
-            awake |= (unsigned long long)any(but_not(still, wakes)) << k;
-        }
-        for (; awake; awake &= awake - 1)
-            if (first + __builtin_ctzll(awake) != asked)
-                ask_about(v, first + __builtin_ctzll(awake), nears, t, scene, &least);
-    }
-    return least;
-}
-
-// One step of all rays but those that stand still.
-static inline void step_but(struct march *m, mask still, real h, real strength, real hit) {
-    real previous = m->previous, from = m->from;
-    m->done = still;
-    step(m, h, strength, hit, 0.0f);
-    m->previous = choose(still, previous, m->previous);
-    m->from = choose(still, from, m->from);
-}
-
-// The first steps of rays that are from one solid, as long as no other can be as near: from its position no other's bounding
-// sphere is nearer than `alone`. The planes' heights are in `nears`.
-static void leave_solid(struct walk *w, int shape, mask own, const struct near *nears,
-                        real strength, real hit, const struct convex *work) {
-    COUNT(leave_solid, call);
-    COUNT(leave_solid, scalar);
-    const struct prepared *scene = work->scene;
-    const struct placed *s = &scene->placed[shape];
-    struct march *m = &w->march;
-    struct near near;
-    see_along(&w->rays, shape, &near, work);
-    real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
-    mask still = either(not_in(own), m->done), done = m->done;
-    for (int left = scene->model.march.max_steps; left > 0; left--) {
-        ACTIVE(LANES - count_of(still));
-        COUNT(leave_solid, asked);
-        real h = distance_along(&near, m->t, s), room = alone - h;
-        struct vec p = vec_along(near.origin, near.direction, m->t);
-        mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
-        still = either(still, not_in(sure));
-        if (all(still))
-            break;
-        for (int k = 0; k < scene->plane_count; k++) {
-            COUNT(leave_solid, plane);
-            const struct near *plane = &nears[scene->planes[k]];
-            h = least_of(h, mul_add(m->t, plane->direction.x, plane->origin.x));
-        }
-        step_but(m, still, h, strength, hit);
-        done = either(done, but_not(still, m->done));
-        still = either(still, m->done);
-    }
-    m->done = done;
-}
-
-static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,
-                         const struct convex *work) {
-    float shapes[LANES];
-    unload(w->rays.shape, shapes);
-    for (unsigned rest = bits(not_in(w->march.done)); rest;) {
-        int shape = (int)shapes[__builtin_ctz(rest)];
-        mask own = both(lanes_of(rest), same_shape(w->rays.shape, shape));
-        rest &= ~bits(own);
-        COUNT(leave_solids, shape);
-        if (work->scene->placed[shape].way != LINEAR)
-            leave_solid(w, shape, own, nears, strength, hit, work);
-    }
-}
-
-static void walk_on(struct walk *w, real strength, real hit, const struct convex *work) {
-    struct march *m = &w->march;
-    mask done = m->done;
-    if (all(either(done, w->waits))) {
-        look_around(w, work);
-        done = m->done;
-        if (all(done))
-            return;
-    }
-    ACTIVE(LANES - count_of(either(done, w->waits)));
-    COUNT(walk_on, step);
-    mask still = either(done, w->waits);
-    struct vec p = vec_along(w->rays.point, w->rays.to_light, m->t);
-    real h = nearest_about(&w->near, m->nears, m->t, still, work->scene);
-    // What is not in the vicinity could be nearer.
-    mask sure = not_less(set(w->near.within), h + distance_between(p, w->near.centre));
-    w->waits = either(w->waits, not_in(sure));
-    still = either(done, w->waits);
-    step_but(m, still, h, strength, hit);
-    m->done = either(done, but_not(still, m->done));
-}
-
-static void cast_crowd(int first, const struct convex *work) {
-    COUNT(cast_crowd, call);
-    struct desk *desk = work->desk;
-    const struct model *model = &work->scene->model;
-    float (*field)[QUEUE_ROOM] = desk->shadow;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    int count = desk->shadows - first < LANES ? desk->shadows - first : LANES;
-    const unsigned short *order = desk->order[0] + first;
-    struct walk w = {
-        .rays = sorted(field, order, count),
-        .near = {.list = desk->vicinity, .wakes = (real *)(desk->near + model->shape_count)},
-        .waits = all_lanes(),
-        .until = set(0.0f),
-        .asked = set(INFINITY)};
-    begin(&w.rays, desk->near, &desk->casters[0], work, &w.march);
-    leave_solids(&w, desk->near, strength, hit, work);
-    for (long left = (long)model->march.max_steps * LANES; left > 0 && !all(w.march.done); left--)
-        walk_on(&w, strength, hit, work);
-    add_light(w.rays.active,
-              vec_scale(gathered_vec(field + S_LIGHT, order, count),
-                        root(w.march.square / w.march.divisor)),
-              gathered(field[S_PIXEL], order, count), desk);
-}
-#endif
-
 // A packet that is marched, and how far it is.
 struct cast {
     struct march march;
@@ -796,10 +531,7 @@ void cast_shadows(const struct convex *work) {
     }
 #ifndef SCENE_KERNEL
     if (IS_CROWD(work->scene)) {
-        crowd_sort(work->desk, work->scene);
-        for (int first = 0; first < work->desk->shadows; first += LANES)
-            cast_crowd(first, work);
-        work->desk->shadows = 0;
+        cast_crowd(work);
         return;
     }
 #endif

@@ -1,7 +1,5 @@
 // Marches of a crowd's shadow rays: sorted by where they are from, then a few packets at a time (beam.h).
 #include "beam.h"
-#include <stdlib.h>
-#define UNTIL0 (getenv("U0")?(float)atof(getenv("U0")):1.0f)
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
 
@@ -247,9 +245,9 @@ static void leave_solids(struct walk *w, const struct near *nears, real strength
 }
 
 // A step of all rays in the vicinity; whether there are any.
-static bool walk_on(struct beam *beam, real strength, real hit, const struct convex *work) {
+static bool walk_on(struct beam *beam, real strength, real hit) {
     bool moves = false;
-    vicinity_nearest(beam, work->scene);
+    vicinity_nearest(beam);
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
         struct march *m = &w->march;
@@ -274,10 +272,11 @@ static void begin_walk(struct walk *w, int first, const struct beam *beam,
     struct desk *desk = work->desk;
     const float *place = beam->place;
     int left = desk->shadows - first;
+    // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     *w = (struct walk){
         .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
         .waits = all_lanes(),
-        .until = set(UNTIL0 * work->scene->tree.spacing),
+        .until = set(work->scene->tree.spacing),
         .asked = set(work->scene->lit_slope)};
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
@@ -342,6 +341,8 @@ static void cast_beam(int first, const struct convex *work) {
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct near *second = desk->near + model->shape_count;
     struct beam beam = {.near = {.list = desk->vicinity}};
+    _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
+                   "room for both");
     beam.near.wakes = (real *)second;
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
@@ -354,7 +355,7 @@ static void cast_beam(int first, const struct convex *work) {
     }
     long left = (long)model->march.max_steps * BEAM_RAYS;
     while (left > 0 && look_around(&beam, work))
-        for (; left > 0 && walk_on(&beam, strength, hit, work); left--)
+        for (; left > 0 && walk_on(&beam, strength, hit); left--)
             ;
     for (int i = 0; i < beam.count; i++)
         keep_answers(&beam.walk[i], beam.walk[i].rays.active, desk);

@@ -35,13 +35,14 @@ struct vicinity {
     int count;
     int *list;
     struct close_by *shapes;
-    real *wakes; // of each shape and packet: where t + the nearest distance is less, so is that shape
+    real *
+        wakes; // of each shape and packet: where t + the nearest distance is less, so is that shape
 };
 
 struct beam {
     struct walk walk[BEAM];
-    int count, moving;   // packets; the first ones have rays in the vicinity
-    float place[3]; // what is near is told from here, so that float has digits for it
+    int count, moving; // packets; the first ones have rays in the vicinity
+    float place[3];    // what is near is told from here, so that float has digits for it
     struct vicinity near;
 };
 
@@ -58,7 +59,7 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
 // What the rays can know of each shape from afar.
 void vicinity_wakes(struct beam *beam, const struct prepared *scene);
 // Sets `at` and `least` of the packets with rays that do not stand still.
-void vicinity_nearest(struct beam *beam, const struct prepared *scene);
+void vicinity_nearest(struct beam *beam);
 
 static inline mask stands_still(const struct walk *w) {
     return either(w->march.done, w->waits);

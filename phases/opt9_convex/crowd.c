@@ -81,8 +81,8 @@ int crowd_towards_light(const float centre[3], float radius, const float to_ligh
     COUNT(crowd_towards_light, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
     struct shaft shaft = {vec_set(centre), vec_set(to_light),
-                        set(radius),     set(size),
-                        set(q),          set(q < 1 ? 1 - q * q : 0.0f)};
+                          set(radius),     set(size),
+                          set(q),          set(q < 1 ? 1 - q * q : 0.0f)};
     int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
     return and_planes(work->scene, list, count);
 }

@@ -22,7 +22,7 @@ int crowd_along(struct vec origin, struct vec direction, mask active, const stru
 mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
                   mask active, const struct convex *work);
 
-// Sets, of those in desk->ahead, the rays' end, their first entry into a solid and how far planes' rays can leap.
+// Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
 // Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the
 // way ends.

@@ -20,6 +20,7 @@ typedef mask sphere_test(struct vec centre, real radius, const void *with);
 // Those go to `list`, in no order; how many.
 __attribute__((always_inline)) static inline int
 list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
+    COUNT(list_those, call);
     int listed = 0;
     int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
     for (int count = 1; count > 0;) {

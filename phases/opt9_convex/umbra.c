@@ -68,7 +68,7 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
 }
 
 void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
-                  struct march *m) {
+           struct march *m) {
     const struct model *model = &work->scene->model;
     *m = (struct march){.nears = nears,
                         .casters = casters,

@@ -3,7 +3,7 @@
 #include "seek.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
-// no further than.
+// no further than. NOTES.md has what others cost.
 #define VICINITY 0.4f
 #define WIDER 1.2f
 // How far ahead of the ray behind all others its centre is, as a share of what leaves that one a step: all of them go on.
@@ -39,9 +39,9 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     COUNT(find_close_by, scalar);
     struct vicinity *v = &beam->near;
     const float *place = beam->place;
-    struct around around = {{v->centre.x + set(place[0]), v->centre.y + set(place[1]),
-                             v->centre.z + set(place[2])},
-                            set(v->within * (1 + 1e-4f) + slack)};
+    struct around around = {
+        {v->centre.x + set(place[0]), v->centre.y + set(place[1]), v->centre.z + set(place[2])},
+        set(v->within * (1 + 1e-4f) + slack)};
     v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
     for (int k = 0; k < v->count; k++) {
         COUNT(find_close_by, shape);
@@ -149,6 +149,25 @@ static inline void ask_about(const struct vicinity *v, int k, int i, struct walk
     w->least = least_of(h, w->least);
 }
 
+// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known: its distance to 10 bits, less
+// that much, is then when it wakes.
+static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
+    COUNT(too_far, call);
+    const struct close_by *c = &v->shapes[k];
+    if (c->shape->way == LINEAR)
+        return false;
+    COUNT(too_far, solid);
+    struct vec to = {w->at.x - set(c->place[0]), w->at.y - set(c->place[1]),
+                     w->at.z - set(c->place[2])};
+    real square = most_of(vec_dot(to, to), set(1e-30f));
+    real least = square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+    if (any(but_not(stands_still(w), not_less(w->least, least))))
+        return false;
+    COUNT(too_far, told);
+    v->wakes[k * BEAM + i] = least + w->march.t;
+    return true;
+}
+
 // Which of the vicinity's shapes from `first` on, 64 at most, may be nearer to one of the rays than what is.
 static inline unsigned long long awake_of(const struct vicinity *v, int first, int i,
                                           const struct walk *w) {
@@ -167,8 +186,7 @@ static inline unsigned long long awake_of(const struct vicinity *v, int first, i
 
 // The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
 // one's distance waits for its root. And each is asked for all packets at once, for the same reason.
-void vicinity_nearest(struct beam *beam, const struct prepared *scene) {
-    (void)scene;
+void vicinity_nearest(struct beam *beam) {
     const struct vicinity *v = &beam->near;
     unsigned moving = 0;
     for (int i = 0; i < beam->moving; i++) {
@@ -196,7 +214,7 @@ void vicinity_nearest(struct beam *beam, const struct prepared *scene) {
             int k = __builtin_ctzll(of_any);
             for (unsigned rest = moving; rest; rest &= rest - 1) {
                 int i = __builtin_ctz(rest);
-                if (awake[i] >> k & 1)
+                if (awake[i] >> k & 1 && !too_far(v, first + k, i, &beam->walk[i]))
                     ask_about(v, first + k, i, &beam->walk[i]);
             }
         }

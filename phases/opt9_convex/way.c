@@ -145,9 +145,8 @@ static inline mask in_way_of(const struct tree *tree, int leaf, const struct con
     COUNT(in_way_of, call);
     const struct spheres *s = &tree->level[0];
     real lean, rest;
-    mask meets =
-        in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
-                   set(s->radius[leaf]), &lean, &rest);
+    mask meets = in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
+                            set(s->radius[leaf]), &lean, &rest);
     return but_not(same_shape(own, tree->shape[leaf]), meets);
 }
 

@@ -1,0 +1,371 @@
+// Marches of a crowd's shadow rays: sorted by where they are from, then a few packets at a time (beam.h).
+#include "beam.h"
+
+enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
+
+// The bits of a and two zeros by turns.
+static unsigned apart(unsigned a) {
+    unsigned code = 0;
+    for (int i = 0; i < PLACE_BITS; i++)
+        code |= (a >> i & 1u) << (3 * i);
+    return code;
+}
+
+// One pass of a sort by digits, which keeps what was equal in its order.
+static void sort_by(const unsigned short *code, int shift, int count, const unsigned short *from,
+                    unsigned short *to) {
+    int first[257] = {0};
+    for (int i = 0; i < count; i++)
+        first[(code[from[i]] >> shift & 255) + 1]++;
+    for (int i = 0; i < 256; i++)
+        first[i + 1] += first[i];
+    for (int i = 0; i < count; i++)
+        to[first[code[from[i]] >> shift & 255]++] = from[i];
+}
+
+// Rays from one solid are a beam: those of a packet are from one as far as there are enough, in the tree's order. Rays
+// from planes behind them, by Morton's order (G. M. Morton, "A computer oriented geodetic data base", IBM 1966).
+static void crowd_sort(struct desk *desk, const struct prepared *scene) {
+    int count = desk->shadows;
+    for (int i = 0; i < count; i++)
+        desk->code[i] = 0;
+    for (int k = 0; k < 3; k++) {
+        const float *x = desk->shadow[S_POINT + k];
+        float least = INFINITY, most = -INFINITY;
+        for (int i = 0; i < count; i++) {
+            least = fminf(least, x[i]);
+            most = fmaxf(most, x[i]);
+        }
+        float per = most > least ? ((1 << PLACE_BITS) - 0.5f) / (most - least) : 0.0f;
+        for (int i = 0; i < count; i++)
+            desk->code[i] |= (unsigned short)(apart((unsigned)((x[i] - least) * per)) << k);
+    }
+    for (int i = 0; i < count; i++) {
+        const struct placed *s = &scene->placed[(int)desk->shadow[S_SHAPE][i]];
+        desk->code[i] = (unsigned short)(s->way == LINEAR ? desk->code[i] | BEHIND : s->rank);
+        desk->order[0][i] = (unsigned short)i;
+    }
+    sort_by(desk->code, 0, count, desk->order[0], desk->order[1]);
+    sort_by(desk->code, 8, count, desk->order[1], desk->order[0]);
+}
+
+static real gathered(const float *field, const unsigned short *order, int count) {
+    float lanes[LANES];
+    for (int i = 0; i < LANES; i++)
+        lanes[i] = field[order[i < count ? i : 0]];
+    return load(lanes);
+}
+
+static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
+                        gathered(field[2], order, count)};
+}
+
+// The same of rays that have been sorted; of a packet that has none, the first ray's.
+static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+    COUNT(sorted, call);
+    return (struct rays){.active = first_lanes(count),
+                         .point = gathered_vec(field + S_POINT, order, count),
+                         .local = gathered_vec(field + S_LOCAL, order, count),
+                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
+                         .facing = gathered(field[S_FACING], order, count),
+                         .shape = gathered(field[S_SHAPE], order, count),
+                         .end = set(0.0f),
+                         .alone = set(INFINITY),
+                         .on_plane = no_lane(),
+                         .some = no_lane(),
+                         .many = no_lane(),
+                         .first = set(INFINITY),
+                         .cosine = set(1.0f)};
+}
+
+// What is in the way of the rays at `at` need not be looked for again until it is behind, or the slope q that the ray's least
+// term so far allows is less: then the ray ends where a cone of that slope meets nothing further on.
+static void look_ahead(struct walk *w, const struct convex *work) {
+    COUNT(look_ahead, call);
+    struct march *m = &w->march;
+    real q = root(m->square / m->divisor) *
+             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    // The term of the step that led here is one of those that q bounds only if that step was as long.
+    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
+    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
+    if (!any(asked))
+        return;
+    real until = set(0.0f);
+    m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
+    w->until = choose(asked, until, w->until);
+    w->asked = choose(asked, q, w->asked);
+}
+
+static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
+    COUNT(keep_answers, call);
+    float ray[LANES], lit[LANES];
+    unload(w->ray, ray);
+    unload(root(w->march.square / w->march.divisor), lit);
+    for (unsigned rest = bits(done); rest; rest &= rest - 1)
+        desk->shadow[S_LIT][(int)ray[__builtin_ctz(rest)]] = lit[__builtin_ctz(rest)];
+}
+
+static real *fields_of(struct walk *w, int i) {
+    if (i < MARCH_REALS)
+        return &w->march.t + i;
+    if (i < MARCH_REALS + RAY_REALS)
+        return &w->rays.point.x + (i - MARCH_REALS);
+    return &w->from.x + (i - MARCH_REALS - RAY_REALS);
+}
+
+// Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out.
+static void close_ranks(struct beam *beam, struct desk *desk) {
+    int moving = 0, live = 0, packets = 0, at = 0;
+    for (int i = 0; i < beam->count; i++) {
+        struct walk *w = &beam->walk[i];
+        mask ended = both(w->rays.active, w->march.done);
+        if (any(ended))
+            keep_answers(w, ended, desk);
+        w->rays.active = but_not(ended, w->rays.active);
+        mask here = but_not(w->waits, w->rays.active);
+        live += count_of(w->rays.active);
+        moving += count_of(here);
+        packets = any(here) ? i + 1 : packets;
+    }
+    beam->moving = (moving + LANES - 1) / LANES;
+    if (beam->moving == packets)
+        return;
+    float fields[WALK_REALS][BEAM_RAYS + LANES];
+    for (int wait = 0; wait < 2; wait++)
+        for (int i = 0; i < beam->count; i++) {
+            struct walk *w = &beam->walk[i];
+            mask those = both(w->rays.active, wait ? w->waits : not_in(w->waits));
+            if (!any(those))
+                continue;
+            for (int k = 0; k < WALK_REALS; k++)
+                pack(those, *fields_of(w, k), &fields[k][at]);
+            at += count_of(those);
+        }
+    beam->count = (live + LANES - 1) / LANES;
+    for (int i = 0; i < beam->count; i++) {
+        struct walk *w = &beam->walk[i];
+        for (int k = 0; k < WALK_REALS; k++)
+            *fields_of(w, k) = load(&fields[k][i * LANES]);
+        w->rays.active = first_lanes(live - i * LANES);
+        w->waits = not_in(first_lanes(moving - i * LANES));
+        w->march.done = not_in(w->rays.active);
+    }
+}
+
+// A new vicinity, where the ray is that is behind all others; whether there is any.
+static bool look_around(struct beam *beam, const struct convex *work) {
+    COUNT(look_around, call);
+    const struct walk *last = NULL;
+    float rear = INFINITY;
+    for (int i = 0; i < beam->count; i++) {
+        struct walk *w = &beam->walk[i];
+        if (all(w->march.done))
+            continue;
+        look_ahead(w, work);
+        if (all(w->march.done))
+            continue;
+        COUNT(look_around, packet);
+        float t = least_lane(choose(w->march.done, set(INFINITY), w->march.t));
+        if (!last || t < rear) {
+            last = w;
+            rear = t;
+        }
+    }
+    if (!last)
+        return false;
+    COUNT(look_around, last);
+    const struct march *m = &last->march;
+    // Its own shape is no further than t, and no distance grows faster than a ray goes.
+    real h = least_of(m->t, m->previous + m->previous);
+    vicinity_about(beam, last, h, but_not(m->done, not_less(set(rear), m->t)), work);
+    close_ranks(beam, work->desk);
+    vicinity_wakes(beam, work->scene);
+    return true;
+}
+
+// One step of all rays but those that stand still.
+static inline void step_but(struct march *m, mask still, real h, real strength, real hit) {
+    real previous = m->previous, from = m->from;
+    m->done = still;
+    step(m, h, strength, hit, 0.0f);
+    m->previous = choose(still, previous, m->previous);
+    m->from = choose(still, from, m->from);
+}
+
+// The first steps of rays that are from one solid, as long as no other can be as near: from its position no other's bounding
+// sphere is nearer than `alone`. The planes' heights are in `nears`.
+static void leave_solid(struct walk *w, int shape, mask own, const struct near *nears,
+                        real strength, real hit, const struct convex *work) {
+    COUNT(leave_solid, call);
+    COUNT(leave_solid, scalar);
+    const struct prepared *scene = work->scene;
+    const struct placed *s = &scene->placed[shape];
+    struct march *m = &w->march;
+    struct near near;
+    see_along(&w->rays, shape, &near, work);
+    real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+    mask still = either(not_in(own), m->done), done = m->done;
+    for (int left = scene->model.march.max_steps; left > 0; left--) {
+        ACTIVE(LANES - count_of(still));
+        COUNT(leave_solid, asked);
+        real h = distance_along(&near, m->t, s), room = alone - h;
+        struct vec p = vec_along(near.origin, near.direction, m->t);
+        mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
+        still = either(still, not_in(sure));
+        if (all(still))
+            break;
+        for (int k = 0; k < scene->plane_count; k++) {
+            COUNT(leave_solid, plane);
+            const struct near *plane = &nears[scene->planes[k]];
+            h = least_of(h, mul_add(m->t, plane->direction.x, plane->origin.x));
+        }
+        step_but(m, still, h, strength, hit);
+        done = either(done, but_not(still, m->done));
+        still = either(still, m->done);
+    }
+    m->done = done;
+}
+
+static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,
+                         const struct convex *work) {
+    float shapes[LANES];
+    unload(w->rays.shape, shapes);
+    for (unsigned rest = bits(not_in(w->march.done)); rest;) {
+        int shape = (int)shapes[__builtin_ctz(rest)];
+        mask own = both(lanes_of(rest), same_shape(w->rays.shape, shape));
+        rest &= ~bits(own);
+        COUNT(leave_solids, shape);
+        const struct placed *s = &work->scene->placed[shape];
+        if (s->way == LINEAR)
+            continue;
+        w->local_to = vec_choose(own, turned(s, w->rays.to_light), w->local_to);
+        leave_solid(w, shape, own, nears, strength, hit, work);
+    }
+}
+
+// A step of all rays in the vicinity; whether there are any.
+static bool walk_on(struct beam *beam, real strength, real hit) {
+    bool moves = false;
+    vicinity_nearest(beam);
+    for (int i = 0; i < beam->moving; i++) {
+        struct walk *w = &beam->walk[i];
+        struct march *m = &w->march;
+        if (all(stands_still(w)))
+            continue;
+        ACTIVE(LANES - count_of(stands_still(w)));
+        COUNT(walk_on, step);
+        moves = true;
+        // What is not in the vicinity could be nearer.
+        real away = distance_between(w->at, beam->near.centre);
+        w->waits = either(w->waits, not_in(not_less(set(beam->near.within), w->least + away)));
+        mask still = stands_still(w), done = m->done;
+        step_but(m, still, w->least, strength, hit);
+        m->done = either(done, but_not(still, m->done));
+    }
+    return moves;
+}
+
+static void begin_walk(struct walk *w, int first, const struct beam *beam,
+                       const struct convex *work) {
+    COUNT(begin_walk, call);
+    struct desk *desk = work->desk;
+    const float *place = beam->place;
+    int left = desk->shadows - first;
+    // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
+    *w = (struct walk){
+        .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
+        .waits = all_lanes(),
+        .until = set(work->scene->tree.spacing),
+        .asked = set(work->scene->lit_slope)};
+    float ray[LANES] = {0};
+    for (int i = 0; i < LANES && i < left; i++)
+        ray[i] = desk->order[0][first + i];
+    w->ray = load(ray);
+    w->local_to = w->rays.to_light;
+    w->from = (struct vec){w->rays.point.x - set(place[0]), w->rays.point.y - set(place[1]),
+                           w->rays.point.z - set(place[2])};
+    begin(&w->rays, desk->near, &desk->casters[0], work, &w->march);
+}
+
+// In the order of the queue, whatever the packets were.
+static void add_answers(int first, struct desk *desk) {
+    for (int at = first; at < desk->shadows && at < first + BEAM_RAYS; at += LANES) {
+        COUNT(add_answers, packet);
+        const unsigned short *order = desk->order[0] + at;
+        int left = desk->shadows - at, count = left < LANES ? left : LANES;
+        add_light(first_lanes(count),
+                  vec_scale(gathered_vec(desk->shadow + S_LIGHT, order, count),
+                            gathered(desk->shadow[S_LIT], order, count)),
+                  gathered(desk->shadow[S_PIXEL], order, count), desk);
+    }
+}
+
+// The solids that its rays may meet: desk->ahead.
+static void look_along(int first, const struct convex *work) {
+    COUNT(look_along, call);
+    struct desk *desk = work->desk;
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int end = first + BEAM_RAYS < desk->shadows ? first + BEAM_RAYS : desk->shadows;
+    float least[3], most[3], to[3], square = 0, spread = 0;
+    for (int k = 0; k < 3; k++) {
+        least[k] = most[k] = field[S_POINT + k][desk->order[0][first]];
+        to[k] = field[S_TO_LIGHT + k][desk->order[0][first]];
+    }
+    for (int i = first; i < end; i++) {
+        COUNT(look_along, ray);
+        float off = 0;
+        for (int k = 0; k < 3; k++) {
+            float x = field[S_POINT + k][desk->order[0][i]],
+                  l = field[S_TO_LIGHT + k][desk->order[0][i]] - to[k];
+            least[k] = x < least[k] ? x : least[k];
+            most[k] = x > most[k] ? x : most[k];
+            off += l * l;
+        }
+        spread = off > spread ? off : spread;
+    }
+    float centre[3];
+    for (int k = 0; k < 3; k++) {
+        centre[k] = 0.5f * (least[k] + most[k]);
+        square += 0.25f * (most[k] - least[k]) * (most[k] - least[k]);
+    }
+    int count = crowd_towards_light(centre, sqrtf(square) * (1 + 1e-4f), to,
+                                    sqrtf(spread) * 1.01f + 1e-4f, work, desk->ahead);
+    desk->aheads = count - work->scene->plane_count;
+}
+
+static void cast_beam(int first, const struct convex *work) {
+    COUNT(cast_beam, call);
+    struct desk *desk = work->desk;
+    const struct model *model = &work->scene->model;
+    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    struct near *second = desk->near + model->shape_count;
+    struct beam beam = {.near = {.list = desk->vicinity}};
+    _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
+                   "room for both");
+    beam.near.wakes = (real *)second;
+    beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
+    for (int k = 0; k < 3; k++)
+        beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
+    look_along(first, work);
+    for (int at = first; at < desk->shadows && beam.count < BEAM; at += LANES, beam.count++) {
+        struct walk *w = &beam.walk[beam.count];
+        begin_walk(w, at, &beam, work);
+        leave_solids(w, desk->near, strength, hit, work);
+    }
+    long left = (long)model->march.max_steps * BEAM_RAYS;
+    while (left > 0 && look_around(&beam, work))
+        for (; left > 0 && walk_on(&beam, strength, hit); left--)
+            ;
+    for (int i = 0; i < beam.count; i++)
+        keep_answers(&beam.walk[i], beam.walk[i].rays.active, desk);
+    add_answers(first, desk);
+}
+
+void cast_crowd(const struct convex *work) {
+    work->desk->ahead = work->desk->casters[0].index;
+    crowd_sort(work->desk, work->scene);
+    for (int first = 0; first < work->desk->shadows; first += BEAM_RAYS)
+        cast_beam(first, work);
+    work->desk->shadows = 0;
+}

@@ -1,0 +1,68 @@
+// Shadow rays of a crowd that are marched together: a few packets of them, neighbours by their order, share what
+// is known of the shapes near them.
+#ifndef OPT10_BEAM_H
+#define OPT10_BEAM_H
+
+#include "umbra.h"
+
+enum { BEAM_RAYS = 64, BEAM = BEAM_RAYS / LANES };
+
+// A packet of them. The rays come apart, so only those in the vicinity are marched; the others wait.
+struct walk {
+    struct march march;
+    struct rays rays;
+    struct vec from;     // where they start, from the beam's place; OWN_REALS from here on
+    struct vec local_to; // to the light, in the frame of the solid that each is from
+    real until, asked;   // where what is in the way ends, of the cones of slope `asked`
+    real ray;            // which of the queue
+    mask waits;
+    struct vec at; // where they are, from the beam's place
+    real least;    // the nearest shape's distance there
+    int recent;    // which of the vicinity was the nearest to one of them
+};
+enum { RAY_REALS = 11, OWN_REALS = 9, WALK_REALS = MARCH_REALS + RAY_REALS + OWN_REALS };
+
+// A shape of a vicinity.
+struct close_by {
+    const struct placed *shape;
+    float place[3]; // from the beam's
+};
+
+// All shapes that are within `within` of the centre.
+struct vicinity {
+    struct vec centre;
+    float within, room; // room: for rays to take a step in it
+    int count;
+    int *list;
+    struct close_by *shapes;
+    real *
+        wakes; // of each shape and packet: where t + the nearest distance is less, so is that shape
+};
+
+struct beam {
+    struct walk walk[BEAM];
+    int count, moving; // packets; the first ones have rays in the vicinity
+    float place[3];    // what is near is told from here, so that float has digits for it
+    struct vicinity near;
+};
+
+static inline real distance_between(struct vec a, struct vec b) {
+    COUNT(distance_between, call);
+    struct vec v = {a.x - b.x, a.y - b.y, a.z - b.z};
+    return vec_norm(v);
+}
+
+// About one of the lanes in `last` of a packet, where the nearest shape is no further than h.
+// Sets which of the rays wait.
+void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
+                    const struct convex *work);
+// What the rays can know of each shape from afar.
+void vicinity_wakes(struct beam *beam, const struct prepared *scene);
+// Sets `at` and `least` of the packets with rays that do not stand still.
+void vicinity_nearest(struct beam *beam);
+
+static inline mask stands_still(const struct walk *w) {
+    return either(w->march.done, w->waits);
+}
+
+#endif

@@ -1,0 +1,94 @@
+// What a crowd's tree is asked by: the spheres of a node in the lanes, or rays in the lanes, sphere by sphere.
+#ifndef OPT10_SEEK_H
+#define OPT10_SEEK_H
+
+#include "crowd.h"
+
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+static inline int and_planes(const struct prepared *scene, int *list, int count) {
+    for (int k = 0; k < scene->plane_count; k++)
+        list[count++] = scene->planes[k];
+    return count;
+}
+
+// Which of as many spheres as there are lanes matter.
+typedef mask sphere_test(struct vec centre, real radius, const void *with);
+
+// Those go to `list`, in no order; how many.
+__attribute__((always_inline)) static inline int
+list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
+    COUNT(list_those, call);
+    int listed = 0;
+    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
+    for (int count = 1; count > 0;) {
+        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        const struct spheres *s = &tree->level[level];
+        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
+        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
+            ACTIVE(lesser(LANES, end - first));
+            COUNT(list_those, spheres);
+            struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
+            mask matter =
+                both(test(centre, load(s->radius + first), with), first_lanes(end - first));
+            for (unsigned rest = bits(matter); rest; rest &= rest - 1) {
+                int entry = first + __builtin_ctz(rest);
+                if (level == 0)
+                    list[listed++] = tree->shape[entry];
+                else
+                    waiting[count++] = level - 1 + TREE_LEVELS * entry;
+            }
+        }
+    }
+    return listed;
+}
+
+// The same with rays in the lanes, sphere by sphere.
+typedef bool ray_test(const float centre[3], float radius, void *with);
+typedef void leaf_visit(int shape, void *with);
+
+__attribute__((always_inline)) static inline void follow(const struct tree *tree, ray_test *test,
+                                                         leaf_visit *visit, void *with) {
+    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1};
+    for (int count = 1; count > 0;) {
+        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        const struct spheres *s = &tree->level[level];
+        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
+        for (int entry = node * TREE_WIDTH; entry < end; entry++) {
+            if (!test((float[3]){s->x[entry], s->y[entry], s->z[entry]}, s->radius[entry], with))
+                continue;
+            if (level == 0)
+                visit(tree->shape[entry], with);
+            else
+                waiting[count++] = level - 1 + TREE_LEVELS * entry;
+        }
+    }
+}
+
+// How much a sphere must be larger for what is rounded in a difference of places.
+static inline real blurred(real radius, struct vec v, real reach) {
+    real size = absolute(v.x) + absolute(v.y) + absolute(v.z) + reach;
+    return mul_add(set(1e-6f), size, radius * set(1 + 1e-5f));
+}
+
+// Cones of slope q about rays from a ball.
+struct shaft {
+    struct vec centre, to_light;
+    real radius, reach, q, narrow;
+};
+
+static inline mask in_shaft(struct vec centre, real radius, const void *with) {
+    COUNT(in_shaft, call);
+    const struct shaft *b = with;
+    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
+    real r = blurred(radius, v, b->reach) + b->radius;
+    real lean = mul_add(b->q, r, vec_dot(v, b->to_light));
+    real need = neg_mul_add(r, r, vec_dot(v, v));
+    mask misses =
+        either(less(lean, set(0.0f)), less(lean * lean * set(1 + 1e-4f), b->narrow * need));
+    return not_in(both(greater(need, set(0.0f)), misses));
+}
+
+#endif

@@ -1,0 +1,72 @@
+// A packet's march of shadow rays, step by step: what umbra.c and beam.c share.
+#ifndef OPT10_UMBRA_H
+#define OPT10_UMBRA_H
+
+#include "crowd.h"
+
+// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
+// power is not.
+__attribute__((always_inline)) static inline real distance_along(const struct near *near, real t,
+                                                                 const struct placed *s) {
+    COUNT(distance_along, call);
+    if (s->way == LINEAR) {
+        COUNT(distance_along, linear);
+        return mul_add(t, near->direction.x, near->origin.x);
+    }
+    if (near->power) {
+        COUNT(distance_along, power);
+        real power = mul_add(t, t + near->slope, near->constant);
+        return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    }
+    COUNT(distance_along, point);
+    struct vec p = vec_along(near->origin, near->direction, t);
+    return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, no_lane());
+}
+
+// One packet's march.
+struct march {
+    struct near *nears;
+    const struct shapes *casters;
+    mask done;
+    real t, from, previous, end; // MARCH_REALS from here on
+    real square, divisor;        // least² = square/divisor; no root or quotient until the end
+    real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
+    mask one;                    // one convex solid alone can bring a term below 1
+};
+enum { MARCH_REALS = 8 };
+enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
+
+// Where a march begins, and whether it is told dark at once. Of a crowd no casters are listed.
+SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
+                  const struct convex *work, struct march *m);
+
+__attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
+                                                       real hit_distance, float dark) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(step, call);
+    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
+    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
+    // distances from underflow.
+    real twice = m->previous + m->previous, unit = power_per(twice);
+    real part = h * unit, square = h * h;
+    twice = twice * unit;
+    real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
+    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
+    real term = strength * strength * square * inside, divisor = beyond * beyond;
+    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
+    m->square = choose(darker, term, m->square);
+    m->divisor = choose(darker, divisor, m->divisor);
+    m->previous = h;
+    if (dark > 0.0f) {
+        COUNT(step, dark);
+        done = either(done, less(m->square, m->divisor * set(dark)));
+    }
+    done = either(done, greater(m->from, m->end)); // the step to here began behind it
+    m->from = m->t;
+    m->t = m->t + drop(done, h);
+    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+}
+// Marches all shadow rays that wait, of a crowd.
+void cast_crowd(const struct convex *work);
+
+#endif

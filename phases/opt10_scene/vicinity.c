@@ -1,0 +1,222 @@
+// See beam.h. Which shapes are about a place ahead of the rays, and which of them is the nearest.
+#include "beam.h"
+#include "seek.h"
+
+// Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
+// no further than. NOTES.md has what others cost.
+#define VICINITY 0.4f
+#define WIDER 1.2f
+// How far ahead of the ray behind all others its centre is, as a share of what leaves that one a step: all of them go on.
+#define AHEAD 0.6f
+
+struct around {
+    struct vec centre;
+    real within;
+};
+
+static inline mask within_reach(struct vec centre, real radius, const void *with) {
+    COUNT(within_reach, call);
+    const struct around *a = with;
+    struct vec v = {centre.x - a->centre.x, centre.y - a->centre.y, centre.z - a->centre.z};
+    real r = a->within + radius;
+    return less(vec_dot(v, v), r * r);
+}
+
+static float picked(mask one, real x) {
+    return least_lane(choose(one, x, set(INFINITY)));
+}
+
+// From the vicinity's centre to the solid's bounding sphere.
+static inline float distance_from(const struct close_by *c, struct vec centre) {
+    COUNT(distance_from, call);
+    float x = c->place[0] - first_of(centre.x), y = c->place[1] - first_of(centre.y),
+          z = c->place[2] - first_of(centre.z);
+    return sqrtf(x * x + y * y + z * z) * (1 - 1e-5f) - c->shape->bound;
+}
+
+static void find_close_by(struct beam *beam, float slack, const struct prepared *scene) {
+    COUNT(find_close_by, call);
+    COUNT(find_close_by, scalar);
+    struct vicinity *v = &beam->near;
+    const float *place = beam->place;
+    struct around around = {
+        {v->centre.x + set(place[0]), v->centre.y + set(place[1]), v->centre.z + set(place[2])},
+        set(v->within * (1 + 1e-4f) + slack)};
+    v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
+    for (int k = 0; k < v->count; k++) {
+        COUNT(find_close_by, shape);
+        const struct placed *s = &scene->placed[v->list[k]];
+        v->shapes[k].shape = s;
+        for (int i = 0; i < 3; i++)
+            v->shapes[k].place[i] = s->position[i] - place[i];
+    }
+}
+
+void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
+                    const struct convex *work) {
+    COUNT(vicinity_about, call);
+    COUNT(vicinity_about, scalar);
+    const struct prepared *scene = work->scene;
+    struct vicinity *v = &beam->near;
+    struct vec p = vec_along(w->from, w->rays.to_light, w->march.t);
+    unsigned lane = bits(last) & (0u - bits(last)); // one of them
+    mask one = lanes_of(lane);
+    float near = picked(one, h);
+    v->within = fmaxf(WIDER * near, VICINITY * scene->tree.spacing);
+    float slack = 1e-6f * (float)scene->model.march.bounds_radius;
+    float on = fmaxf(AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
+    struct vec ahead = vec_along(p, w->rays.to_light, set(on));
+    v->centre = (struct vec){set(picked(one, ahead.x)), set(picked(one, ahead.y)),
+                             set(picked(one, ahead.z))};
+    v->room = v->within - 0.4f * near;
+    find_close_by(beam, slack, scene);
+    for (int i = 0; i < beam->count; i++) {
+        COUNT(vicinity_about, packet);
+        struct walk *each = &beam->walk[i];
+        struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
+        each->waits = not_less(distance_between(at, v->centre), set(v->room));
+    }
+}
+
+// A ray is no nearer to a shape than the vicinity's centre, but for what is between them.
+void vicinity_wakes(struct beam *beam, const struct prepared *scene) {
+    COUNT(vicinity_wakes, call);
+    struct vicinity *v = &beam->near;
+    float slack = 1e-6f * (float)scene->model.march.bounds_radius;
+    real nearer[BEAM];
+    for (int i = 0; i < beam->moving; i++) {
+        COUNT(vicinity_wakes, packet);
+        const struct walk *w = &beam->walk[i];
+        struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
+        nearer[i] = w->march.t - distance_between(at, v->centre);
+    }
+    float nearest = INFINITY;
+    int recent = 0;
+    for (int k = 0; k < v->count; k++) {
+        float far = -INFINITY;
+        if (v->shapes[k].shape->way != LINEAR) {
+            COUNT(vicinity_wakes, solid);
+            far = distance_from(&v->shapes[k], v->centre) - slack;
+            recent = far < nearest ? k : recent;
+            nearest = fminf(nearest, far);
+        }
+        for (int i = 0; i < beam->moving; i++) {
+            COUNT(vicinity_wakes, shape);
+            v->wakes[k * BEAM + i] = set(far) + nearer[i];
+        }
+    }
+    for (int i = 0; i < beam->moving; i++)
+        beam->walk[i].recent = recent;
+}
+
+// Of those rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is
+// noise in the third digit, that of its power is not.
+static real own_distance(struct vec p, const struct walk *w, mask own, const struct placed *s) {
+    COUNT(own_distance, call);
+    real t = w->march.t;
+    p = vec_choose(own, vec_along(w->rays.local, w->local_to, t), p);
+    real h = distance_at(p, s, no_lane());
+    if (s->type != SHAPE_SPHERE)
+        return h;
+    COUNT(own_distance, sphere);
+    real slope = set(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
+    real from = power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    return choose(own, from, h);
+}
+
+static inline real distance_to(const struct close_by *c, const struct walk *w) {
+    COUNT(distance_to, call);
+    const struct placed *s = c->shape;
+    mask own = same_shape(w->rays.shape, (int)s->index);
+    if (s->way == LINEAR) {
+        COUNT(distance_to, plane);
+        real height = drop(own, height_over(s, w->rays.point));
+        return mul_add(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light), height);
+    }
+    COUNT(distance_to, solid);
+    struct vec p = {w->at.x - set(c->place[0]), w->at.y - set(c->place[1]),
+                    w->at.z - set(c->place[2])};
+    p = turned(s, p);
+    return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
+}
+
+// What was h at t wakes where h + t is no more than the nearest shape's distance + t, see nearest().
+static inline void ask_about(const struct vicinity *v, int k, int i, struct walk *w) {
+    COUNT(ask_about, call);
+    real h = distance_to(&v->shapes[k], w);
+    v->wakes[k * BEAM + i] = (h + w->march.t) * set(1.0f - 0x1p-18f);
+    w->recent = any(less(h, w->least)) ? k : w->recent;
+    w->least = least_of(h, w->least);
+}
+
+// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known: its distance to 10 bits, less
+// that much, is then when it wakes.
+static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
+    COUNT(too_far, call);
+    const struct close_by *c = &v->shapes[k];
+    if (c->shape->way == LINEAR)
+        return false;
+    COUNT(too_far, solid);
+    struct vec to = {w->at.x - set(c->place[0]), w->at.y - set(c->place[1]),
+                     w->at.z - set(c->place[2])};
+    real square = most_of(vec_dot(to, to), set(1e-30f));
+    real least = square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+    if (any(but_not(stands_still(w), not_less(w->least, least))))
+        return false;
+    COUNT(too_far, told);
+    v->wakes[k * BEAM + i] = least + w->march.t;
+    return true;
+}
+
+// Which of the vicinity's shapes from `first` on, 64 at most, may be nearer to one of the rays than what is.
+static inline unsigned long long awake_of(const struct vicinity *v, int first, int i,
+                                          const struct walk *w) {
+    COUNT(awake_of, call);
+    int end = v->count - first < 64 ? v->count : first + 64;
+    mask still = stands_still(w);
+    real until = w->least + w->march.t;
+    unsigned long long awake = 0;
+    for (int k = first; k < end; k++) {
+        COUNT(awake_of, shape);
+        mask wakes = not_less(until, v->wakes[k * BEAM + i]);
+        awake |= (unsigned long long)any(but_not(still, wakes)) << (k - first);
+    }
+    return awake;
+}
+
+// The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
+// one's distance waits for its root. And each is asked for all packets at once, for the same reason.
+void vicinity_nearest(struct beam *beam) {
+    const struct vicinity *v = &beam->near;
+    unsigned moving = 0;
+    for (int i = 0; i < beam->moving; i++) {
+        struct walk *w = &beam->walk[i];
+        if (all(stands_still(w)))
+            continue;
+        ACTIVE(LANES - count_of(stands_still(w)));
+        COUNT(vicinity_nearest, packet);
+        moving |= 1u << i;
+        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        w->least = set(INFINITY);
+        if (v->count > 0)
+            ask_about(v, w->recent, i, w);
+    }
+    for (int first = 0; first < v->count; first += 64) {
+        unsigned long long awake[BEAM], of_any = 0;
+        for (unsigned rest = moving; rest; rest &= rest - 1) {
+            int i = __builtin_ctz(rest), asked = beam->walk[i].recent - first;
+            awake[i] = awake_of(v, first, i, &beam->walk[i]);
+            if (asked >= 0 && asked < 64)
+                awake[i] &= ~(1ull << asked);
+            of_any |= awake[i];
+        }
+        for (; of_any; of_any &= of_any - 1) {
+            int k = __builtin_ctzll(of_any);
+            for (unsigned rest = moving; rest; rest &= rest - 1) {
+                int i = __builtin_ctz(rest);
+                if (awake[i] >> k & 1 && !too_far(v, first + k, i, &beam->walk[i]))
+                    ask_about(v, first + k, i, &beam->walk[i]);
+            }
+        }
+    }
+}
