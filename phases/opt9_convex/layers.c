@@ -335,7 +335,8 @@ void meet_layers(int first, const struct mesh *mesh, const struct job *job, stru
     for (int k = 0; k < 3; k++) {
         own->at[k] = 0;
         own->key += (uint64_t)1 << (20 * k + 15);
-        split(grid.eye[k], &own->from[k], &own->rest[k]);
+        own->from[k] = job->prepared->eyes[first].at[k];
+        own->rest[k] = job->prepared->eyes[first].rest[k];
     }
     look_at_cell(&grid.sides, own, open);
     while (layer->count > 0) {
