@@ -275,8 +275,9 @@ static inline void go_along(struct grid *grid, const struct eye *eye, const stru
     float bottom = mesh->top - DOWN * mesh->step_down;
     float a = eye->axis[0][k] * mesh->left, b = eye->axis[0][k] * right;
     float c = eye->axis[1][k] * mesh->top, d = eye->axis[1][k] * bottom;
-    grid->forth[k] = eye->axis[2][k] + fmaxf(a, b) + fmaxf(c, d) > -1e-5f;
-    grid->back[k] = eye->axis[2][k] + fminf(a, b) + fminf(c, d) < 1e-5f;
+    float most = (a > b ? a : b) + (c > d ? c : d), least = (a < b ? a : b) + (c < d ? c : d);
+    grid->forth[k] = eye->axis[2][k] + most > -1e-5f;
+    grid->back[k] = eye->axis[2][k] + least < 1e-5f;
 }
 
 // What the grid is to the tile; the blocks that have rays.
