@@ -68,6 +68,7 @@ struct grid {
     const struct prepared *scene;
     double eye[3], size[3];
     float half[3], world[3], bounds_sq, far_sq; // the world's origin from the camera
+    bool forth[3], back[3];                     // whether some of the rays go there along an axis
     struct sides sides;
     struct sight *sights;
     mask left[BLOCKS]; // rays that have not met a copy
@@ -125,20 +126,29 @@ static inline unsigned blocks_of(unsigned in, unsigned out) {
     return in >> AHEAD ? columns * (rows * 0x204081u & 0x1010101u) : 0;
 }
 
-// The blocks whose frustum a cell reaches; its copy's are kept.
-static inline unsigned reach_blocks(const struct sides *sides, struct cell *cell) {
-    unsigned in = 0, out = 0, copy_in = 0, copy_out = 0;
+// The blocks whose frustum a cell reaches, or its copy.
+static inline unsigned reach_blocks(const real *to, const real *forth, const real *back) {
+    unsigned in = 0, out = 0;
     for (int part = 0; part < PARTS; part++) {
         ACTIVE(LANES);
         COUNT(reach_blocks, call);
-        real to = vec_dot(sides->normal[part], vec_set(cell->from));
-        in |= bits(less(to, sides->cell[part])) << part * LANES;
-        out |= bits(greater(to, sides->cell_back[part])) << part * LANES;
-        copy_in |= bits(less(to, sides->copy[part])) << part * LANES;
-        copy_out |= bits(greater(to, sides->copy_back[part])) << part * LANES;
+        in |= bits(less(to[part], forth[part])) << part * LANES;
+        out |= bits(greater(to[part], back[part])) << part * LANES;
     }
-    cell->copy = blocks_of(copy_in, copy_out);
     return blocks_of(in, out);
+}
+
+// Whether a cell reaches a block's frustum that has rays left; which blocks its copy does.
+static inline bool look_at_cell(const struct sides *sides, struct cell *cell, unsigned open) {
+    real to[PARTS];
+    for (int part = 0; part < PARTS; part++) {
+        COUNT(look_at_cell, call);
+        to[part] = vec_dot(sides->normal[part], vec_set(cell->from));
+    }
+    if (!(reach_blocks(to, sides->cell, sides->cell_back) & open))
+        return false;
+    cell->copy = reach_blocks(to, sides->copy, sides->copy_back);
+    return true;
 }
 
 // Whether some of it is within the bounds, and before what else the tile's rays have met.
@@ -156,14 +166,14 @@ static inline bool in_reach(const struct grid *grid, const struct cell *cell) {
     return outside < grid->bounds_sq && away < grid->far_sq;
 }
 
-static inline void place_cell(const struct grid *grid, struct cell *cell, int axis) {
+static inline double place_cell(const struct grid *grid, const struct cell *cell, int axis) {
     COUNT(place_cell, call);
-    double from = fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
-    split(from, &cell->from[axis], &cell->rest[axis]);
+    return fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
 }
 
 static void add_cell(const struct grid *grid, const struct cell *from, int axis, int step,
                      unsigned open, struct layer *to) {
+    COUNT(add_cell, call);
     uint64_t key = from->key + ((uint64_t)(int64_t)step << 20 * axis);
     for (int i = to->count - 1; i >= 0; i--)
         if (to->cell[i].key == key)
@@ -176,9 +186,13 @@ static void add_cell(const struct grid *grid, const struct cell *from, int axis,
     *cell = *from;
     cell->key = key;
     cell->at[axis] += step;
-    place_cell(grid, cell, axis);
-    if (reach_blocks(&grid->sides, cell) & open && in_reach(grid, cell))
-        to->count++;
+    double exact = place_cell(grid, cell, axis);
+    cell->from[axis] = (float)exact;
+    if (!look_at_cell(&grid->sides, cell, open) || !in_reach(grid, cell))
+        return;
+    COUNT(add_cell, added);
+    cell->rest[axis] = (float)(exact - (double)cell->from[axis]);
+    to->count++;
 }
 
 // Away from the camera's cell.
@@ -187,9 +201,9 @@ static void add_neighbours(const struct grid *grid, const struct cell *from, uns
     for (int k = 0; k < 3; k++) {
         if (!(grid->half[k] < 1e30f))
             continue;
-        if (from->at[k] >= 0)
+        if (from->at[k] >= 0 && grid->forth[k])
             add_cell(grid, from, k, 1, open, to);
-        if (from->at[k] <= 0)
+        if (from->at[k] <= 0 && grid->back[k])
             add_cell(grid, from, k, -1, open, to);
     }
 }
@@ -212,8 +226,12 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, struct be
     mask near = both(b->active, less(b->square, set(s->bound_sq)));
     if (!any(near))
         return;
-    real in;
-    near = enter_nearby(b->c, b->d, b->before, b->square, b->per, s, near, &in);
+    real in, half = set(0.0f);
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
+        COUNT(meet_copy, half);
+        half = root(most_of(set(s->bound_sq) - b->square, set(0.0f)));
+    }
+    near = enter_nearby(b->c, b->d, b->before, half, b->per, s, near, &in);
     COUNT(meet_copy, near);
     real t = b->before + in;
     near = both(near, greater(t, set(0.0f)));
@@ -307,6 +325,18 @@ INLINE void has_slabs(int i, int first, const struct prepared *scene, bool *slab
         *slabs || (s->leader == first && (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX));
 }
 
+static inline void go_along(struct grid *grid, const struct eye *eye, const struct mesh *mesh,
+                            int k) {
+    COUNT(go_along, call);
+    float right = mesh->left + ACROSS * mesh->step_across;
+    float bottom = mesh->top - DOWN * mesh->step_down;
+    float a = eye->axis[0][k] * mesh->left, b = eye->axis[0][k] * right;
+    float c = eye->axis[1][k] * mesh->top, d = eye->axis[1][k] * bottom;
+    float most = (a > b ? a : b) + (c > d ? c : d), least = (a < b ? a : b) + (c < d ? c : d);
+    grid->forth[k] = eye->axis[2][k] + most > -1e-5f;
+    grid->back[k] = eye->axis[2][k] + least < 1e-5f;
+}
+
 // What the grid is to the tile; the blocks that have rays.
 INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh,
                            const struct job *job) {
@@ -321,6 +351,7 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
         grid->size[k] = s->wide_cell[k];
         grid->half[k] = s->cell[k] > 0 ? 0.5f * s->cell[k] : 1e30f;
         grid->world[k] = eye->centre[k];
+        go_along(grid, eye, mesh, k);
     }
     set_sides(first, grid, eye, mesh, 1e-6f * bounds, &grid->sides);
     bool slabs = false;
@@ -339,7 +370,7 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
             furthest = most_of(furthest, keep(at->active, at->hit.t));
             if (slabs) {
                 COUNT(begin_grid, slabs);
-                grid->per[block] = (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
+                grid->per[block] = inverses_of(d);
             }
             open |= 1u << block;
         }
@@ -365,9 +396,10 @@ INLINE void meet_layers(int first, const struct mesh *mesh, const struct job *jo
     for (int k = 0; k < 3; k++) {
         own->at[k] = 0;
         own->key += (uint64_t)1 << (20 * k + 15);
-        place_cell(&grid, own, k);
+        own->from[k] = job->eyes[first].at[k];
+        own->rest[k] = job->eyes[first].rest[k];
     }
-    reach_blocks(&grid.sides, own);
+    look_at_cell(&grid.sides, own, open);
     while (layer->count > 0) {
         open = meet_layer(first, &grid, layer, open);
         next->count = 0;

@@ -38,6 +38,7 @@ struct grid {
     int first;
     double eye[3], size[3];
     float half[3], world[3], bounds_sq, far_sq; // the world's origin from the camera
+    bool forth[3], back[3];                     // whether some of the rays go there along an axis
     struct sides sides;
     struct sight *sights;
     mask left[BLOCKS]; // rays that have not met a copy
@@ -89,20 +90,29 @@ static inline unsigned blocks_of(unsigned in, unsigned out) {
     return in >> AHEAD ? columns * (rows * 0x204081u & 0x1010101u) : 0;
 }
 
-// The blocks whose frustum a cell reaches; its copy's are kept.
-static inline unsigned reach_blocks(const struct sides *sides, struct cell *cell) {
-    unsigned in = 0, out = 0, copy_in = 0, copy_out = 0;
+// The blocks whose frustum a cell reaches, or its copy.
+static inline unsigned reach_blocks(const real *to, const real *forth, const real *back) {
+    unsigned in = 0, out = 0;
     for (int part = 0; part < PARTS; part++) {
         ACTIVE(LANES);
         COUNT(reach_blocks, call);
-        real to = vec_dot(sides->normal[part], vec_set(cell->from));
-        in |= bits(less(to, sides->cell[part])) << part * LANES;
-        out |= bits(greater(to, sides->cell_back[part])) << part * LANES;
-        copy_in |= bits(less(to, sides->copy[part])) << part * LANES;
-        copy_out |= bits(greater(to, sides->copy_back[part])) << part * LANES;
+        in |= bits(less(to[part], forth[part])) << part * LANES;
+        out |= bits(greater(to[part], back[part])) << part * LANES;
     }
-    cell->copy = blocks_of(copy_in, copy_out);
     return blocks_of(in, out);
+}
+
+// Whether a cell reaches a block's frustum that has rays left; which blocks its copy does.
+static inline bool look_at_cell(const struct sides *sides, struct cell *cell, unsigned open) {
+    real to[PARTS];
+    for (int part = 0; part < PARTS; part++) {
+        COUNT(look_at_cell, call);
+        to[part] = vec_dot(sides->normal[part], vec_set(cell->from));
+    }
+    if (!(reach_blocks(to, sides->cell, sides->cell_back) & open))
+        return false;
+    cell->copy = reach_blocks(to, sides->copy, sides->copy_back);
+    return true;
 }
 
 // Whether some of it is within the bounds, and before what else the tile's rays have met.
@@ -120,14 +130,14 @@ static inline bool in_reach(const struct grid *grid, const struct cell *cell) {
     return outside < grid->bounds_sq && away < grid->far_sq;
 }
 
-static inline void place_cell(const struct grid *grid, struct cell *cell, int axis) {
+static inline double place_cell(const struct grid *grid, const struct cell *cell, int axis) {
     COUNT(place_cell, call);
-    double from = fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
-    split(from, &cell->from[axis], &cell->rest[axis]);
+    return fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
 }
 
 static void add_cell(const struct grid *grid, const struct cell *from, int axis, int step,
                      unsigned open, struct layer *to) {
+    COUNT(add_cell, call);
     uint64_t key = from->key + ((uint64_t)(int64_t)step << 20 * axis);
     for (int i = to->count - 1; i >= 0; i--)
         if (to->cell[i].key == key)
@@ -140,9 +150,13 @@ static void add_cell(const struct grid *grid, const struct cell *from, int axis,
     *cell = *from;
     cell->key = key;
     cell->at[axis] += step;
-    place_cell(grid, cell, axis);
-    if (reach_blocks(&grid->sides, cell) & open && in_reach(grid, cell))
-        to->count++;
+    double exact = place_cell(grid, cell, axis);
+    cell->from[axis] = (float)exact;
+    if (!look_at_cell(&grid->sides, cell, open) || !in_reach(grid, cell))
+        return;
+    COUNT(add_cell, added);
+    cell->rest[axis] = (float)(exact - (double)cell->from[axis]);
+    to->count++;
 }
 
 // Away from the camera's cell.
@@ -151,9 +165,9 @@ static void add_neighbours(const struct grid *grid, const struct cell *from, uns
     for (int k = 0; k < 3; k++) {
         if (!(grid->half[k] < 1e30f))
             continue;
-        if (from->at[k] >= 0)
+        if (from->at[k] >= 0 && grid->forth[k])
             add_cell(grid, from, k, 1, open, to);
-        if (from->at[k] <= 0)
+        if (from->at[k] <= 0 && grid->back[k])
             add_cell(grid, from, k, -1, open, to);
     }
 }
@@ -176,8 +190,12 @@ static inline mask meet_copy(const struct grid *grid, int block, struct vec o, s
         mask near = both(active, less(square, set(s->bound_sq)));
         if (!any(near))
             continue;
-        real in;
-        near = enter_nearby(c, d, before, square, &grid->per[block], s, near, &in);
+        real in, half = zero;
+        if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
+            COUNT(meet_copy, half);
+            half = root(most_of(set(s->bound_sq) - square, zero));
+        }
+        near = enter_nearby(c, d, before, half, &grid->per[block], s, near, &in);
         COUNT(meet_copy, near);
         real t = before + in;
         near = both(near, greater(t, zero));
@@ -250,6 +268,18 @@ static unsigned meet_layer(struct grid *grid, const struct layer *layer, unsigne
     return open;
 }
 
+static inline void go_along(struct grid *grid, const struct eye *eye, const struct mesh *mesh,
+                            int k) {
+    COUNT(go_along, call);
+    float right = mesh->left + ACROSS * mesh->step_across;
+    float bottom = mesh->top - DOWN * mesh->step_down;
+    float a = eye->axis[0][k] * mesh->left, b = eye->axis[0][k] * right;
+    float c = eye->axis[1][k] * mesh->top, d = eye->axis[1][k] * bottom;
+    float most = (a > b ? a : b) + (c > d ? c : d), least = (a < b ? a : b) + (c < d ? c : d);
+    grid->forth[k] = eye->axis[2][k] + most > -1e-5f;
+    grid->back[k] = eye->axis[2][k] + least < 1e-5f;
+}
+
 // What the grid is to the tile; the blocks that have rays.
 static unsigned begin_grid(struct grid *grid, const struct mesh *mesh, const struct job *job) {
     const struct placed *s = &grid->placed[grid->first];
@@ -263,6 +293,7 @@ static unsigned begin_grid(struct grid *grid, const struct mesh *mesh, const str
         grid->size[k] = s->wide_cell[k];
         grid->half[k] = s->cell[k] > 0 ? 0.5f * s->cell[k] : 1e30f;
         grid->world[k] = eye->centre[k];
+        go_along(grid, eye, mesh, k);
     }
     set_sides(grid, eye, mesh, 1e-6f * bounds, &grid->sides);
     bool slabs = false;
@@ -283,7 +314,7 @@ static unsigned begin_grid(struct grid *grid, const struct mesh *mesh, const str
             furthest = most_of(furthest, keep(at->active, at->hit.t));
             if (slabs) {
                 COUNT(begin_grid, slabs);
-                grid->per[block] = (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
+                grid->per[block] = inverses_of(d);
             }
             open |= 1u << block;
         }
@@ -305,9 +336,10 @@ void meet_layers(int first, const struct mesh *mesh, const struct job *job, stru
     for (int k = 0; k < 3; k++) {
         own->at[k] = 0;
         own->key += (uint64_t)1 << (20 * k + 15);
-        place_cell(&grid, own, k);
+        own->from[k] = job->prepared->eyes[first].at[k];
+        own->rest[k] = job->prepared->eyes[first].rest[k];
     }
-    reach_blocks(&grid.sides, own);
+    look_at_cell(&grid.sides, own, open);
     while (layer->count > 0) {
         open = meet_layer(&grid, layer, open);
         next->count = 0;

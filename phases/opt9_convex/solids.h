@@ -13,6 +13,17 @@ static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-2
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
 }
 
+// All three by one quotient, as far as floats of a direction go.
+static inline struct vec inverses_of(struct vec d) {
+    COUNT(inverses_of, call);
+    real least = set(1e-12f);
+    real x = with_sign_of(d.x, most_of(absolute(d.x), least));
+    real y = with_sign_of(d.y, most_of(absolute(d.y), least));
+    real z = with_sign_of(d.z, most_of(absolute(d.z), least));
+    real yz = y * z, per = set(1.0f) / (x * yz), of_x = per * x;
+    return (struct vec){per * yz, of_x * z, of_x * y};
+}
+
 // What is between two planes at distance `half` from the origin, of rays that are at c and go 1/per. Be they so near that
 // rounding makes both the same: in is no more than out.
 static inline void slab(real c, real per, float half, real *in, real *out) {
@@ -166,33 +177,29 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
     return found;
 }
 
+static inline struct vec known_inverses(struct vec d, const struct vec *known) {
+    COUNT(known_inverses, call);
+    if (known)
+        return *known;
+    COUNT(known_inverses, unknown);
+    return (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
+}
+
 // Rays that go d, 1/per in parts (of boxes alone; NULL: not known), and are nearest to the shape's position at c, `before` from
-// their origin, square = c·c, within the bounding sphere where `near`. Those that enter it: how far from there. Not for
-// planes.
-static inline mask enter_nearby(struct vec c, struct vec d, real before, real square,
+// their origin, within the bounding sphere where `near`; half: how long, half of it (spheres and tori alone). Those that
+// enter it: how far from there. Not for planes.
+static inline mask enter_nearby(struct vec c, struct vec d, real before, real half,
                                 const struct vec *per, const struct placed *s, mask near,
                                 real *in) {
-    ACTIVE(count_of(near));
     COUNT(enter_nearby, call);
-    real half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
-    near = both(near, greater(before + half, set(0.0f)));
-    struct vec box_per;
-    if (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX) {
-        COUNT(enter_nearby, box);
-        if (per) {
-            box_per = *per;
-        } else {
-            COUNT(enter_nearby, inverse);
-            box_per = (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
-        }
-    }
     switch (s->type) {
     case SHAPE_SPHERE:
         COUNT(enter_nearby, sphere);
         *in = set(0.0f) - half;
         return near;
-    case SHAPE_BOX: return both(near, enter_box(c, box_per, s, in));
-    case SHAPE_ROUNDED_BOX: return both(near, enter_rounded_box(c, d, box_per, s, near, in));
+    case SHAPE_BOX: return both(near, enter_box(c, known_inverses(d, per), s, in));
+    case SHAPE_ROUNDED_BOX:
+        return both(near, enter_rounded_box(c, d, known_inverses(d, per), s, near, in));
     case SHAPE_CONE: return both(near, enter_cone(c, d, s, in));
     case SHAPE_OCTAHEDRON: return both(near, enter_octahedron(c, d, s, in));
     default:
@@ -220,14 +227,19 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
         return near;
     ACTIVE(count_of(near));
     COUNT(enter, near);
-    real in;
-    near = enter_nearby(c, d, before, square, NULL, s, near, &in);
+    real in, half = root(most_of(set(s->bound_sq) - square, set(0.0f)));
+    near = both(near, greater(before + half, set(0.0f)));
+    near = enter_nearby(c, d, before, half, NULL, s, near, &in);
     *t = before + in;
     *point = vec_along(c, d, in);
     mask ahead = greater(*t, set(0.0f));
     *behind = but_not(ahead, near);
     return both(near, ahead);
 }
+
+// Of a larger rounding, by its share of the bounding sphere, a point on the surface knows its radius to 1e-3, of which one
+// of Newton's steps leaves 1e-6: no root, no quotient.
+#define ROUND 0x1p-10f
 
 // Outward, of unit length, in the shape's frame, at points on its surface.
 static inline struct vec normal_on(struct vec p, const struct placed *s) {
@@ -255,7 +267,16 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
         struct vec away = {most_of(x, set(0.0f)), most_of(y, set(0.0f)), most_of(z, set(0.0f))};
         struct vec face = {keep(on_x, one), keep(but_not(on_x, on_y), one),
                            drop(either(on_x, on_y), one)};
-        away = vec_choose(sharp, face, vec_scale(away, one / vec_norm(away)));
+        real per;
+        if (s->a > ROUND * s->bound) {
+            COUNT(normal_on, round);
+            per = set(1.0f / s->a);
+            per = per * neg_mul_add(vec_dot(away, away) * set(0.5f), per * per, set(1.5f));
+        } else {
+            COUNT(normal_on, square);
+            per = one / vec_norm(away);
+        }
+        away = vec_choose(sharp, face, vec_scale(away, per));
         return (struct vec){with_sign_of(p.x, away.x), with_sign_of(p.y, away.y),
                             with_sign_of(p.z, away.z)};
     }

@@ -94,10 +94,13 @@ def picture(
     return images.read(out)
 
 
-@pytest.mark.parametrize("name", ["scene0", "trio", "spheres40", "two_spheres", "cubes"])
+@pytest.mark.parametrize(
+    "name", ["scene0", "trio", "spheres40", "two_spheres", "cubes", "lattice", "many cells abreast"]
+)
 def test_lanes_and_threads_change_nothing(name: str, tmp_path: Path) -> None:
-    base = picture(name, tmp_path)
-    for other in (picture(name, tmp_path, "--threads", "2"), picture(name, tmp_path, lanes="avx2")):
+    whole = REPEATED.get(name, name)
+    base = picture(whole, tmp_path)
+    for other in (picture(whole, tmp_path, "--threads", "2"), picture(whole, tmp_path, lanes="avx2")):
         for plane, values in base.items():
             assert np.array_equal(values, other[plane], equal_nan=True), plane
 
@@ -182,6 +185,26 @@ REPEATED = {
     ),
     "a box whose cell is cut short by its sides": scene(
         [shape("box", half_size=[2.1, 0.3, 2], repeat=GRID)], camera=looks([0.4, 1.1, 0.3], [1, 0.9, 9])
+    ),
+    "in one frame: boxes, spheres and tori, turned": scene(
+        [
+            shape("torus", repeat=GRID, major_radius=1.1, minor_radius=0.25, **TURNED),
+            shape("box", repeat=GRID, half_size=[0.8, 0.7, 0.9], **TURNED),
+            shape("sphere", repeat=GRID, radius=1.05, **TURNED),
+        ]
+    ),
+    "in one frame, on one axis, behind others": scene(
+        [
+            FLOOR,
+            shape("sphere", radius=0.6, position=[0.3, 0.2, -2.2]),
+            shape("sphere", repeat=[2.6, 0, 0], radius=0.7),
+            shape("box", repeat=[2.6, 0, 0], rounding=0.1, half_size=[0.5, 0.6, 0.5]),
+        ]
+    ),
+    "many cells abreast": scene(
+        [shape("sphere", repeat=[1, 1, 1], radius=0.1), shape("octahedron", repeat=[1, 1, 1], radius=0.12)],
+        march={"bounds_radius": 24},
+        camera=looks([0.5, 0.5, 0.5], [3, 1.5, 9]),
     ),
     "boxes that touch, hard shadows": scene(
         [shape("box", repeat=[2.4, 0, 4])], light=lit("hard", [3, 4, -1])

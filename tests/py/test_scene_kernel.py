@@ -104,7 +104,15 @@ def scene_of(name: str, shop: Workshop) -> str | Path:
 
 # A whole shininess is a row of products in a kernel, else a logarithm and an exponential: 15 · 2^-24 apart.
 @pytest.mark.parametrize(
-    ("scene", "within"), [("scene0", 4e-6), ("trio", 4e-6), ("twenty", 4e-6), ("mandelbulb", 4e-6)]
+    ("scene", "within"),
+    [
+        ("scene0", 4e-6),
+        ("trio", 4e-6),
+        ("twenty", 4e-6),
+        ("mandelbulb", 4e-6),
+        ("cubes", 4e-6),
+        ("lattice", 4e-6),
+    ],
 )
 def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop) -> None:
     facts, said, generated = shop.run(scene_of(scene, shop))
@@ -257,9 +265,14 @@ def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
     assert not list((tmp_path / "cache").glob(".*"))
 
 
-def test_a_scene_of_repeated_shapes_is_said_to_be_general(shop: Workshop) -> None:
-    facts, said, _ = shop.run("cubes")
-    assert not facts["generated"] and "repeated" in facts["reason"] and not said
+def test_copies_wider_than_their_cells_have_the_general_code(shop: Workshop, tmp_path: Path) -> None:
+    """They are marched."""
+    scene = json.loads(registry.scenes()["cubes"].path.read_text())
+    scene["shapes"][0]["repeat"] = [2.5, 0, 0]
+    wide = tmp_path / "wide.json"
+    wide.write_text(json.dumps(scene))
+    facts, said, _ = shop.run(wide)
+    assert not facts["generated"] and "marched" in facts["reason"] and not said
 
 
 def test_read_only_cache_serves_what_it_has(shop: Workshop, tmp_path: Path) -> None:
