@@ -53,8 +53,9 @@ def main() -> int:
     folder = store.writable(args.run or registry.ROOT / "build" / "systems")
     begun = time.monotonic()
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
+    animation = packets_moving.study(args.frames, args.frame_n)  # first: it is short, and may refuse a size
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
-    found["animation"] = packets_moving.study(args.frames, args.frame_n)
+    found["animation"] = animation
     about = {"launches": args.launches, "reps": args.reps, "seed": args.seed}
     about["took_s"] = time.monotonic() - begun
     result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})

@@ -211,7 +211,7 @@ def prepare_step() -> Iterator[Tally]:
         ],
     }
     for folder in HARD_BUILDS:
-        wanted[folder] = [f"{name}/render" for name in ladder]
+        wanted[folder] = [f"{name}/render" for name in ladder if not embeds(name)]
     for folder, targets in wanted.items():
         settings = (BUILDS | HARD_BUILDS)[folder]
         run(

@@ -91,7 +91,8 @@ static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, boo
         b->slope = mul_add(square * set(12.0f), m, small_root(m, exact));
     } else {
         COUNT(bulb_step, later);
-        if (i == first)
+        if (i ==
+            first) // told to be `first` by close.h: what has escaped before is √m too short, which is safe
             b->product = m;
         else {
             COUNT(bulb_step, product);
@@ -122,10 +123,18 @@ static inline real rough_log(real a) {
     return mul_add(f, p, e * set(0.25f * 0.69314718056f));
 }
 
-static inline real bulb_end(const struct bulb *b, struct vec p) {
+// `tiny`: to tell differences near the centre, too, where the product of both is below all floats; else it is 0 there.
+static inline real bulb_end(const struct bulb *b, struct vec p, bool tiny) {
     COUNT(bulb_end, call);
-    real all = b->m * b->product; // ¼·√m/dz·ln m, √m/√product = m/√all
-    real distance = b->m * rough_inverse_root(all) * rough_inverse(b->slope) * rough_log(b->m);
+    real all = b->m * b->product, root_of_both; // ¼·√m/dz·ln m, √m/√product = m/√all
+    if (tiny) {
+        COUNT(bulb_end, tiny);
+        root_of_both = rough_inverse_root(b->m) * rough_inverse_root(b->product);
+        all = b->product;
+    } else {
+        root_of_both = rough_inverse_root(all);
+    }
+    real distance = b->m * root_of_both * rough_inverse(b->slope) * rough_log(b->m);
     distance = keep(greater(all, set(0x1p-124f)), distance); // 0/0 at the centre, which is inside
     if (any(b->far)) {
         COUNT(bulb_end, far);
@@ -142,9 +151,9 @@ enum {
 
 // From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
 __attribute__((always_inline)) static inline void bulbs_end(const struct placed *s, int first,
-                                                            bool soon, bool exact, int count,
-                                                            struct bulb *b, const struct vec *p,
-                                                            real *distance) {
+                                                            bool soon, bool exact, bool tiny,
+                                                            int count, struct bulb *b,
+                                                            const struct vec *p, real *distance) {
     real bailout = set(s->bailout);
     for (int i = first; i < s->iterations; i++) {
         for (int k = 0; k < count; k++)
@@ -158,7 +167,7 @@ __attribute__((always_inline)) static inline void bulbs_end(const struct placed 
         }
     }
     for (int k = 0; k < count; k++)
-        distance[k] = bulb_end(&b[k], p[k]);
+        distance[k] = bulb_end(&b[k], p[k], tiny);
 }
 
 __attribute__((always_inline)) static inline void bulbs(const struct placed *s, const struct vec *p,
@@ -167,7 +176,7 @@ __attribute__((always_inline)) static inline void bulbs(const struct placed *s, 
     struct bulb b[ABREAST];
     for (int k = 0; k < ABREAST; k++)
         b[k] = bulb_begin(p[k], done[k]);
-    bulbs_end(s, 0, soon, exact, ABREAST, b, p, distance);
+    bulbs_end(s, 0, soon, exact, false, ABREAST, b, p, distance);
 }
 
 #endif

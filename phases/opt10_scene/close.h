@@ -268,7 +268,7 @@ static inline int step_close(const struct placed *s, const struct close_lanes *l
         b[k] = close_first(&lanes[k], p[k].t, p[k].done);
         b[k].on = and_not_greater(b[k].on, b[k].m, set(s->bailout));
     }
-    bulbs_end(s, 1, false, true, ABREAST, b, at, h);
+    bulbs_end(s, 1, false, true, false, ABREAST, b, at, h);
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
         advance_close(&p[k], lanes[k].field, h[k], hit_distance, oldest);

@@ -80,9 +80,7 @@ int crowd_towards_light(const float centre[3], float radius, const float to_ligh
                         const struct convex *work, int *list) {
     COUNT(crowd_towards_light, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    struct shaft shaft = {vec_set(centre), vec_set(to_light),
-                          set(radius),     set(size),
-                          set(q),          set(q < 1 ? 1 - q * q : 0.0f)};
+    struct shaft shaft = shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
     int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
     return and_planes(work->scene, list, count);
 }

@@ -119,6 +119,8 @@ INLINE void set_sides(int first, const struct grid *grid, const struct eye *eye,
     }
 }
 
+_Static_assert(ACROSS == 8 && DOWN <= 4, "a byte for each row of blocks");
+
 static inline unsigned blocks_of(unsigned in, unsigned out) {
     unsigned columns = in & out >> 1 & ((1u << ACROSS) - 1);
     unsigned rows = out >> BELOW & in >> (BELOW + 1) & ((1u << DOWN) - 1);
@@ -399,6 +401,7 @@ INLINE void meet_layers(int first, const struct mesh *mesh, const struct job *jo
         own->from[k] = job->eyes[first].at[k];
         own->rest[k] = job->eyes[first].rest[k];
     }
+    own->copy = 0;
     look_at_cell(&grid.sides, own, open);
     while (layer->count > 0) {
         open = meet_layer(first, &grid, layer, open);

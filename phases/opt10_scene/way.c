@@ -137,7 +137,7 @@ static struct shaft shaft_about(const struct cone_of_one *rays, float q, mask of
           spread = sqrtf(most_lane(of, vec_dot(l, l))) * 1.01f + 1e-4f;
     q += spread;
     real reach = absolute(centre.x) + absolute(centre.y) + absolute(centre.z);
-    return (struct shaft){centre, to_light, set(radius), reach, set(q), set(q < 1 ? 1 - q * q : 0)};
+    return shaft_of(centre, to_light, radius, reach, q);
 }
 
 static inline mask in_way_of(const struct tree *tree, int leaf, const struct cone_of_one *rays,

@@ -282,8 +282,9 @@ void cast_streams(struct world *world) {
     for (int first = 0; first < desk->shadows; first += TOGETHER)
         walk_among(first, false, others, world);
     for (int first = 0; first < desk->shadows; first += LANES) {
-        COUNT(cast_streams, packet);
         mask there = lanes_before(desk->shadows - first);
+        ACTIVE(count_of(there));
+        COUNT(cast_streams, packet);
         real reach = load(&desk->leg[LEG_LEAST][first]);
         struct vec light = vec_scale(load_vec(desk->shadow + S_LIGHT, first), reach);
         add_light(there, light, load(&desk->shadow[S_PIXEL][first]), desk);

@@ -19,9 +19,13 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     real f[4];
     for (int k = 0; k < 4; k++)
         b[k] = bulb_begin(at[k], done);
-    bulbs_end(s, 0, false, false, 4, b, at, f);
+    bulbs_end(s, 0, false, false, true, 4, b, at, f);
     struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-    return vec_scale(n, set(1.0f) / most_of(vec_norm(n), set(1e-30f)));
+    // About its centre the estimate is 0 everywhere: any direction will do.
+    real size = vec_norm(n);
+    mask some = greater(size, set(0.0f));
+    n.y = choose(some, n.y, set(1.0f));
+    return vec_scale(n, set(1.0f) / choose(some, size, set(1.0f)));
 }
 
 // Once for each shape that the packet hit.

@@ -149,7 +149,7 @@ static inline real rough_inverse(real a) {
     return r * _mm256_fnmadd_ps(a, r, set(2.0f));
 }
 
-// 2·√a and 4/a for normal a > 0, to a few ulp.
+// scale·√a for normal a > 0, to a few ulp, and two factors of 1/a, whose product may be below what is normal.
 static inline real root_and_inverse(real a, float scale, real *one, real *other) {
     COUNT(root_and_inverse, call);
     COUNT(root_and_inverse, eight);

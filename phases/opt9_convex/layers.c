@@ -83,6 +83,8 @@ static void set_sides(const struct grid *grid, const struct eye *eye, const stru
     }
 }
 
+_Static_assert(ACROSS == 8 && DOWN <= 4, "a byte for each row of blocks");
+
 static inline unsigned blocks_of(unsigned in, unsigned out) {
     unsigned columns = in & out >> 1 & ((1u << ACROSS) - 1);
     unsigned rows = out >> BELOW & in >> (BELOW + 1) & ((1u << DOWN) - 1);
@@ -339,6 +341,7 @@ void meet_layers(int first, const struct mesh *mesh, const struct job *job, stru
         own->from[k] = job->prepared->eyes[first].at[k];
         own->rest[k] = job->prepared->eyes[first].rest[k];
     }
+    own->copy = 0;
     look_at_cell(&grid.sides, own, open);
     while (layer->count > 0) {
         open = meet_layer(&grid, layer, open);

@@ -73,11 +73,19 @@ static inline real blurred(real radius, struct vec v, real reach) {
     return mul_add(set(1e-6f), size, radius * set(1 + 1e-5f));
 }
 
-// Cones of slope q about rays from a ball.
+// Cones of slope q about rays from a ball; q = ∞: all there is.
 struct shaft {
     struct vec centre, to_light;
     real radius, reach, q, narrow;
 };
+
+// From a slope of 1 on cones meet what is behind them, too: nothing is left out.
+static inline struct shaft shaft_of(struct vec centre, struct vec to_light, float radius,
+                                    real reach, float q) {
+    bool wide = !(q < 1);
+    return (struct shaft){
+        centre, to_light, set(radius), reach, set(wide ? INFINITY : q), set(wide ? 0 : 1 - q * q)};
+}
 
 static inline mask in_shaft(struct vec centre, real radius, const void *with) {
     COUNT(in_shaft, call);

@@ -242,6 +242,12 @@ static inline mask enter(struct vec o, struct vec d, const struct placed *s, mas
 #define ROUND 0x1p-10f
 
 // Outward, of unit length, in the shape's frame, at points on its surface.
+// 1/length by a step of Newton's from `per`, near to it: of what float misses a solid by, far from the origin, a normal
+// is not to be longer or shorter.
+static inline real per_length(real square, float per) {
+    return set(per) * neg_mul_add(square * set(0.5f), set(per * per), set(1.5f));
+}
+
 static inline struct vec normal_on(struct vec p, const struct placed *s) {
     COUNT(normal_on, call);
     real one = set(1.0f);
@@ -249,7 +255,7 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
     case SHAPE_SPHERE:
         COUNT(normal_on, sphere);
         COUNT(normal_on, sphere_scalar);
-        return vec_scale(p, set(1.0f / s->a));
+        return vec_scale(p, per_length(vec_dot(p, p), 1.0f / s->a));
     case SHAPE_BOX: {
         COUNT(normal_on, box);
         real x = absolute(p.x) - set(s->size[0]), y = absolute(p.y) - set(s->size[1]);
@@ -270,8 +276,8 @@ static inline struct vec normal_on(struct vec p, const struct placed *s) {
         real per;
         if (s->a > ROUND * s->bound) {
             COUNT(normal_on, round);
-            per = set(1.0f / s->a);
-            per = per * neg_mul_add(vec_dot(away, away) * set(0.5f), per * per, set(1.5f));
+            COUNT(normal_on, round_scalar);
+            per = per_length(vec_dot(away, away), 1.0f / s->a);
         } else {
             COUNT(normal_on, square);
             per = one / vec_norm(away);

@@ -2,31 +2,77 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Iterable
 from typing import Any
 
 from study import costs, paper, registry
 
 BASE = "baseline"
-# What a function is for, by the beginning of its name; the first that fits counts.
-TERMS = (
-    ("distance functions", ("sdf_", "clamp")),
-    ("vector library", ("vec_", "new_vector")),
-    ("into the shape's frame", ("apply_transform", "rotate_point", "approach", "wrap", "distance_to_shape")),
-    ("marching and shadow rays", ("ray_march", "soft_shadow", "hard_shadow", "shadow", "sdf", "place")),
-    (
-        "closed forms",
-        ("first_hit", "next_hit", "hit_sphere", "blocked", "ask_", "meet_sphere", "meet_box", "meet_cone"),
-    ),
-    ("rays of the camera", ("get_direction", "get_rays", "phase_render", "store")),
-)
-REST = "normals and light"
+# What a function is for, in all phases: its name, or with * how that begins; the first that fits counts.
+TERMS = {
+    "into the shape's frame": """
+        apply_transform rotate_point approach* wrap* turned* distance_to_shape coordinate vec_wrapped
+        stay_in place_at place_sub wide_* places lane_place
+    """,
+    "vector library": """
+        vec_* new_vector root_* rough_* inverse_root inverses_of known_inverses least_lane most_lane
+    """,
+    "distance functions": """
+        sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
+        bulb_estimate bulb_distances bulb_wakes_at packet_distance power_at nearest nearest_shape
+        nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes awake_of too_far
+        keep_high sleeps gather_bulb
+    """,
+    "normals": """
+        normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
+    """,
+    "light and colour": """
+        light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
+        add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
+    """,
+    "cones, tiles, lists and trees": """
+        bounds_at bundle_of can_be_* cones_around corner_hit get_cones intervals_of list_of_cone
+        lower_bound upper_bound march_cones meet way_out shapes_in look look_through look_at_*
+        look_from_plane exact_* in_picture convex_tile render_block world_look reach_* reached
+        cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
+        entered in_reach set_sides place_cell add_cell begin_grid axis_of next_box next_cells
+        crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
+        within_reach list_those in_shaft size_of
+    """,
+    "closed forms and Newton's steps": """
+        first_hit next_hit hit_sphere blocked blocked_by_others ask_* meet_* meets_bulbs enter* go_alone
+        bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
+        cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along
+    """,
+    "shadow rays' set-up": """
+        cast* choose_shading choose_shapes cleared ball_* bulges flat_within slant_at plane_between
+        own_shadow reaches_light crowd_* way_ends ways_end in_way_of in_its_way met_in_node last_left
+        shaft_about before_plane stretch_of leave begin begin_at_bounds begin_walk begin_tile waiting
+        wait_for ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
+        keep_answers answer move_rays sorted
+    """,
+    "marching": """
+        ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
+        stay_in advance* step* leap over take_bulb refill_* retire_* close_first prepare_close put_pieces
+        put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead look_along
+        look_around rod_step land_rods set_out_rods aim fill
+    """,
+    "rays of the camera": """
+        get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch
+        render_tile
+    """,
+}
+OTHER = "other functions"  # of a phase that is not the project's own
 
 Row = dict[str, Any]
 
 
 def term_of(function: str) -> str:
-    return next((term for term, heads in TERMS if function.startswith(heads)), REST)
+    for term, names in TERMS.items():
+        if any(fnmatch.fnmatchcase(function, name) for name in names.split()):
+            return term
+    return OTHER
 
 
 def evaluations(one: Row) -> int | None:

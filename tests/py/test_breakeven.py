@@ -120,11 +120,11 @@ lacking = pytest.mark.skipif(
 
 @lacking
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
-    """With a compiler two_spheres has a kernel and cubes none; without one neither, and both say why."""
+    """With a compiler two_spheres has a kernel, spheres40, a crowd, none; without neither, and both say why."""
     words = [
         "--scene",
         "two_spheres",
-        "cubes",
+        "spheres40",
         "-n",
         "16",
         "--launches",
@@ -137,11 +137,11 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     assert run_command(monkeypatch, *words) == cli.OK
     made = json.loads(capsys.readouterr().out)
     assert made == json.loads((tmp_path / breakeven.FILE).read_text())
-    spheres, cubes = made["rows"]
+    spheres, crowd = made["rows"]
     assert spheres["generated"] and 0 < spheres["compile_s"] <= spheres["setup_s"]
     assert 0 < spheres["setup_found_ms"] < 1e3 * spheres["compile_s"]
     assert spheres["error"]["psnr_db"] is None or spheres["error"]["psnr_db"] > 100
-    assert not cubes["generated"] and "repeated" in cubes["reason"]
+    assert not crowd["generated"] and "tree" in crowd["reason"]
     monkeypatch.setenv("STEPWISE_CC", "none")
     assert run_command(monkeypatch, *words) == cli.OK
     capsys.readouterr()

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -584,3 +585,12 @@ def test_a_wrong_cost_is_found(tmp_path):
     assert done.returncode == 1 and "baseline spheres40 sdf_sphere (calls): declared" in done.stderr, (
         done.stderr
     )
+
+
+def test_every_declared_function_has_a_term():
+    for path in sorted((registry.ROOT / "phases").glob("*/costs.def")):
+        names = set(re.findall(r"^COST\((\w+),", path.read_text(), re.MULTILINE))
+        assert names, path
+        assert {name for name in names if table1.term_of(name) == table1.OTHER} == set(), path
+    assert table1.term_of("bulb_iterate") == "distance functions"
+    assert table1.term_of("a_new_phase_calls_it_so") == table1.OTHER

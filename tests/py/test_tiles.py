@@ -214,18 +214,25 @@ def test_any_size_and_number_of_threads(size, tmp_path) -> None:
             assert np.array_equal(plane.view(np.uint32), mine[name].view(np.uint32)), f"{threads}: {name}"
 
 
-def constant(file: str, pattern: str) -> float:
-    found = re.search(pattern, (ROOT / "phases" / PHASE / file).read_text())
-    assert found, f"{file} has no {pattern}"
+def constant(phase: str, file: str, pattern: str) -> float:
+    found = re.search(pattern, (ROOT / "phases" / phase / file).read_text())
+    assert found, f"{file} of {phase} has no {pattern}"
     return float(found[1])
+
+
+RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define TANGENT ([\d.]+)f"
+
+
+def test_the_mandelbulbs_bounds_are_the_same_in_opt8() -> None:
+    assert constant(PHASE, "render.c", RADIUS) == constant("opt8_streams", "render.c", RADIUS)
+    assert constant(PHASE, "bundles.c", TANGENT) == constant("opt8_streams", "bounds.h", TANGENT)
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 4, 20])
 @pytest.mark.parametrize("bailout", [4, 256, 10000])
 def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
     """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
-    radius = constant("render.c", r"#define BALL_RADIUS ([\d.]+)f")
-    tangent = constant("bundles.c", r"#define TANGENT ([\d.]+)f")
+    radius, tangent = constant(PHASE, "render.c", RADIUS), constant(PHASE, "bundles.c", TANGENT)
     bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
     scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
     (tmp_path / "bulb.json").write_text(json.dumps(scene))

@@ -12,6 +12,8 @@ from study.hard.phase import Phase
 
 
 def _made(phase: Phase, make: tuple[str, ...], folder: str) -> Phase | None:
+    if make[0] == "CC=gcc" and registry.find_phase(phase.name).embedded:
+        return None  # what it compiles where it runs has flags of its own; the rest is its parent's code
     if not shutil.which(make[0].removeprefix("CC=")):
         return None
     return Phase(phase.name, make, folder, phase.time_limit)
@@ -28,7 +30,9 @@ def flushing(phase: Phase) -> Phase | None:
 
 
 def fast_math(phase: Phase) -> Phase | None:
-    """gcc -ffast-math: no NaN, no infinity, no denormal, any order of operations; the phase's other flags."""
+    """gcc -ffast-math: no NaN, no infinity, no denormal, any order of operations; the phase's other flags.
+    None, as of contracted(), also of a phase that compiles itself: its parent is asked.
+    """
     return _made(phase, ("CC=gcc", "SANITIZERS=-ffast-math"), "build/hard-fast")
 
 

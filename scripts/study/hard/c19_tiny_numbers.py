@@ -53,7 +53,7 @@ def run(phase: Phase, strength: float) -> Outcome:
         ("-ffast-math", builds.fast_math(phase)),
     ):
         if built is None:
-            notes.append(f"{title}: not built, gcc is not installed")
+            notes.append(f"{title}: not built: no gcc, or its parent is asked, whose code it is")
             continue
         before = built.non_finite
         picture = rgb(built.render(with_tiny(strength), SIZE))

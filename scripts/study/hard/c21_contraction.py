@@ -51,7 +51,9 @@ def run(phase: Phase, strength: float) -> Outcome:
     worst, notes, bad = 0.0, [], 0
     for title, built in others.items():
         if built is None:
-            notes.append(f"{title}: not compared, its compiler (or FMA) is not there")
+            notes.append(
+                f"{title}: not compared: no compiler (or FMA), or its parent is asked, whose code it is"
+            )
             continue
         shapes, bits = _differences(shipped, built.render(whole, SIZE))
         worst, bad = max(worst, share(shapes)), bad + built.non_finite
