@@ -120,7 +120,7 @@ lacking = pytest.mark.skipif(
 
 @lacking
 def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
-    """With a compiler two_spheres has a kernel, spheres40, a crowd, none; without neither, and both say why."""
+    """With a compiler two_spheres has a kernel, spheres40, a crowd, none; without it neither."""
     words = [
         "--scene",
         "two_spheres",

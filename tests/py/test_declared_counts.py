@@ -363,8 +363,8 @@ def strip(text: str) -> tuple[str, int]:
 
 
 def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
-    """Words that the timing build's compiler sees, by source file of the phase's copy under the folder, but for
-    the nothing that a count is there; of a phase with variants by its widest.
+    """Words that the timing build's compiler sees, by source file of the phase's copy under the folder, but
+    for the nothing that a count is there; of a phase with variants by its widest.
     """
     found = {}
     for source in sorted((folder / phase).glob("*.c")):
