@@ -101,6 +101,23 @@ def test_bulbs_among_other_shapes(tmp_path) -> None:
         check_same(mine, picture(PARENT, whole, tmp_path, (96, 54)), f"{len(more)} bulbs")
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("shadows", ["hard", "soft"])
+def test_stretches_of_two_bulbs_over_two_planes(shadows, width, tmp_path) -> None:
+    """Where along a shadow ray either bulb may be nearer than either plane: both bulbs throw shadows on
+    the floor and on the wall behind."""
+    bulb = {"type": "mandelbulb", "power": 8, "iterations": 4, "bailout": 256, "material": "plain"}
+    floor = {"type": "plane", "normal": [0, 1, 0], "offset": -1.2, "material": "plain"}
+    wall = {"type": "plane", "normal": [0.6, 0, -0.8], "offset": -6, "material": "plain"}
+    scene = copy.deepcopy(FEATURES["everything"]) | {"fog": 0}
+    scene["shapes"] = [floor, bulb | {"position": [-1.3, 0, 0]}, wall, bulb | {"position": [1.2, 0.3, 3]}]
+    scene["light"] |= {"position": [3, 4, -5], "shadows": shadows}
+    scene["camera"] |= {"position": [0, 2, -8], "look_at": [0, 0, 2], "vertical_fov_degrees": 45}
+    mine, parents = (picture(phase, scene, tmp_path, (96, 54), **WIDTHS[width]) for phase in (PHASE, PARENT))
+    assert set(np.unique(parents["id"])) >= {0, 1, 2, 3}
+    check_same(mine, parents, f"two bulbs, {shadows}, {width}")
+
+
 @pytest.mark.parametrize("size", [(1, 1), (7, 3), (33, 9), (1, 70), (197, 41)])
 def test_any_size_and_number_of_threads(size, tmp_path) -> None:
     for scene in (FEATURES["everything"], registry.scenes()["mandelbulb"].data):
