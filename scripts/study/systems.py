@@ -79,5 +79,10 @@ def section(path: Path) -> Section:
             pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
     if rows:
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
-    about = {"file": file, "script": "scripts/rods.py", "drawn": drawn, "images": pictures}
+    about = {
+        "file": file,
+        "script": "scripts/rods.py, fixed.py, packets.py",
+        "drawn": drawn,
+        "images": pictures,
+    }
     return Section("systems", "Other systems", "make systems", parts, remarks, **about)
