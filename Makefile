@@ -94,7 +94,7 @@ new-phase: setup ## NAME=opt4b FROM=opt4: copy a phase to start one of your own
 	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM))
 
 format: setup-test ## rewrite C and Python in the house style
-	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/functions/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c)
+	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c)
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
 setup:

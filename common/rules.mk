@@ -9,7 +9,7 @@
 #   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
 #   build/truth/rays          proved first hits of given rays, for tests
 #   build/packets/hits        what given rays meet, timed, beside Embree where it is (hits.c)
-#   build/ceilings            what one core can do at best (ceilings.c)
+#   build/ceilings            what one core can do at best (common/ceilings)
 #   build/common/qemu_plugin.so  counts what runs under QEMU (qemu_plugin.c)
 #   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
@@ -180,10 +180,6 @@ $(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(BUILD)/%
 $(BUILD)/common/qemu_plugin.so: common/qemu_plugin.c common/rules.mk $(BUILD)/common/toolchain
 	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -fPIC -fvisibility=hidden -shared $< -o $@
 
-# Ceilings of the machine: no phase, no library, the same code whatever the phases' flags are.
-$(BUILD)/ceilings: $(BUILD)/common/ceilings.o $(BUILD)/common/timer.o
-	$(CC) $(SANITIZERS) $^ -lm -o $@
-
 # Tables of the CPU's approximate reciprocal roots (hard case 20).
 $(BUILD)/rsqrt: $(BUILD)/common/rsqrt.o
 	$(CC) $(SANITIZERS) $^ -lm -o $@
@@ -230,4 +226,5 @@ $(BUILD)/calibration/blocks/phase.o: tests/calibration/calibrate.c common/count.
 $(BUILD)/calibration/calibrate-blocks: $(BUILD)/calibration/blocks/phase.o $(BUILD)/calibration/blocks/blocks.o $(BUILD)/common/tally.o
 	$(BLOCKS_LINK)
 
+include common/ceilings/ceilings.mk
 include common/functions/functions.mk

@@ -1,4 +1,4 @@
-"""Ceilings of one core, measured by build/ceilings (common/ceilings.c): run, checked, kept with a run."""
+"""Ceilings of one core, measured by build/ceilings (common/ceilings): run, checked, kept with a run."""
 
 from __future__ import annotations
 

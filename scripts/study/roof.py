@@ -5,7 +5,7 @@ L. Sousa, IEEE Computer Architecture Letters 13(1), 2014, after S. Williams, A. 
 CACM 52(4), 2009).
 
 The roof of a phase's own operation mix. A picture takes at least as many core cycles as the busiest of these
-resources, each at its measured throughput (common/ceilings.c), one instruction per `bits` of lanes:
+resources, each at its measured throughput (common/ceilings), one instruction per `bits` of lanes:
 
     divider               divisions and square roots, which one unit does
     multiply              multiplications and FMAs, which the same units do

@@ -1,4 +1,4 @@
-// What ceilings.c makes of its samples. Its kernels are tested by `build/ceilings --check` and
+// What common/ceilings makes of its samples. Its kernels are tested by `build/ceilings --check` and
 // tests/py/test_ceilings.py.
 #include <setjmp.h>
 #include <stdarg.h>
@@ -7,9 +7,8 @@
 
 #include <cmocka.h>
 
-#define main ceilings_main
-#include "ceilings.c"
-#undef main
+#include "../../common/ceilings/places.c"
+#include "../../common/ceilings/samples.c"
 
 #define COUNT(V) ((int)(sizeof(V) / sizeof *(V)))
 

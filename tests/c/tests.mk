@@ -6,7 +6,7 @@ C_TESTS := $(patsubst tests/c/%.c,$(BUILD)/tests/%,$(wildcard tests/c/test_*.c))
 .PHONY: c-tests
 c-tests: $(C_TESTS)
 
-$(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard common/*.h common/functions/*.[ch] phases/*/*.h) tests/c/tests.mk
+$(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard common/*.h common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) $(COMMON_INCLUDES) \
 	    $< $(COMMON_OBJECTS) $(LIBS) -lcmocka -o $@

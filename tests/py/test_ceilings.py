@@ -20,7 +20,7 @@ from study.cli import StudyError
 from study.decode import Decoded, Disassembler
 
 ROOT = Path(__file__).parents[2]
-SOURCE = ROOT / "common" / "ceilings.c"
+SOURCE = ROOT / "common" / "ceilings"
 # Mixes: additions and multiplications of one body.
 MIXES = {"add_mul": (7, 7), "add_2mul": (5, 9), "two_add_mul": (9, 5)}
 NAMES = {"add+mul": "add_mul", "add+2mul": "add_2mul", "2add+mul": "two_add_mul"}
@@ -120,11 +120,13 @@ def test_every_kernel_passes_its_check(program: Path) -> None:
     ],
 )
 def test_a_kernel_whose_work_is_wrong_is_noticed(tmp_path: Path, what: str, old: str, new: str) -> None:
-    text = SOURCE.read_text(encoding="utf-8")
-    assert old in text
-    (tmp_path / "ceilings.c").write_text(text.replace(old, new), encoding="utf-8")
-    command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", tmp_path / "ceilings.c"]
-    subprocess.run([*command, ROOT / "common" / "timer.c", "-lm", "-o", tmp_path / "wrong"], check=True)
+    texts = {path.name: path.read_text(encoding="utf-8") for path in SOURCE.glob("*.[ch]")}
+    assert any(old in text for text in texts.values())
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
+    sources = [*tmp_path.glob("*.c"), ROOT / "common" / "timer.c"]
+    command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", *sources]
+    subprocess.run([*command, "-lm", "-o", tmp_path / "wrong"], check=True)
     done = subprocess.run([tmp_path / "wrong", "--check"], capture_output=True, text=True)
     assert done.returncode == 1, what
     assert "did not do its work" in done.stderr

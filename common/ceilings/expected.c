@@ -1,0 +1,105 @@
+#include "expected.h"
+
+#include <math.h>
+#include <stdio.h>
+
+// Older dividers stop early on quotients of few digits: these operands have all of theirs, in
+// every lane.
+static const double FACTOR = 1.00001537, ADDEND = 0.3719;
+
+void start(const struct compute *c, union registers *r) {
+    enum form form = form_of(c->kind);
+    for (int at = 0; at < REGISTERS; at++)
+        for (int i = 0; i < SLOT / (c->is_double ? 8 : 4); i++) {
+            double value = 1.0371 + 0.25 * at + 0.0137 * i;
+            if (form == RISING && at == 12)
+                value = 6 + 0.0137 * i; // above all it is to replace
+            if (at == 14)
+                value = form != CHAINS || c->kind == ADD ? ADDEND : FACTOR;
+            if (at == 15)
+                value = ADDEND;
+            set_lane(r, c->is_double, at, i, value);
+        }
+}
+
+// What a register of CHAINS has after one more step. Rounded as the precision at hand rounds.
+static double step(const struct compute *c, int at, double x) {
+    enum kind kind = c->kind == ADD_MUL       ? (at % 2 ? MUL : ADD)
+                     : c->kind == ADD_2MUL    ? (at % 3 ? MUL : ADD)
+                     : c->kind == TWO_ADD_MUL ? (at % 3 ? ADD : MUL)
+                                              : c->kind;
+    double by = c->kind == ADD ? ADDEND : FACTOR;
+    if (c->is_double)
+        return kind == FMA   ? fma(x, by, ADDEND)
+               : kind == ADD ? x + by
+               : kind == MUL ? x * by
+                             : x / by;
+    float y = (float)x, f = (float)by;
+    return kind == FMA   ? fmaf(y, f, (float)ADDEND)
+           : kind == ADD ? y + f
+           : kind == MUL ? y * f
+                         : y / f;
+}
+
+static double risen(bool is_double, double x, long times) {
+    float y = (float)x;
+    for (long n = 0; n < times; n++)
+        if (is_double)
+            x += ADDEND;
+        else
+            y += (float)ADDEND;
+    return is_double ? x : (double)y;
+}
+
+void expect(const struct compute *c, long loops, const union registers *in, union registers *out) {
+    bool d = c->is_double;
+    *out = *in;
+    for (int i = 0; i < lanes_of(c); i++)
+        switch (form_of(c->kind)) {
+        case CHAINS:
+            for (int at = 0; at < 14; at++) {
+                double x = lane(in, d, at, i);
+                for (long n = 0; n < TIMES * loops; n++)
+                    x = step(c, at, x);
+                set_lane(out, d, at, i, x);
+            }
+            break;
+        case APART:
+            for (int at = 10; at < 14; at++) {
+                double last = risen(d, lane(in, d, at, i), TIMES * loops - 1);
+                set_lane(out, d, at, i, risen(d, last, 1));
+                for (int t = at - 10; t < 10; t += 4)
+                    set_lane(out, d, t, i,
+                             c->kind == RSQRT ? 1 / sqrt(last)
+                             : d              ? sqrt(last)
+                                              : (double)sqrtf((float)last));
+            }
+            break;
+        case RISING: {
+            double last = risen(d, lane(in, d, 12, i), loops - 1);
+            for (int at = 0; at < 12; at++)
+                set_lane(out, d, at, i, last);
+            set_lane(out, d, 12, i, risen(d, last, 1));
+        }
+        }
+}
+
+bool work_done(const struct compute *c, const union registers *found, const union registers *wanted,
+               bool quiet) {
+    for (int at = 0; at < REGISTERS; at++)
+        for (int i = 0; i < lanes_of(c); i++) {
+            double x = lane(found, c->is_double, at, i), y = lane(wanted, c->is_double, at, i);
+            double allowed = at < 10 ? c->tolerance * fabs(y) : 0;
+            if (!(fabs(x - y) <= allowed)) {
+                char name[64];
+                name_of(c, name);
+                if (!quiet)
+                    fprintf(stderr,
+                            "ceilings: %s: register %d, lane %d is %.17g, must be %.17g: the "
+                            "kernel did not do its work\n",
+                            name, at, i, x, y);
+                return false;
+            }
+        }
+    return true;
+}
