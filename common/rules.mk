@@ -33,7 +33,7 @@ LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
-COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o frame.o present.o timer.o)
+COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o scene_hash.o scene_path.o scene_reader.o scene_shapes.o frame.o present.o timer.o)
 
 PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
 # opt2@opt4 names a variant: what is before the @ is built with the flags of what is behind it.

@@ -23,7 +23,7 @@ static inline struct places places_of_line(const double from[3], const double to
         along += (point[i] - from[i]) * (to[i] - from[i]);
         length_sq += (to[i] - from[i]) * (to[i] - from[i]);
     }
-    double share = fmin(fmax(along / length_sq, 0), 1); // its ends differ (scene.c)
+    double share = fmin(fmax(along / length_sq, 0), 1); // its ends differ (scene_path.c)
     for (int i = 0; i < 3; i++)
         near[i] = from[i] + share * (to[i] - from[i]);
     return (struct places){length_between(near, point),

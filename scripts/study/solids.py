@@ -40,7 +40,7 @@ def _doubles(value: Any) -> list[float]:
 
 
 def shape_of(data: dict[str, Any]) -> Shape:
-    """From the scene's JSON. A plane's normal is normalised as in common/scene.c, operation by operation."""
+    """From the scene's JSON. A plane's normal is normalised as in scene_shapes.c, operation by operation."""
     kind = data["type"]
     if kind == "mandelbulb":
         raise StudyError("a mandelbulb has no exact truth: its surface is not given by polynomials")
