@@ -34,6 +34,8 @@ COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o scene_hash.o scene_path.o scene_reader.o scene_shapes.o frame.o present.o timer.o)
+# Of every render; driver.o alone is told what the phase is.
+DRIVER_OBJECTS := $(addprefix $(BUILD)/common/,driver_conditions.o driver_options.o driver_phases.o driver_record.o)
 
 PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
 # opt2@opt4 names a variant: what is before the @ is built with the flags of what is behind it.
@@ -111,11 +113,11 @@ $(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h 
 $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,)
 
-$(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+$(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # gcc's start-up code for -ffast-math has the CPU flush denormals to zero; the objects are the same (hard cases).
-$(BUILD)/%/render-ftz: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-ftz: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -ffast-math $^ $(LIBS) -o $@
 
 $(BUILD)/%/probe: $(BUILD)/common/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
@@ -155,7 +157,7 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
-$(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/variant.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/variant.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
 
 # The shipped code's functions, kept as functions, for profiles by name: the same sources, nothing inlined,
@@ -165,7 +167,7 @@ CALLS_CFLAGS := -g -fno-inline -Dalways_inline=noinline -Wno-attributes \
 $(BUILD)/%/calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,$(CALLS_CFLAGS))
 
-$(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # The shipped code with line tables: not an instruction differs (tests/py/test_hotspots.py), and inlined code
@@ -173,7 +175,7 @@ $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%
 $(BUILD)/%/lines/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-g)
 
-$(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # Counts what a program does under qemu-x86_64 (scripts/study/qemu.py). Loaded by QEMU: no sanitizers.
@@ -205,10 +207,10 @@ $(BUILD)/%/blocks.o: common/blocks.c common/count.h $(BUILD)/%/phase.o
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
 BLOCKS_LINK = $(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@
-$(BUILD)/%/render-blocks: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-blocks: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks/phase.o $(BUILD)/%/blocks/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(BLOCKS_LINK)
 
-$(BUILD)/%/render-blocks-calls: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(COMMON_OBJECTS)
+$(BUILD)/%/render-blocks-calls: $(BUILD)/%/count/driver.o $(BUILD)/%/blocks-calls/phase.o $(BUILD)/%/blocks-calls/blocks.o $(BUILD)/%/variant.o $(BUILD)/common/tally.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(BLOCKS_LINK)
 
 # Known work (tests/calibration): plain, and with counted blocks.
