@@ -11,7 +11,7 @@ from typing import Any
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import bounds, hotspots, machine, perf, registry, run, sections, show, store
+from study import bounds, hotspots, machine, perf, profiles, registry, run, sections, show, store, symbols
 from study.cli import StudyError
 from study.registry import ROOT, Scene, Spec
 
@@ -30,7 +30,7 @@ def counted(spec: Spec, scene: Scene, args: Any, variant: str, said: set[str]) -
         wide, high = scene.size(args.n)
         found: dict[str, int] = {}
         for name, counts in blocks.measure(spec, scene.path, high, wide, variant=variant).functions.items():
-            plain = hotspots.canonical(name)
+            plain = symbols.canonical(name)
             found[plain] = found.get(plain, 0) + counts.instructions
         return found
     except ImportError:
@@ -57,7 +57,7 @@ def lanes(spec: Spec, scene: Scene, args: Any, said: set[str]) -> dict[str, floa
         return {}
 
 
-def bound(spec: Spec, scene: Scene, profile: hotspots.Profile, args: Any, said: set[str]) -> Row:
+def bound(spec: Spec, scene: Scene, profile: profiles.Profile, args: Any, said: set[str]) -> Row:
     """One row of Table 3 and its regions: by the PMU where it can, else by the model."""
 
     def say(line: str) -> None:
@@ -66,7 +66,7 @@ def bound(spec: Spec, scene: Scene, profile: hotspots.Profile, args: Any, said: 
             said.add(line)
 
     folder = ROOT / "build" / str(spec)
-    built = hotspots.program(folder / "render-lines", folder / hotspots.OBJECTS["shipped"])
+    built = symbols.program(folder / "render-lines", folder / profiles.OBJECTS["shipped"])
     instructions = counted(spec, scene, args, "shipped", said)
     made = bounds.model(profile, built, instructions, say, osaca=not args.no_osaca)
     try:
@@ -84,7 +84,7 @@ def measure(pairs: Sequence[tuple[Spec, Scene]], args: Any) -> Row:
     for spec, scene in pairs:
         try:
             by = {
-                variant: hotspots.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
+                variant: profiles.measure(spec, scene, args.n, None, variant, args.samples, args.cpu)
                 for variant in VARIANTS
             }
         except run.DriverError as error:

@@ -29,9 +29,10 @@ from typing import Any
 
 from study import machine, paper, show
 from study.cli import StudyError
-from study.hotspots import Profile, Program, canonical
+from study.profiles import Profile
 from study.registry import Scene, Spec
 from study.show import Column
+from study.symbols import Program, canonical
 
 LEAST = 0.01  # of the frame: a region under it is not modelled
 LEAST_OSACA = 0.05  # the same for OSACA, which takes seconds

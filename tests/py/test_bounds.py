@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import bounds, hotspots
+from study import bounds, profiles, symbols
 from study.bounds import Mca, Processor, Region
 from study.cli import StudyError
 
@@ -89,7 +89,7 @@ def test_every_instruction_is_in_one_block(nest):
 def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     lines, at = nest
     monkeypatch.setattr(bounds, "disassemble", lambda *_: lines)
-    built = hotspots.Program(Path("x"), [(0, 0x1000, "nest.isra.0")], frozenset({0}), [])
+    built = symbols.Program(Path("x"), [(0, 0x1000, "nest.isra.0")], frozenset({0}), [])
     weights = {at["inner"]: 60, at["outer"]: 10, at["case0"]: 20, at["merge"]: 10}
     found = bounds.regions(profile_of(weights), built)
     assert [(region.address, region.share) for region in found] == [
@@ -102,9 +102,9 @@ def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     assert "mulsd" in bounds.assembly(found[1].lines) and not any(line.is_call for line in found[1].lines)
 
 
-def profile_of(weights: dict[int, int]) -> hotspots.Profile:
+def profile_of(weights: dict[int, int]) -> profiles.Profile:
     total = sum(weights.values())
-    return hotspots.Profile(
+    return profiles.Profile(
         phase="opt2",
         flags_from="opt2",
         variant="shipped",
@@ -330,7 +330,7 @@ def test_the_hot_loop_of_arrays_is_found():
     from study.registry import ROOT
 
     path = build("opt2", "render-lines")
-    built = hotspots.program(path, ROOT / "build/opt2/lines/phase.o")
+    built = symbols.program(path, ROOT / "build/opt2/lines/phase.o")
     start, size, _ = next(f for f in built.functions if f[2] == "sdf")
     blocks = bounds.blocks_of(bounds.disassemble(path, start, size))
     loops = bounds.loops_of(blocks)

@@ -16,10 +16,11 @@ import started
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import build, hotspots, perf, registry
+from study import build, hotspots, perf, profiles, registry, symbols
 from study.cli import CANNOT_RUN, StudyError
-from study.hotspots import Place, Program
+from study.profiles import Place
 from study.registry import ROOT
+from study.symbols import Program
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "hotspots"
 SCRIPT = ROOT / "scripts" / "hotspots.py"
@@ -80,7 +81,7 @@ def test_other_records_and_names_with_spaces_are_no_error():
     ],
 )
 def test_only_the_timed_frame_counts(kinds, inside):
-    assert hotspots.in_frame(kinds.split()) == [one == "1" for one in inside]
+    assert profiles.in_frame(kinds.split()) == [one == "1" for one in inside]
 
 
 def recorded_program() -> Program:
@@ -96,7 +97,7 @@ def recorded_program() -> Program:
 
 def test_profile_of_the_recorded_run():
     made = json.loads((FIXTURES / "driver.json").read_text())
-    found = hotspots.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
+    found = profiles.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
     # Counted in the file by hand: 67 samples, of which the loader, the clock (8), the timer (1) and the pow
     # before the first frame are not of one; the second pow is.
     assert found.samples == 56
@@ -119,7 +120,7 @@ def test_cycles_are_taken_for_what_they_are():
     text = RECORDED.replace("cpu-clock:u", "cycles:u").replace("1001001", "3000000")
     text = re.sub(r"3000000( cycles:u:\s+\w+ sdf_cone)", r"6000000\1", text)
     made = json.loads((FIXTURES / "driver.json").read_text())
-    found = hotspots.profile(perf.parse(text), made, recorded_program(), "calls")
+    found = profiles.profile(perf.parse(text), made, recorded_program(), "calls")
     assert found.event == "cycles" and found.core_cycles == (56 + 19) * 1e6
     assert found.share("sdf_cone") == pytest.approx(2 * 19 / (56 + 19))
 
@@ -145,9 +146,9 @@ def test_listed_and_left_out_are_everything(kinds):
     about |= {"frames": [frame]}
     if "phase" not in kinds:
         with pytest.raises(StudyError, match="no sample in the timed frames"):
-            hotspots.profile(recording, about, built, "shipped")
+            profiles.profile(recording, about, built, "shipped")
         return
-    found = hotspots.profile(recording, about, built, "shipped")
+    found = profiles.profile(recording, about, built, "shipped")
     listed = sum(one["samples"] for one in found.functions.values())
     assert listed == found.samples
     assert listed + sum(found.left_out.values()) == len(kinds)
@@ -164,11 +165,11 @@ def test_listed_and_left_out_are_everything(kinds):
     "part, of, low, high", [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0, 0.1611)]
 )
 def test_interval_of_a_share(part, of, low, high):
-    assert hotspots.wilson(part, of) == pytest.approx((low, high), abs=5e-5)
+    assert profiles.wilson(part, of) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_interval_of_nothing_is_no_number():
-    assert all(map(math.isnan, hotspots.wilson(0, 0)))
+    assert all(map(math.isnan, profiles.wilson(0, 0)))
 
 
 @pytest.mark.parametrize(
@@ -185,12 +186,12 @@ def test_interval_of_nothing_is_no_number():
     ],
 )
 def test_names_as_in_the_source(symbol, library, name):
-    assert hotspots.canonical(symbol, library) == name
+    assert symbols.canonical(symbol, library) == name
 
 
 def test_inlined_chains_without_the_compilers_headers():
     text = (FIXTURES / "addr2line.txt").read_text()
-    chains = hotspots.parse_addr2line(text)
+    chains = symbols.parse_addr2line(text)
     assert chains[0x617B] == ["root", "sdf_octahedron", "distance_to_shape", "sdf", "ray_march"]
     assert chains[0x634A][1] == "sdf_cone"
 
@@ -198,13 +199,13 @@ def test_inlined_chains_without_the_compilers_headers():
 @pytest.mark.parametrize("text", ["0x10\nsdf\n", "sdf\n/phases/opt2/sdf.h:1\n", "0xzz\n"])
 def test_broken_chains_are_refused(text):
     with pytest.raises(StudyError, match="addr2line:"):
-        hotspots.parse_addr2line(text)
+        symbols.parse_addr2line(text)
 
 
 def test_an_owner_is_the_innermost_that_is_not_folded(monkeypatch):
     chains = {0x10: ["root", "sdf_cone", "sdf"], 0x20: ["root"], 0x30: []}
-    monkeypatch.setattr(hotspots, "inlined", lambda path, addresses: chains)
-    owner = hotspots.owners(perf.Recording([], []), recorded_program(), {"root"})
+    monkeypatch.setattr(profiles, "inlined", lambda path, addresses: chains)
+    owner = profiles.owners(perf.Recording([], []), recorded_program(), {"root"})
     named = [owner(Place("phase", "ray_march", address)) for address in (0x10, 0x20, 0x30, 0x40)]
     assert named == ["sdf_cone", "root", "ray_march", "ray_march"]
 
@@ -217,14 +218,14 @@ def test_a_stripped_program_is_refused(tmp_path):
     shutil.copy(build.build("opt2", "render-lines"), copy)
     subprocess.run(["strip", copy], check=True)
     with pytest.raises(StudyError, match="has no symbols"):
-        hotspots.program(copy, ROOT / "build/opt2/lines/phase.o")
+        symbols.program(copy, ROOT / "build/opt2/lines/phase.o")
 
 
 def test_what_is_no_program_is_refused(tmp_path):
     path = tmp_path / "render"
     path.write_text("#!/bin/sh\n")
     with pytest.raises(StudyError, match="no ELF file"):
-        hotspots.program(path, path)
+        symbols.program(path, path)
 
 
 def text_of(path: Path) -> bytes:
@@ -243,9 +244,9 @@ def test_the_sampled_build_is_the_shipped_code(phase):
 
 
 def names_of(phase: str, variant: str) -> set[str]:
-    path = build.build(phase, hotspots.TARGETS[variant])
-    found = hotspots.program(path, ROOT / "build" / phase / hotspots.OBJECTS[variant])
-    return {hotspots.canonical(name) for start, _, name in found.functions if start in found.of_phase}
+    path = build.build(phase, profiles.TARGETS[variant])
+    found = symbols.program(path, ROOT / "build" / phase / profiles.OBJECTS[variant])
+    return {symbols.canonical(name) for start, _, name in found.functions if start in found.of_phase}
 
 
 @pytest.mark.parametrize("phase", ["opt2", "opt3", "opt4"])
@@ -258,7 +259,7 @@ def test_without_inlining_every_function_is_one(phase):
 
 def test_names_for_single_instructions_are_known():
     path = build.build("opt3", "render-calls")
-    found = hotspots.wrappers(hotspots.program(path, ROOT / "build/opt3/calls/phase.o"))
+    found = symbols.wrappers(symbols.program(path, ROOT / "build/opt3/calls/phase.o"))
     assert {"mul_add", "choose", "root", "negate_where"} <= found  # each one intrinsic, or two
     assert not {"vec_dot", "vec_norm", "sdf_cone", "sdf_sphere", "phase_render"} & found
 
@@ -268,7 +269,7 @@ def test_names_for_single_instructions_are_known():
 
 def test_quotients_beside_the_shares():
     made = json.loads((FIXTURES / "driver.json").read_text())
-    found = hotspots.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
+    found = profiles.profile(perf.parse(RECORDED), made, recorded_program(), "calls")
     found.functions = {"sdf": {"samples": 75, "weight": 75}, "rare": {"samples": 25, "weight": 25}}
     found.weight, found.core_cycles = 100, 1000.0
     # 1500 instructions in three quarters of 1000 cycles; 25 samples are too few for a quotient.
@@ -309,11 +310,11 @@ def test_our_names_are_perfs():
     scene = registry.find_scene("scene0")
     recording, made = perf.record("opt2", scene, 60, None, 20, "render-calls", None)
     path = build.build("opt2", "render-calls")
-    built = hotspots.program(path, ROOT / "build/opt2/calls/phase.o")
-    places = [(s, hotspots.locate(recording, s, built)) for s in recording.samples]
+    built = symbols.program(path, ROOT / "build/opt2/calls/phase.o")
+    places = [(s, profiles.locate(recording, s, built)) for s in recording.samples]
     ours = [(s, place) for s, place in places if place.address is not None]
     assert len(ours) > 50
-    assert [place.name for _, place in ours] == [hotspots.canonical(s.name) for s, _ in ours]
+    assert [place.name for _, place in ours] == [symbols.canonical(s.name) for s, _ in ours]
     assert len(made["frames"]) == 20
 
 
