@@ -11,7 +11,20 @@ from typing import Any
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import bounds, hotspots, machine, perf, profiles, registry, run, sections, show, store, symbols
+from study import (
+    bounds,
+    bounds_page,
+    hotspots,
+    machine,
+    perf,
+    profiles,
+    registry,
+    run,
+    sections,
+    show,
+    store,
+    symbols,
+)
 from study.cli import StudyError
 from study.registry import ROOT, Scene, Spec
 
@@ -119,12 +132,12 @@ def text(record: Row) -> str:
     parts = [show.markdown(show.table(table(record), hotspots.COLUMNS)), hotspots.ABOUT]
     parts.append("\n".join(f"- {note}" for note in hotspots.notes(record)) + "\n")
     if record["bounds"]:
-        parts.append(show.markdown(show.table(bounds.rows(record), bounds.COLUMNS)))
-        parts.append(bounds.ABOUT)
+        parts.append(show.markdown(show.table(bounds_page.rows(record), bounds_page.COLUMNS)))
+        parts.append(bounds_page.ABOUT)
         parts += sorted({f"{one['remark']}\n" for one in record["bounds"] if one.get("remark")})
-        regions = bounds.region_rows(record)
+        regions = bounds_page.region_rows(record)
         if regions:
-            parts.append(show.markdown(show.table(regions, bounds.REGIONS)))
+            parts.append(show.markdown(show.table(regions, bounds_page.REGIONS)))
     return "\n".join(parts)
 
 
@@ -163,8 +176,8 @@ def main() -> int:
         if one["samples"] < min(ENOUGH, args.samples // 2):
             cli.say(f"{one['phase']} {one['scene']} {one['variant']}: {one['samples']} samples only")
     if args.json:
-        rows = {"hotspots": table(record), "bounds": bounds.rows(record)}
-        cli.emit(rows | {"regions": bounds.region_rows(record), "record": record})
+        rows = {"hotspots": table(record), "bounds": bounds_page.rows(record)}
+        cli.emit(rows | {"regions": bounds_page.region_rows(record), "record": record})
     else:
         print(text(record), end="")
     return cli.OK

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from study import ablations, bounds, columns, flops, hotspots, libm, roof, show, table1
+from study import ablations, bounds_page, columns, flops, hotspots, libm, roof, show, table1
 from study.analysis import Data
 from study.cli import StudyError
 from study.draw import Drawing
@@ -238,13 +238,15 @@ def hot(path: Path, microarchitecture: str | None = None) -> Section:
             title = HOTSPOTS.get(phase, f"The same of {phase}")
             folded = phase not in ("baseline", "opt3")
             parts += part(f"hotspots-{phase}", title, mine, hotspots.COLUMNS, folded)
-        split = bounds.rows(record) if record.get("bounds") else []
+        split = bounds_page.rows(record) if record.get("bounds") else []
         caption = "Table 3: what the cycles went to, structs against arrays"
-        parts += part("table3", caption, split, bounds.COLUMNS)
+        parts += part("table3", caption, split, bounds_page.COLUMNS)
         caption = "The hot regions under the model"
-        parts += part("table3-regions", caption, bounds.region_rows(record), bounds.REGIONS, folded=True)
+        parts += part(
+            "table3-regions", caption, bounds_page.region_rows(record), bounds_page.REGIONS, folded=True
+        )
         if rows:
-            remarks = [hotspots.ABOUT, *([bounds.ABOUT] if split else [])]
+            remarks = [hotspots.ABOUT, *([bounds_page.ABOUT] if split else [])]
             details = hotspots.notes(record)
     return Section("hotspots", "Hotspots, and what bounds them", "make hotspots", parts, remarks, details)
 

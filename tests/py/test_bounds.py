@@ -10,15 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study import bounds, profiles, symbols
-from study.bounds import Mca, Processor, Region
+from study import analysers, bounds, bounds_page, profiles, regions, symbols
+from study.analysers import Mca, Processor
 from study.cli import StudyError
+from study.regions import Region
 
 FIXTURES = Path(__file__).parents[1] / "fixtures" / "bounds"
 MCA = (FIXTURES / "llvm-mca.txt").read_text()
 OSACA = (FIXTURES / "osaca.yaml").read_text()
-needs_mca = pytest.mark.skipif(bounds.mca_missing() is not None, reason=str(bounds.mca_missing()))
-needs_osaca = pytest.mark.skipif(bounds.osaca_missing() is not None, reason=str(bounds.osaca_missing()))
+needs_mca = pytest.mark.skipif(analysers.mca_missing() is not None, reason=str(analysers.mca_missing()))
+needs_osaca = pytest.mark.skipif(analysers.osaca_missing() is not None, reason=str(analysers.osaca_missing()))
 
 # A loop in a loop, then a loop around a switch of three cases, one of which returns.
 NEST = """
@@ -62,12 +63,12 @@ def nest(tmp_path_factory):
         name: int(value, 16)
         for value, _, name in (line.split() for line in symbols.splitlines() if line[0] == "0")
     }
-    return bounds.disassemble(folder / "nest.o", 0, 0x1000), labels
+    return regions.disassemble(folder / "nest.o", 0, 0x1000), labels
 
 
 def test_loops_of_a_known_nest(nest):
     lines, at = nest
-    loops = bounds.loops_of(bounds.blocks_of(lines))
+    loops = regions.loops_of(regions.blocks_of(lines))
     assert set(loops) == {at["outer"], at["inner"], at["again"]}
     assert loops[at["inner"]] == {at["inner"]}
     assert loops[at["outer"]] > loops[at["inner"]]
@@ -75,23 +76,23 @@ def test_loops_of_a_known_nest(nest):
     assert at["outer"] not in loops[at["again"]] and at["nest"] not in loops[at["outer"]]
     # The return inside the switch leaves the loop.
     returns = [line.address for line in lines if line.mnemonic.startswith("ret")]
-    members = [line.address for block in loops[at["again"]] for line in bounds.blocks_of(lines)[block]]
+    members = [line.address for block in loops[at["again"]] for line in regions.blocks_of(lines)[block]]
     assert not set(returns) & set(members)
 
 
 def test_every_instruction_is_in_one_block(nest):
     lines, _ = nest
-    blocks = bounds.blocks_of(lines)
+    blocks = regions.blocks_of(lines)
     assert [line for block in blocks.values() for line in block] == lines
     assert all(line.ends_block is False for block in blocks.values() for line in block[:-1])
 
 
 def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     lines, at = nest
-    monkeypatch.setattr(bounds, "disassemble", lambda *_: lines)
+    monkeypatch.setattr(regions, "disassemble", lambda *_: lines)
     built = symbols.Program(Path("x"), [(0, 0x1000, "nest.isra.0")], frozenset({0}), [])
     weights = {at["inner"]: 60, at["outer"]: 10, at["case0"]: 20, at["merge"]: 10}
-    found = bounds.regions(profile_of(weights), built)
+    found = regions.regions(profile_of(weights), built)
     assert [(region.address, region.share) for region in found] == [
         (at["inner"], 0.6),
         (at["again"], 0.3),
@@ -99,7 +100,7 @@ def test_samples_go_to_their_innermost_loop(nest, monkeypatch):
     ]
     assert found[0].function == "nest" and found[0].loop
     # The case without a sample is not on the path.
-    assert "mulsd" in bounds.assembly(found[1].lines) and not any(line.is_call for line in found[1].lines)
+    assert "mulsd" in regions.assembly(found[1].lines) and not any(line.is_call for line in found[1].lines)
 
 
 def profile_of(weights: dict[int, int]) -> profiles.Profile:
@@ -127,7 +128,7 @@ def profile_of(weights: dict[int, int]) -> profiles.Profile:
 
 def test_an_analyser_gets_no_calls_returns_or_padding(nest):
     lines, _ = nest
-    text = bounds.assembly(lines)
+    text = regions.assembly(lines)
     assert "call" not in text and "ret" not in text and "*%rdx" not in text
     assert text.count("\tjne\t.Lhere") == 4 and "addsd\t%xmm1,%xmm0" in text
     assert "\trep movsq" in text  # a string instruction stays one
@@ -136,14 +137,14 @@ def test_an_analyser_gets_no_calls_returns_or_padding(nest):
 @pytest.mark.parametrize("text", ["", "file format elf64-x86-64\n", "hello\n"])
 def test_no_disassembly_is_refused(text):
     with pytest.raises(StudyError, match="no instruction"):
-        bounds.parse_objdump(text)
+        regions.parse_objdump(text)
 
 
 # --- the analysers' output
 
 
 def test_recorded_llvm_mca():
-    found = bounds.parse_mca(MCA)
+    found = analysers.parse_mca(MCA)
     assert (found["cycles"], found["uops"], found["width"], found["block"]) == (1209, 400, 6, 12)
     assert (found["resources"], found["registers"], found["memory"]) == (0.5947, 0.5443, 0)
 
@@ -154,11 +155,11 @@ def test_recorded_llvm_mca():
 )
 def test_broken_llvm_mca_is_refused(text):
     with pytest.raises(StudyError, match="llvm-mca: "):
-        bounds.parse_mca(text)
+        analysers.parse_mca(text)
 
 
 def test_recorded_osaca():
-    found = bounds.parse_osaca(OSACA, "SPR")
+    found = analysers.parse_osaca(OSACA, "SPR")
     # vsqrtpd is not in OSACA 0.7.1's tables of Sapphire Rapids: two additions of two cycles are left.
     assert (found.critical_path, found.loop_carried, found.throughput) == (4, 4, 1)
     assert (found.instructions, found.unknown) == (4, 1)
@@ -167,13 +168,13 @@ def test_recorded_osaca():
 def test_osaca_out_of_time_gives_no_figure():
     late = OSACA.replace("Warnings: [", "Warnings: [LCDWarning, ")
     assert late != OSACA
-    assert bounds.parse_osaca(late, "SPR").loop_carried is None
+    assert analysers.parse_osaca(late, "SPR").loop_carried is None
 
 
 @pytest.mark.parametrize("text", ["", "Traceback\n", OSACA[: OSACA.index("Summary")]])
 def test_broken_osaca_is_refused(text):
     with pytest.raises(StudyError, match="osaca: "):
-        bounds.parse_osaca(text, "SPR")
+        analysers.parse_osaca(text, "SPR")
 
 
 # --- known code
@@ -185,7 +186,7 @@ APART = ".Lhere:\n" + "".join(f"\tvaddpd\t%ymm1, %ymm1, %ymm{i}\n" for i in rang
 
 @needs_mca
 def test_a_chain_takes_its_latency_and_the_rest_its_ports():
-    chain, apart = bounds.run_mca(CHAIN, "skylake"), bounds.run_mca(APART, "skylake")
+    chain, apart = analysers.run_mca(CHAIN, "skylake"), analysers.run_mca(APART, "skylake")
     assert chain.throughput == pytest.approx(8 * 4, rel=0.02)
     assert apart.throughput == pytest.approx(8 / 2, rel=0.02)
     assert chain.split["dependencies"] > 0.9 > 0.5 > apart.split["dependencies"]
@@ -195,26 +196,26 @@ def test_a_chain_takes_its_latency_and_the_rest_its_ports():
 @needs_mca
 def test_the_stack_is_no_chain():
     """Ten pushes and pops are ten stores and ten loads: one store a cycle, far from ten loads in a row."""
-    code = [bounds.Line(i, "push" if i < 10 else "pop", f"%r{8 + i % 8}", None) for i in range(20)]
-    made = bounds.run_mca(bounds.assembly(code), "skylake")
+    code = [regions.Line(i, "push" if i < 10 else "pop", f"%r{8 + i % 8}", None) for i in range(20)]
+    made = analysers.run_mca(regions.assembly(code), "skylake")
     assert 9 <= made.throughput < 20
-    pushed = bounds.assembly([bounds.Line(0, "push", "0x38(%rsp)", None)])
+    pushed = regions.assembly([regions.Line(0, "push", "0x38(%rsp)", None)])
     assert pushed == ".Lhere:\n\tmovq\t0x38(%rsp), %r11\n\tmovq\t%r11, -8(%rsp)\n"
 
 
 @needs_mca
 def test_code_that_is_none_is_refused():
     with pytest.raises(StudyError, match="llvm-mca: "):
-        bounds.run_mca("\tnonsense %ymm0\n", "skylake")
+        analysers.run_mca("\tnonsense %ymm0\n", "skylake")
 
 
 @needs_osaca
 def test_osaca_agrees_on_the_chain():
-    chain, apart = bounds.run_osaca(CHAIN, "SKX"), bounds.run_osaca(APART, "SKX")
+    chain, apart = analysers.run_osaca(CHAIN, "SKX"), analysers.run_osaca(APART, "SKX")
     assert (chain.critical_path, chain.loop_carried, chain.unknown) == (32, 32, 0)
     assert apart.throughput == pytest.approx(4) and apart.critical_path <= 4
-    assert bounds.osaca_arch("\tvsqrtpd\t%ymm1, %ymm2\n", ("SPR", "SKX")) == "SKX"
-    assert bounds.osaca_arch(CHAIN, ("SPR", "SKX")) == "SPR"
+    assert analysers.osaca_arch("\tvsqrtpd\t%ymm1, %ymm2\n", ("SPR", "SKX")) == "SKX"
+    assert analysers.osaca_arch(CHAIN, ("SPR", "SKX")) == "SPR"
 
 
 share = st.floats(0, 1)
@@ -241,23 +242,23 @@ def test_the_split_is_everything(resources, registers, memory, uops, cycles):
     ],
 )
 def test_the_nearest_model_is_named(name, known, release, chosen, remark):
-    mcpu, said = bounds.mcpu(Processor(name, known), release)
+    mcpu, said = analysers.mcpu(Processor(name, known), release)
     assert mcpu == chosen
     assert (said is None) == (remark is None) and (remark or "") in (said or "")
 
 
 def test_a_processor_that_is_not_known_is_taken_by_its_flags():
-    assert bounds.this_processor({"microarchitecture": None, "flags": ["avx2"]}) == Processor(
+    assert analysers.this_processor({"microarchitecture": None, "flags": ["avx2"]}) == Processor(
         "Haswell", False
     )
-    assert bounds.this_processor({"microarchitecture": "Zen 4"}) == Processor("Zen 4", True)
-    assert set(bounds.OSACA_ARCH) == set(bounds.MCPU) >= {name for _, name in bounds.BY_FLAG}
+    assert analysers.this_processor({"microarchitecture": "Zen 4"}) == Processor("Zen 4", True)
+    assert set(analysers.OSACA_ARCH) == set(analysers.MCPU) >= {name for _, name in analysers.BY_FLAG}
 
 
 # --- Table 3
 
 
-def regions_of(lines: list[bounds.Line]) -> list[Region]:
+def regions_of(lines: list[regions.Line]) -> list[Region]:
     return [Region("nest", 16, True, lines, 0.75), Region("nest", 0, False, lines, 0.15)]
 
 
@@ -265,13 +266,13 @@ def test_prediction_against_measurement(nest, monkeypatch):
     """Counts and cycles by hand: 0.9 of 3000 cycles for 1000 instructions."""
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
-    monkeypatch.setattr(bounds, "mca_program", lambda: ("llvm-mca", 14))
-    monkeypatch.setattr(bounds, "run_mca", lambda *_: Mca(20, 60, 10, 60, 6, 0.3, 0.1, 0.1))
+    monkeypatch.setattr(analysers, "mca_program", lambda: ("llvm-mca", 14))
+    monkeypatch.setattr(analysers, "run_mca", lambda *_: Mca(20, 60, 10, 60, 6, 0.3, 0.1, 0.1))
     made = bounds.model(
         profile_of({0: 1}), None, {"nest": 1000}, osaca=False, processor=Processor("Haswell", True)
     )
     count = made["regions"][0]["instructions"]
-    assert count == bounds.assembly(lines).count("\n") - 1
+    assert count == regions.assembly(lines).count("\n") - 1
     compared = made["compared"]
     assert compared["measured"] == pytest.approx(2700) and compared["share"] == pytest.approx(0.9)
     assert compared["throughput"] == pytest.approx(1000 / (count / 20))
@@ -281,32 +282,32 @@ def test_prediction_against_measurement(nest, monkeypatch):
     split = {"retiring": 0.5, "memory": 0.1, "core": 0.4, "ports": 0.3, "dependencies": 0.1}
     assert made["split"] == pytest.approx(split)
     assert made["covered"] == pytest.approx(0.9)
-    row = bounds.rows({"bounds": [made]})[0]
+    row = bounds_page.rows({"bounds": [made]})[0]
     assert row["predicted_over_measured"] == pytest.approx(compared["throughput"] / 2700)
 
 
 def test_without_the_tools_one_line_each_and_the_rest_stays(nest, monkeypatch):
     lines, _ = nest
     monkeypatch.setattr(bounds, "regions", lambda *_: regions_of(lines))
-    monkeypatch.setattr(bounds, "mca_program", lambda: None)
-    monkeypatch.setattr(bounds, "osaca_program", lambda: None)
+    monkeypatch.setattr(analysers, "mca_program", lambda: None)
+    monkeypatch.setattr(analysers, "osaca_program", lambda: None)
     said: list[str] = []
     made = bounds.model(profile_of({0: 1}), None, None, said.append)
     assert [line.split()[0] for line in said] == ["llvm-mca", "osaca"]
     assert all("Table 3" in line and "\n" not in line for line in said)
     assert made["split"] is None and [row["share"] for row in made["regions"]] == [0.75, 0.15]
     assert made["regions"][0]["measured"] is None and made["compared"] is None
-    assert bounds.rows({"bounds": [made]})[0]["by"] == "model: none"
+    assert bounds_page.rows({"bounds": [made]})[0]["by"] == "model: none"
 
 
 def test_without_objdump_one_line(monkeypatch):
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
     with pytest.raises(StudyError, match="objdump is missing; binutils"):
-        bounds.disassemble(Path("x"), 0, 1)
+        regions.disassemble(Path("x"), 0, 1)
 
 
 def test_the_papers_table_is_beside():
-    structs, arrays = bounds.rows({"bounds": []})
+    structs, arrays = bounds_page.rows({"bounds": []})
     # Table 3: structs 31, 10, 18, 41 % in 13 s; arrays 23, 5, 16, 52 % in 10 s.
     assert [structs[f"{k}_share"] for k in ("front_end", "memory", "core", "retiring")] == [
         0.31,
@@ -332,8 +333,8 @@ def test_the_hot_loop_of_arrays_is_found():
     path = build("opt2", "render-lines")
     built = symbols.program(path, ROOT / "build/opt2/lines/phase.o")
     start, size, _ = next(f for f in built.functions if f[2] == "sdf")
-    blocks = bounds.blocks_of(bounds.disassemble(path, start, size))
-    loops = bounds.loops_of(blocks)
+    blocks = regions.blocks_of(regions.disassemble(path, start, size))
+    loops = regions.loops_of(blocks)
     assert any(
         any(line.mnemonic == "sqrtsd" for block in body for line in blocks[block]) for body in loops.values()
     )
