@@ -1,0 +1,307 @@
+// Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
+// bulb.c, and rays on which no later term can come below what they have leave for packets of their own.
+#ifndef OPT10_UMBRA_BULBS_H
+#define OPT10_UMBRA_BULBS_H
+
+#include "umbra_queue.h"
+
+#include <string.h>
+
+INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
+                       const struct prepared *scene, real *h) {
+    const struct placed *s = &scene->placed[i];
+    COUNT(nearest_bulbs, shape);
+    real own[ABREAST];
+    if (s->type == SHAPE_MANDELBULB) {
+        COUNT(nearest_bulbs, bulb);
+        struct vec p[ABREAST];
+        for (int k = 0; k < ABREAST; k++)
+            p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
+        bulbs(s, p, done, leaving, false, own);
+    } else
+        for (int k = 0; k < ABREAST; k++)
+            own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+    for (int k = 0; k < ABREAST; k++)
+        h[k] = least_of(h[k], own[k]);
+}
+
+// Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
+__attribute__((always_inline)) static inline void
+nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, real *h) {
+    COUNT(nearest_bulbs, call);
+    mask done[ABREAST];
+    for (int k = 0; k < ABREAST; k++) {
+        h[k] = set(INFINITY);
+        done[k] = m[k].done;
+    }
+    EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
+}
+
+INLINE void put_behind(int i, const struct march *m, real q, const struct prepared *scene,
+                       mask *behind) {
+    const struct placed *s = &scene->placed[i];
+    const struct near *near = &m->nears[i];
+    if (!any(*behind))
+        return;
+    if (s->way == LINEAR) {
+        COUNT(behind_all, plane);
+        *behind = both(*behind, not_less(near->direction.x, q));
+        return;
+    }
+    COUNT(behind_all, solid);
+    real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
+    mask away = not_less(share * vec_dot(p, near->direction) * per, q);
+    mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
+    *behind = both(*behind, both(away, far));
+}
+
+// Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
+// slope q at which no term is less than 0.866·strength·q.
+static inline mask behind_all(const struct march *m, float per_strength,
+                              const struct prepared *scene) {
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(behind_all, call);
+    COUNT(behind_all, scalar);
+    real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
+    mask behind = not_in(m->done);
+    EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
+    return behind;
+}
+
+// A packet whose lanes hold rays of different age.
+struct pool {
+    struct march march;
+    struct near *nears;
+    float ray[LANES];  // which of the queue
+    float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
+    unsigned live, leaving;
+};
+
+// The first so many of the bits set.
+static inline unsigned first_bits(unsigned bits, int count) {
+    unsigned rest = bits;
+    for (int i = 0; i < count; i++)
+        rest &= rest - 1;
+    return bits & ~rest;
+}
+
+// The first lanes of `here` go on in those of `there`, as many as both have. Which were moved. Of what a shape is to a
+// ray: a height and a slope, or a place and a direction (beside Mandelbulbs no sphere has `power`).
+static unsigned move_rays(struct pool *to, unsigned there, const struct pool *from, unsigned here,
+                          const struct prepared *scene) {
+    COUNT(move_rays, call);
+    int a = __builtin_popcount(there), b = __builtin_popcount(here);
+    there = first_bits(there, a < b ? a : b);
+    here = first_bits(here, a < b ? a : b);
+    move_lanes((float *)&to->march.t, there, (const float *)&from->march.t, here, MARCH_REALS);
+    for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
+        float *row = (float *)&to->nears[k].origin;
+        const float *old = (const float *)&from->nears[k].origin;
+        bool linear = KNOWN(scene)->placed[k].way == LINEAR;
+        move_lanes(row, there, old, here, linear ? 1 : 6);
+        if (linear)
+            move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
+    }
+    move_lanes(to->ray, there, from->ray, here, 1);
+    move_lanes(to->born, there, from->born, here, 1);
+    to->live |= there;
+    return here;
+}
+
+// Takes rays from `ready`, which is made anew from the queue whenever it is empty.
+static int refill_shadows(struct pool *to, struct pool *ready, int next, int steps,
+                          const struct convex *work) {
+    struct desk *desk = work->desk;
+    unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
+    while (ended) {
+        while (!ready->live && next < desk->shadows) {
+            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
+            ready->live = bits(r.active) & ~bits(ready->march.done);
+            for (int lane = 0; lane < LANES; lane++)
+                ready->ray[lane] = (float)(next + lane); // what is dark from the start adds nothing
+            next += LANES;
+        }
+        if (!ready->live)
+            break;
+        ready->live &= ~move_rays(to, ended, ready, ready->live, work->scene);
+        ended &= ~to->live;
+    }
+    unload(choose(lanes_of(all & to->live), set((float)steps), load(to->born)), to->born);
+    to->march.done = lanes_of(~to->live);
+    return next;
+}
+
+// Most rays that get as dark as that end on a surface, at a 300th of it and less: 0 is written for them, which errs by
+// no more than that. LOOK_EVERY: steps from one look whether a ray is behind all to the next.
+#define DARK 0x1p-10f
+enum { LOOK_EVERY = 4 };
+
+static void answer(const struct pool *from, unsigned which, struct desk *desk) {
+    COUNT(answer, call);
+    if (!which)
+        return;
+    ACTIVE(__builtin_popcount(which));
+    COUNT(answer, some);
+    float lit[LANES];
+    mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
+    unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
+    for (unsigned rest = which; rest; rest &= rest - 1)
+        add_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+}
+
+// Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
+struct pools {
+    struct pool *work, *out, *ready;
+    int leaving; // lanes of `out` in use
+};
+
+// From |p| = e² on a Mandelbulb's estimate, |p|·ln|p|/3, grows faster than |p|: h passes 2·previous, where the
+// estimator's circles of radius h and `previous` only touch, and a term may be anything. That is why rays on which
+// no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
+// iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
+INLINE void over_bulb(int i, const struct march *m, const struct prepared *scene, mask *over) {
+    const struct near *near = &m->nears[i];
+    if (scene->placed[i].type != SHAPE_MANDELBULB)
+        return;
+    COUNT(over, bulb);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p);
+    mask beyond = greater(square, set(100.0f));
+    if (scene->plane >= 0) {
+        COUNT(over, plane);
+        const struct near *plane = &m->nears[scene->plane];
+        real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
+        real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
+        mask under = both(less(height, least), less(plane->direction.x, set(0.69f)));
+        beyond = either(beyond, both(under, greater(square, set(9.0f))));
+    }
+    *over = both(*over, beyond);
+}
+
+static inline mask over(const struct march *m, const struct prepared *scene) {
+    COUNT(over, call);
+    mask over = all_lanes();
+    EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
+    return over;
+}
+
+static void see_off(struct pools *pools, const struct convex *work) {
+    COUNT(see_off, call);
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    struct march m[ABREAST];
+    int ended = 0;
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march.done = lanes_of(~pools->out[k].live);
+        m[k] = pools->out[k].march;
+    }
+    for (int i = 1; ended < ABREAST * LANES; i++) {
+        COUNT(see_off, step);
+        real oldest = set((float)i - (float)work->scene->model.march.max_steps);
+        real h[ABREAST];
+        nearest_bulbs(m, work->scene, true, h);
+        ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            step(&m[k], h[k], strength, hit, 0.0f);
+            m[k].done = either(m[k].done, over(&m[k], work->scene));
+            COUNT(see_off, packet);
+            m[k].done = either(m[k].done, not_less(oldest, load(pools->out[k].born)));
+            ended += count_of(m[k].done);
+        }
+    }
+    for (int k = 0; k < ABREAST; k++) {
+        pools->out[k].march = m[k];
+        answer(&pools->out[k], pools->out[k].live, work->desk);
+        pools->out[k].live = 0;
+    }
+    pools->leaving = 0;
+}
+
+static void retire_shadows(struct pool *from, struct pools *pools, const struct convex *work) {
+    unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
+    answer(from, ended & ~leaving, work->desk);
+    from->live &= ~ended;
+    from->leaving &= ~ended;
+    while (leaving) {
+        struct pool *to = &pools->out[pools->leaving / LANES];
+        unsigned room = ~to->live & ((1u << LANES) - 1);
+        unsigned moved = move_rays(to, room, from, leaving, work->scene);
+        leaving &= ~moved;
+        pools->leaving += __builtin_popcount(moved);
+        if (pools->leaving == ABREAST * LANES)
+            see_off(pools, work);
+    }
+}
+
+// One step of each packet. How many lanes have ended.
+static inline int step_all(struct march *m, struct pool *pool, int steps,
+                           const struct convex *work) {
+    const struct model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
+    COUNT(step_all, call);
+    // Rays that old have had their steps.
+    real oldest = set((float)steps - (float)work->scene->model.march.max_steps);
+    real h[ABREAST];
+    int ended = 0;
+    nearest_bulbs(m, work->scene, false, h);
+    for (int k = 0; k < ABREAST; k++) {
+        mask behind = no_lane();
+        if (steps % LOOK_EVERY == 0)
+            behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
+        step(&m[k], h[k], strength, hit, DARK * DARK);
+        COUNT(step_all, packet);
+        m[k].done = either(m[k].done, not_less(oldest, load(pool[k].born)));
+        behind = but_not(m[k].done, behind);
+        if (any(behind)) {
+            COUNT(step_all, behind);
+            real born = load(pool[k].born);
+            unload(choose(behind, born - set((float)steps), born), pool[k].born);
+            pool[k].leaving |= bits(behind);
+            m[k].done = either(m[k].done, behind);
+        }
+        ended += count_of(m[k].done);
+    }
+    return ended;
+}
+
+static void cast_streams(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct model *model = &KNOWN(work->scene)->model;
+    struct pool all[POOLS] = {0};
+    memset(desk->near, 0, POOLS * (size_t)model->shape_count * sizeof(struct near));
+    for (int k = 0; k < POOLS; k++)
+        all[k].march.nears = all[k].nears = desk->near + k * model->shape_count;
+    struct pools pools = {all, all + ABREAST, all + 2 * ABREAST, 0};
+    int steps = 0;
+    for (int next = 0;;) {
+        struct march m[ABREAST];
+        unsigned live = pools.ready->live;
+        int ended = 0;
+        for (int k = 0; k < ABREAST; k++) {
+            next = refill_shadows(&pools.work[k], pools.ready, next, steps, work);
+            live |= pools.work[k].live;
+            m[k] = pools.work[k].march;
+            ended += count_of(m[k].done);
+        }
+        if (!live)
+            break;
+        bool more = next < desk->shadows || pools.ready->live;
+        int enough = more ? ended + LANES / 4 : ABREAST * LANES;
+        while (ended < enough)
+            ended = step_all(m, pools.work, ++steps, work);
+        for (int k = 0; k < ABREAST; k++) {
+            pools.work[k].march = m[k];
+            retire_shadows(&pools.work[k], &pools, work);
+        }
+    }
+    if (pools.leaving > 0)
+        see_off(&pools, work);
+    desk->shadows = 0;
+}
+
+#endif
