@@ -189,7 +189,7 @@ $(BUILD)/rsqrt: $(BUILD)/common/rsqrt.o
 # Executions of every basic block (scripts/study/assembly.py, common/blocks.c): the shipped code, and the same
 # source with its functions kept. The driver is the counting build's; table.json says what was counted.
 BLOCKS_PYTHON = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly
-BLOCKS_TOOLS := scripts/study/assembly.py scripts/study/decode.py
+BLOCKS_TOOLS := $(wildcard scripts/study/assembly*.py) scripts/study/decode.py
 define blocks_recipe
 @rm -rf $(@D) && mkdir -p $(@D)
 $(call compile_each,$(1) -S,$(@D)/,s)

@@ -18,6 +18,8 @@ import pytest
 from elftools.elf.elffile import ELFFile
 
 from study import assembly, blocks, calibration, images, qemu, registry, run, store
+from study.assembly_counters import overwrites_flags
+from study.assembly_source import Source
 from study.build import build
 from study.cli import BAD_INPUT, StudyError
 from study.counts import Counts, Measured
@@ -326,13 +328,13 @@ def test_an_emulator_counts_the_same(phase, monkeypatch):
 HEAD = "\t.text\n\t.globl f\n\t.type f, @function\n"
 
 
-def read(tmp_path: Path, text: str) -> assembly.Source:
+def read(tmp_path: Path, text: str) -> Source:
     path = tmp_path / "f.s"
     path.write_text(HEAD + text)
-    return assembly.Source(path, 0)
+    return Source(path, 0)
 
 
-def shapes(source: assembly.Source) -> list[tuple[str, bool, int]]:
+def shapes(source: Source) -> list[tuple[str, bool, int]]:
     """Function, whether an entry, instructions of each block."""
     return [(b.function, b.entry, len(b.lines)) for b in source.blocks]
 
@@ -409,7 +411,7 @@ def test_cold_parts_belong_to_their_function(tmp_path):
 def test_one_instruction_counts_only_where_flags_are_dead(tmp_path, text, flags_free):
     source = read(tmp_path, f"f:\n{text}.L9:\n\tret\n")
     source.locate(assembly._assemble(["gcc"], source.marked(), tmp_path, "plain"), Disassembler())
-    assert assembly._overwrites_flags(source.blocks[0]) is flags_free
+    assert overwrites_flags(source.blocks[0].code, source.blocks[0].offset) is flags_free
 
 
 def test_a_prefix_stays_with_its_instruction(tmp_path):
