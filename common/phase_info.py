@@ -66,6 +66,16 @@ def check_variants(path: Path, info: dict) -> None:
             sys.exit(f"phase_info: {path}: $.each_variant: there is no {name!r} in the phase's folder")
 
 
+def here(variants: list[dict]) -> list[str]:
+    """Names of the variants that this CPU runs; all, where it does not say what it has."""
+    try:
+        said = re.search(r"^flags\s*:(.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+    except OSError:
+        said = None
+    have = set(said[1].split()) if said else {i for one in variants for i in one["isa"]}
+    return [f"lanes{one['lanes']}" for one in variants if have >= set(one["isa"])]
+
+
 def needs(isa: list) -> str:
     return " ".join(f"need({json.dumps(i)})" for i in isa)
 
@@ -121,10 +131,12 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
     variants = phase.get("variants", [])
-    names = " ".join(f"lanes{one['lanes']}" for one in variants)
+    names, run_here = " ".join(f"lanes{one['lanes']}" for one in variants), " ".join(here(variants))
     made = [
         f"PHASE_CFLAGS := {cflags}",
         f"PHASE_VARIANTS := {names}",
+        f"PHASE_VARIANTS_HERE := {run_here}",
+        f"PHASE_VARIANTS_REST := {' '.join(one for one in names.split() if one not in run_here.split())}",
         f"PHASE_EACH_VARIANT := {' '.join(phase.get('each_variant', []))}",
     ]
     for one in variants:
@@ -140,6 +152,7 @@ def main() -> None:
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
         f"#define PHASE_NEEDS(need) {needs(isa)}",
         f"#define PHASE_VARIANTS(variant, need) {' '.join(described(one, isa, flags) for one in variants)}",
+        f"// On this CPU: {run_here}",  # on another one all is built anew (rules.mk)
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",

@@ -4,6 +4,7 @@
 #   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
 #   build/NAME/render-lines   the same code with line tables; render-calls: without inlining, for profiles
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
+#   build/NAME/count/read     nothing: the counting sources' warnings
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
 #   build/NAME/probe          distances at given points, for tests
 #   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
@@ -19,7 +20,8 @@ ifeq ($(origin CC),default)
 CC := gcc
 endif
 BUILD ?= build
-PYTHON3 ?= python3
+# Standard library alone, without what a site adds at each start: it runs hundreds of times.
+PYTHON3 ?= $(firstword $(wildcard .venv/bin/python) python3)
 
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
 , := ,
@@ -33,6 +35,7 @@ LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
+CLANG := $(findstring clang,$(TOOLCHAIN))
 COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o scene_hash.o scene_path.o scene_reader.o scene_shapes.o frame.o present.o timer.o)
 # Of every render; driver.o alone is told what the phase is.
 DRIVER_OBJECTS := $(addprefix $(BUILD)/common/,driver_conditions.o driver_options.o driver_phases.o driver_record.o)
@@ -45,7 +48,7 @@ flags_of = $(lastword $(subst @, ,$(1)))
 # its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
 folder_of = $(if $(and $(findstring +,$(1)),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
 # Made once by each make: its rules ask for it a dozen times.
-patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
+patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I -S scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
 
 .SECONDARY:
 .SECONDEXPANSION:
@@ -61,7 +64,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call folder_of,$*)
-	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)'
+	@$(PYTHON3) -I -S common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)'
 .PHONY: FORCE
 FORCE:
 
@@ -70,11 +73,16 @@ $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_inf
 
 # What flags.mk says (common/phase_info.py). $(1): its variable.
 flags_mk = sed -n 's/^$(1) := //p' $(BUILD)/$*/flags.mk
+# Which variants: what is timed has all of them; what is sanitized, counted, profiled or built otherwise has those that
+# this CPU runs (no other is ever called): half of the compiler's work on a CPU without AVX-512. Counting sources that
+# are only read (count/read): by clang all, by gcc those that its counting build leaves out.
+variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(CLANG),,_REST),$(if $(or $(SANITIZERS),$(filter-out $(BUILD)/$*,$(@D))),_HERE)))
 # Each of a phase's sources with its flags, those of "each_variant" once for each variant, as NAME-VARIANT.
 # $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made. A variant's intrinsics are parsed
 # once for all of its sources (the objects are the same): .2 of the .5 s of each, nine hundred times in the tests.
+# Sanitized it has -Og, a third less to compile than -O1 and as fast; what is built once would run 1.3 to 2 times as long.
 define compile_each
-@flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(call flags_mk,PHASE_VARIANTS))"; \
+@flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(variants_mk))"; \
 each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; \
 for source in $(filter %.c,$^); do \
     case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=-;; esac; \
@@ -82,22 +90,29 @@ for source in $(filter %.c,$^); do \
         made=$$(basename $$source .c); own=; parsed=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; \
             parsed=$(2)intrinsics-$$version.h; }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) -Icommon -iquote $(BUILD)/$*; \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED)$(if $(SANITIZE), $${parsed:+-Og}) -Icommon -iquote $(BUILD)/$*; \
         test -z "$$parsed" -o -e "$$parsed" || { echo '#include <immintrin.h>' >"$$parsed"; \
-            "$$@" $(filter-out -c -S,$(1)) -x c-header "$$parsed" -o "$$parsed.gch" || exit 1; }; \
+            "$$@" $(filter-out -c -S -fsyntax-only,$(1)) -x c-header "$$parsed" -o "$$parsed.gch" || exit 1; }; \
         set -- "$$@" $${parsed:+-include "$$parsed"} $(1) $$source -o $(2)$$made.$(3); \
         echo "$$@"; "$$@" || exit 1; \
     done; \
 done; rm -f $(2)intrinsics-*
 endef
 # The objects of a folder $(1) as one. A variant's names are its own, but for its VARIANT_…: the sources need
-# no other names for each.
+# no other names for each. The names of a variant that is left out stand for an instruction that traps.
 define join_objects
-@for variant in $$($(call flags_mk,PHASE_VARIANTS)); do \
+@made="$$($(variants_mk))"; for variant in $$made; do \
     ld -r -o $(1)/$$variant.o $(1)/*-$$variant.o && rm $(1)/*-$$variant.o && \
     objcopy -w --keep-global-symbol="$${variant}_*" $(1)/$$variant.o || exit 1; \
+done; \
+ld -r -o $@ $(1)/*.o || exit 1; \
+for variant in $$($(call flags_mk,PHASE_VARIANTS)); do \
+    case " $$made " in *" $$variant "*) continue;; esac; \
+    { echo '.section .note.GNU-stack,"",@progbits'; echo .text; \
+        nm -u $@ | sed -n "s/^ *U \($${variant}_.*\)/.globl \1\n\1: ud2/p"; } >$(@D)/without.s && \
+    $(CC) -c $(@D)/without.s -o $(@D)/without.o && \
+    ld -r -o $(@D)/joined.o $@ $(@D)/without.o && mv $(@D)/joined.o $@ || exit 1; \
 done
-@ld -r -o $@ $(1)/*.o
 endef
 # A phase as one object. $(1): more compiler flags
 define compile_recipe
@@ -156,6 +171,13 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 # local-exec: gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
+
+# The counting sources, read for the compiler's warnings alone (clang has all of them without compiling, gcc has not).
+$(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@mkdir -p $(@D)
+	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O1 -S),$(@D)/read-,s)
+	@rm -f $(@D)/read-*
+	@touch $@
 
 $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BUILD)/%/variant.o $(BUILD)/%/count/flops.o $(BUILD)/common/tally.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) -Wl,--wrap=pthread_create $^ $(LIBS) -lpthread -o $@

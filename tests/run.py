@@ -3,14 +3,14 @@
 
 Every program of the tests writes JUnit XML into build/test-results; the sums are made from those. A step
 that ends badly without saying which test failed counts as one failure. What builds comes first and uses every
-core; then the tests in Python, in parts that each core takes as it gets free. Standard library only.
+core; then the tests, in parts that each core takes as it gets free. Standard library only.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextvars
-import itertools
+import functools
 import json
 import os
 import re
@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -33,13 +33,13 @@ BUILDS = {
     "build/clang": ["CC=clang"],
     "build/asan": ["SANITIZE=1"],
 }
-
-# As scripts/study/hard/builds.py has them made.
-HARD_BUILDS = {
+# Built for single steps: the C tests by clang, and what hard cases compare (scripts/study/hard/builds.py).
+SETTINGS = BUILDS | {
+    "build/asan-clang": ["CC=clang", "SANITIZE=1"],
     "build/hard-fast": ["CC=gcc", "SANITIZERS=-ffast-math"],
     "build/hard-fma": ["CC=gcc", "SANITIZERS=-mfma -ffp-contract=fast"],
 }
-
+C_BUILDS = {"gcc": "build/asan", "clang": "build/asan-clang"}
 
 SYSTEMS = '"family": "systems"'  # in a phase.json: alternatives to the ladder
 
@@ -51,7 +51,7 @@ OUTPUT: contextvars.ContextVar[IO[str] | None] = contextvars.ContextVar("output"
 class Tally:
     passed: int = 0
     failed: list[str] = field(default_factory=list)
-    skipped: list[str] = field(default_factory=list)
+    skipped: list[tuple[str, str]] = field(default_factory=list)  # name, reason
 
     def add(self, other: Tally) -> None:
         self.passed += other.passed
@@ -94,7 +94,7 @@ def read_results(path: Path, name: str, ended_well: bool, reason: str = "") -> T
         if faults:
             tally.failed.append(title)
         elif skip is not None:
-            tally.skipped.append(f"{title}: {skip.get('message') or reason}")
+            tally.skipped.append((title, skip.get("message") or reason))
         else:
             tally.passed += 1
     if not ended_well and not tally.failed:
@@ -102,16 +102,17 @@ def read_results(path: Path, name: str, ended_well: bool, reason: str = "") -> T
     return tally
 
 
-def format_step() -> Iterator[Tally]:
-    tools = Path(sys.executable).parent
+def format_tally() -> Tally:
+    tools, total = Path(sys.executable).parent, Tally()
     sources = [
         str(p)
         for folder in ("common", "phases", "tests/c", "tests/calibration")
         for p in (ROOT / folder).rglob("*.[ch]")
     ]
-    yield one("clang-format", run(tools / "clang-format", "--dry-run", "-Werror", *sources))
-    yield one("ruff check", run(tools / "ruff", "check", "."))
-    yield one("ruff format", run(tools / "ruff", "format", "--check", "."))
+    total.add(one("clang-format", run(tools / "clang-format", "--dry-run", "-Werror", *sources)))
+    total.add(one("ruff check", run(tools / "ruff", "check", ".")))
+    total.add(one("ruff format", run(tools / "ruff", "format", "--check", ".")))
+    return total
 
 
 def missing_isa(source: Path) -> str:
@@ -121,28 +122,26 @@ def missing_isa(source: Path) -> str:
     return ", ".join(flag for flag in asked if flag not in have.split())
 
 
-def c_step() -> Iterator[Tally]:
-    for compiler, folder in {"gcc": "build/asan", "clang": "build/asan-clang"}.items():
-        settings = [f"CC={compiler}", f"BUILD={folder}", "SANITIZE=1"]
-        if not run("make", "-s", f"-j{JOBS}", *settings, "c-tests"):
-            yield Tally(failed=[f"C tests with {compiler}: do not build"])
-            continue
-        for source in sorted((ROOT / "tests/c").glob("test_*.c")):
-            if lacking := missing_isa(source):
-                yield Tally(skipped=[f"{source.stem} ({compiler}): the CPU lacks {lacking}"])
-                continue
-            results = RESULTS / f"{source.stem}-{compiler}.xml"
-            results.unlink(missing_ok=True)  # cmocka does not replace a file
-            program = ROOT / folder / "tests" / source.stem
-            print(f"$ {folder}/tests/{source.stem}", flush=True)
-            environment = os.environ | {"CMOCKA_MESSAGE_OUTPUT": "xml", "CMOCKA_XML_FILE": str(results)}
-            done = subprocess.run([program], stdout=subprocess.PIPE, text=True, env=environment)
-            print(done.stdout, end="", flush=True)
-            reason = next(iter(re.findall("^skipped: (.*)", done.stdout, re.MULTILINE)), "")
-            tally = read_results(results, f"{source.stem} ({compiler})", done.returncode == 0, reason)
-            if tally.failed and results.is_file():
-                print(results.read_text(errors="replace"))
-            yield tally
+def c_tally(source: Path, compiler: str) -> Tally:
+    """One C test's program."""
+    name, out = f"{source.stem} ({compiler})", OUTPUT.get()
+    if lacking := missing_isa(source):
+        return Tally(skipped=[(name, f"the CPU lacks {lacking}")])
+    results = RESULTS / f"{source.stem}-{compiler}.xml"
+    results.unlink(missing_ok=True)  # cmocka does not replace a file
+    target = f"{C_BUILDS[compiler]}/tests/{source.stem}"
+    settings = [*SETTINGS[C_BUILDS[compiler]], f"BUILD={C_BUILDS[compiler]}"]
+    if not run("make", "-s", *settings, target):  # an old program may be there: make must agree
+        return Tally(failed=[f"{name}: does not build"])
+    print(f"$ {target}", file=out, flush=True)
+    environment = os.environ | {"CMOCKA_MESSAGE_OUTPUT": "xml", "CMOCKA_XML_FILE": str(results)}
+    done = subprocess.run([ROOT / target], stdout=subprocess.PIPE, stderr=out, text=True, env=environment)
+    print(done.stdout, end="", file=out, flush=True)
+    reason = next(iter(re.findall("^skipped: (.*)", done.stdout, re.MULTILINE)), "")
+    tally = read_results(results, name, done.returncode == 0, reason)
+    if tally.failed and results.is_file():
+        print(results.read_text(errors="replace"), file=out)
+    return tally
 
 
 def phases_with(file: str) -> list[str]:
@@ -164,40 +163,35 @@ def systems() -> set[str]:
     }
 
 
-def builds_step() -> Iterator[Tally]:
-    phases, beside = phases_with("phase.json"), systems()
-    for folder, settings in BUILDS.items():
-        yield one(
-            f"{folder}/ceilings --check",
-            run("make", "-s", f"BUILD={folder}", *settings, f"{folder}/ceilings")
-            and run(f"{folder}/ceilings", "--check"),
-        )
-        make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings]
-        counting = [] if "SANITIZE=1" in settings else phases_with("costs.def")  # none is run with sanitizers
-        counting = [name for name in counting if folder == "build" or name not in beside]
-        targets = {
-            phase: [f"{folder}/{phase}/render", f"{folder}/{phase}/probe"]
-            + [f"{folder}/{phase}/render-count"] * (phase in counting)
-            for phase in phases
-        }
-        if run(*make, *itertools.chain(*targets.values())):
-            yield Tally(passed=len(phases))
-        else:  # which of them
-            for phase in phases:
-                yield one(f"{folder}/{phase} does not build", run(*make, *targets[phase]))
+def of_phases() -> dict[str, dict[str, list[str]]]:
+    """What is built of each phase, and counts as a test: folder, phase, targets.
+
+    Counting programs are run as gcc makes them; clang reads their sources, and both read those of variants
+    that this CPU does not run (rules.mk).
+    """
+    phases, counting, beside = phases_with("phase.json"), phases_with("costs.def"), systems()
+    made: dict[str, dict[str, list[str]]] = {}
+    for folder in BUILDS:
+        made[folder] = {phase: ["render", "probe"] for phase in phases}
+        for phase in counting:
+            if folder == "build":
+                made[folder][phase] += ["render-count", "count/read"]
+            elif folder == "build/clang" and phase not in beside:
+                made[folder][phase] += ["count/read"]
+    return made
 
 
-def prepare_step() -> Iterator[Tally]:
-    """What several tests want built, by as many jobs as there are cores: no two of them make it at once.
-
-    What does not build is told by the test that wants it.
+def for_tests() -> dict[str, list[str]]:
+    """What several tests want built, so that no two of them make it at once. Of what does not build the test
+    that wants it tells.
     """
     ladder = [name for name in phases_with("costs.def") if name not in systems()]
     patches = [
         f"{path.parts[-3]}+{path.stem}" for path in sorted((ROOT / "phases").glob("*/ablations/*.patch"))
     ]
     variants, profiled = ("render-blocks", "render-blocks-calls"), ("baseline", "opt2", "opt3", "opt4")
-    wanted = {
+    by_parent = [name for name in ladder if not embeds(name)]
+    return {
         "build": [
             *(f"{name}/{target}" for name in ladder for target in (*variants, "render-ftz")),
             *(f"{name}/{target}" for name in profiled for target in ("render-lines", "render-calls")),
@@ -206,19 +200,56 @@ def prepare_step() -> Iterator[Tally]:
             *("functions/bench", "rsqrt", "opt2@opt3/render", "packets/hits"),
         ],
         "build/clang": [
-            *(f"{name}/{target}" for name in ladder if not embeds(name) for target in variants),
+            *(f"{name}/{target}" for name in by_parent for target in variants),
             "calibration/calibrate-blocks",
         ],
+        "build/hard-fast": [f"{name}/render" for name in by_parent],
+        "build/hard-fma": [f"{name}/render" for name in by_parent],
     }
-    for folder in HARD_BUILDS:
-        wanted[folder] = [f"{name}/render" for name in ladder if not embeds(name)]
-    for folder, targets in wanted.items():
-        settings = (BUILDS | HARD_BUILDS)[folder]
-        run(
-            *("make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *settings),
-            *(f"{folder}/{target}" for target in targets),
-        )
-    yield Tally()
+
+
+def make_all(wanted: dict[str, list[str]]) -> bool:
+    """Everything, by one make that has a make for each folder: they share its jobs, and no core waits for the
+    end of a folder.
+    """
+    path = RESULTS / "builds.mk"
+    rules = [
+        f"all: {folder}\n.PHONY: {folder}\n{folder}:\n\t+@$(MAKE) -f Makefile -s -k "
+        + " ".join(f"'{word}'" for word in [f"BUILD={folder}", *SETTINGS[folder], *targets])
+        for folder, targets in wanted.items()
+    ]
+    path.write_text("\n\n".join(rules) + "\n")
+    return run("make", "-s", "-k", f"-j{JOBS}", "-f", path)
+
+
+def builds(steps: list[str]) -> Tally:
+    """All that these steps test or want. Each phase in each folder of BUILDS is a test; so are ceilings."""
+    wanted: dict[str, list[str]] = {}
+    phases = of_phases() if "builds" in steps else {}
+    if phases:
+        wanted = {
+            folder: [f"{folder}/ceilings", *(f"{folder}/{name}/{t}" for name in made for t in made[name])]
+            for folder, made in phases.items()
+        }
+        for folder, targets in for_tests().items():
+            wanted.setdefault(folder, []).extend(f"{folder}/{target}" for target in targets)
+    if "c" in steps:
+        for folder in C_BUILDS.values():
+            wanted.setdefault(folder, []).append("c-tests")
+    if not wanted:
+        return Tally()
+    total, good = Tally(), make_all(wanted)
+    for folder, made in phases.items():
+        make = ["make", "-s", "-k", f"-j{JOBS}", f"BUILD={folder}", *SETTINGS[folder]]
+        if good:
+            total.passed += len(made)
+        else:  # which of them
+            for phase, targets in made.items():
+                built = run(*make, *(f"{folder}/{phase}/{target}" for target in targets))
+                total.add(one(f"{folder}/{phase} does not build", built))
+        checked = run(*make, f"{folder}/ceilings") and run(f"{folder}/ceilings", "--check")
+        total.add(one(f"{folder}/ceilings --check", checked))
+    return total
 
 
 def parts(folder: str, count: int = 1) -> list[list[Path]]:
@@ -232,54 +263,57 @@ def parts(folder: str, count: int = 1) -> list[list[Path]]:
 
 @dataclass
 class Part:
-    """Test files that one pytest runs, and which environment it adds."""
+    """What one core does of a step."""
 
     step: str
-    number: int
-    files: list[Path]
-    environment: dict[str, str]
+    name: str
+    tally: Callable[[], Tally]
 
-    def tally(self) -> Tally:
-        results = RESULTS / f"{self.step}-{self.number}.xml"
+
+def pytest_part(step: str, number: int, files: list[Path], environment: dict[str, str]) -> Part:
+    """Test files that one pytest runs, and which environment it adds."""
+    name = f"{step}-{number}"
+
+    def tally() -> Tally:
+        results = RESULTS / f"{name}.xml"
         results.unlink(missing_ok=True)
-        command = [sys.executable, "-m", "pytest", "-q", f"--junitxml={results}", *self.files]
-        return read_results(results, self.step, run(*command, **self.environment))
+        command = [sys.executable, "-m", "pytest", "-q", f"--junitxml={results}", *files]
+        return read_results(results, step, run(*command, **environment))
+
+    return Part(step, name, tally)
 
 
-STEPS: dict[str, Callable[[], Iterator[Tally]]] = {
-    "format": format_step,
-    "c": c_step,
-    "builds": builds_step,
-    "prepare": prepare_step,
-}
-# Steps of pytest: folder, into how many parts, environment. Long ones first: a part begins when a core is
-# free.
+# Steps of pytest: folder, into how many parts, environment.
 PYTEST: dict[str, tuple[str, int, dict[str, str]]] = {
     "conformance": ("tests/conformance", 1, {}),
     "conformance-asan": ("tests/conformance", 1, {"STEPWISE_BUILD": "build/asan"}),
-    "hard": ("tests/hard", 2, {}),
     "py": ("tests/py", 10, {}),
+    "hard": ("tests/hard", 2, {}),
 }
+STEPS = ("builds", "format", *PYTEST, "c")
 
 
-def perform(step: str, total: Tally) -> None:
-    """One step after the other: each uses every core itself."""
-    print(f"== {step}", flush=True)
-    begin = time.monotonic()
-    for tally in STEPS[step]():
-        total.add(tally)
-    print(f"== {step}: {time.monotonic() - begin:.0f} s", flush=True)
+def parts_of(step: str) -> list[Part]:
+    if step == "format":
+        return [Part(step, step, format_tally)]
+    if step == "c":
+        sources = sorted((ROOT / "tests/c").glob("test_*.c"))
+        return [
+            Part(step, f"{source.stem}-{compiler}", functools.partial(c_tally, source, compiler))
+            for compiler in C_BUILDS
+            for source in sources
+        ]
+    folder, count, environment = PYTEST[step]
+    return [pytest_part(step, i, files, environment) for i, files in enumerate(parts(folder, count), 1)]
 
 
-def perform_parts(steps: list[str], total: Tally) -> None:
-    """The parts of these steps, as many at once as there are cores; a part's output comes when it ends."""
-    waiting = [
-        Part(step, i, files, environment)
-        for step, (folder, count, environment) in PYTEST.items()
-        if step in steps
-        for i, files in enumerate(parts(folder, count), 1)
-    ]
-    turn, took = threading.Lock(), dict.fromkeys(steps, 0.0)
+def perform(steps: list[str], total: Tally) -> dict[str, float]:
+    """The parts of these steps, as many at once as there are cores; a part's output comes when it ends.
+
+    A part begins when a core is free: the long ones come first. Returns each step's seconds of one core.
+    """
+    waiting = [part for step in STEPS[1:] if step in steps for part in parts_of(step)]
+    turn, took = threading.Lock(), {part.step: 0.0 for part in waiting}
 
     def work() -> None:
         while True:
@@ -287,7 +321,7 @@ def perform_parts(steps: list[str], total: Tally) -> None:
                 if not waiting:
                     return
                 part = waiting.pop(0)
-            log = RESULTS / f"{part.step}-{part.number}.log"
+            log = RESULTS / f"{part.name}.log"
             begin = time.monotonic()
             try:
                 with log.open("w") as out:
@@ -295,43 +329,52 @@ def perform_parts(steps: list[str], total: Tally) -> None:
                     tally = part.tally()
             except Exception as error:  # counted: else a thread ends and its tests are missing
                 tally = Tally(failed=[f"{part.step}: {error!r}"])
+            seconds = time.monotonic() - begin
             with turn:
                 total.add(tally)
-                took[part.step] += time.monotonic() - begin
+                took[part.step] += seconds
                 said = log.read_text(errors="replace") if log.exists() else ""
-                print(f"== {log.stem}\n{said}", end="", flush=True)
+                print(f"== {part.name}: {seconds:.0f} s\n{said}", end="", flush=True)
 
     threads = [threading.Thread(target=work) for _ in range(int(JOBS))]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    for step, seconds in took.items():
-        print(f"== {step}: {seconds:.0f} s of one core", flush=True)
+    return took
+
+
+def told(total: Tally, took: list[str], seconds: float) -> str:
+    """The end of a run: what was skipped, by reason; what failed; how long it took; the sums."""
+    reasons: dict[str, list[str]] = {}
+    for name, reason in total.skipped:
+        reasons.setdefault(reason, []).append(name)
+    lines = [f"skipped {len(names)}: {why}: {', '.join(names)}" for why, names in reasons.items()]
+    lines += [f"FAILED: {name}" for name in total.failed]
+    lines += [f"{seconds // 60:.0f} min {seconds % 60:.0f} s on {JOBS} cores: {', '.join(took)}"]
+    lines += [f"{total.passed} passed, {len(total.failed)} failed, {len(total.skipped)} skipped"]
+    return "\n".join(lines)
 
 
 def main() -> int:
-    known = [*STEPS, *PYTEST]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(known)}; default: all")
-    steps = parser.parse_args().steps or known
-    if unknown := [step for step in steps if step not in known]:
-        parser.error(f"no step {unknown[0]!r}; there are {', '.join(known)}")
+    parser.add_argument("steps", nargs="*", metavar="STEP", help=f"of {', '.join(STEPS)}; default: all")
+    steps = parser.parse_args().steps or list(STEPS)
+    if unknown := [step for step in steps if step not in STEPS]:
+        parser.error(f"no step {unknown[0]!r}; there are {', '.join(STEPS)}")
     RESULTS.mkdir(parents=True, exist_ok=True)
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each script that a test starts is compiled anew
-    total = Tally()
-    for step in STEPS:
-        if step in steps:
-            perform(step, total)
-    if pytests := [step for step in PYTEST if step in steps]:
-        perform_parts(pytests, total)
-    for title in total.skipped:
-        print(f"skipped: {title}")
-    for title in total.failed:
-        print(f"FAILED: {title}")
-    print(f"{total.passed} passed, {len(total.failed)} failed, {len(total.skipped)} skipped")
-    nothing = not total.passed and steps != ["prepare"]  # which tests nothing
-    return 1 if total.failed or nothing else 0
+    begin = time.time()
+    start = float(os.environ.pop("TEST_BEGAN", begin))  # before set-up (Makefile)
+    took = [f"set-up {begin - start:.0f} s"] if start < begin else []
+    print("== builds", flush=True)
+    total = builds(steps)
+    took.append(f"builds {time.time() - begin:.0f} s")
+    print(f"== {took[-1]}", flush=True)
+    of_one_core = perform(steps, total)
+    took += [f"{step} {seconds:.0f} s of one core" for step, seconds in of_one_core.items()]
+    print(told(total, took, time.time() - start))
+    return 1 if total.failed or not total.passed else 0
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 include tests/c/tests.mk
 
 TEST_PYTHON ?= .venv/bin/python
-TEST_STEPS := format c builds prepare conformance conformance-asan hard py
+TEST_STEPS := format c builds conformance conformance-asan hard py
 
 .PHONY: check $(addprefix test-,$(TEST_STEPS))
 check: ## all tests, without installing anything
