@@ -2,6 +2,7 @@
 #include "beam.h"
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
+enum { LOOK = 6 }; // steps in a vicinity until it is asked which rays have ended
 
 // The bits of a and two zeros by turns.
 static unsigned apart(unsigned a) {
@@ -114,8 +115,9 @@ static real *fields_of(struct walk *w, int i) {
     return &w->from.x + (i - MARCH_REALS - RAY_REALS);
 }
 
-// Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out.
-static void close_ranks(struct beam *beam, struct desk *desk) {
+// Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out. Whether
+// any ray has another place now.
+static bool close_ranks(struct beam *beam, struct desk *desk) {
     int moving = 0, live = 0, packets = 0, at = 0;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
@@ -130,7 +132,7 @@ static void close_ranks(struct beam *beam, struct desk *desk) {
     }
     beam->moving = (moving + LANES - 1) / LANES;
     if (beam->moving == packets)
-        return;
+        return false;
     float fields[WALK_REALS][BEAM_RAYS + LANES];
     for (int wait = 0; wait < 2; wait++)
         for (int i = 0; i < beam->count; i++) {
@@ -138,8 +140,9 @@ static void close_ranks(struct beam *beam, struct desk *desk) {
             mask those = both(w->rays.active, wait ? w->waits : not_in(w->waits));
             if (!any(those))
                 continue;
+            packing first = packing_of(those);
             for (int k = 0; k < WALK_REALS; k++)
-                pack(those, *fields_of(w, k), &fields[k][at]);
+                pack_by(first, *fields_of(w, k), &fields[k][at]);
             at += count_of(those);
         }
     beam->count = (live + LANES - 1) / LANES;
@@ -151,6 +154,7 @@ static void close_ranks(struct beam *beam, struct desk *desk) {
         w->waits = not_in(first_lanes(moving - i * LANES));
         w->march.done = not_in(w->rays.active);
     }
+    return true;
 }
 
 // A new vicinity, where the ray is that is behind all others; whether there is any.
@@ -180,7 +184,7 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     real h = least_of(m->t, m->previous + m->previous);
     vicinity_about(beam, last, h, but_not(m->done, not_less(set(rear), m->t)), work);
     close_ranks(beam, work->desk);
-    vicinity_wakes(beam, work->scene);
+    vicinity_wakes(beam);
     return true;
 }
 
@@ -191,6 +195,15 @@ static inline void step_but(struct march *m, mask still, real h, real strength, 
     step(m, h, strength, hit, 0.0f);
     m->previous = choose(still, previous, m->previous);
     m->from = choose(still, from, m->from);
+}
+
+// Ends those that nothing is in the way of, and brings the others together.
+static void thin_out(struct beam *beam, const struct convex *work) {
+    for (int i = 0; i < beam->moving; i++)
+        if (!all(stands_still(&beam->walk[i])))
+            look_ahead(&beam->walk[i], work);
+    if (close_ranks(beam, work->desk))
+        vicinity_wakes(beam);
 }
 
 // The first steps of rays that are from one solid, as long as no other can be as near: from its position no other's bounding
@@ -257,7 +270,7 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
         COUNT(walk_on, step);
         moves = true;
         // What is not in the vicinity could be nearer.
-        real away = distance_between(w->at, beam->near.centre);
+        real away = distance_off(&beam->near, w->at);
         w->waits = either(w->waits, not_in(not_less(set(beam->near.within), w->least + away)));
         mask still = stands_still(w), done = m->done;
         step_but(m, still, w->least, strength, hit);
@@ -301,12 +314,12 @@ static void add_answers(int first, struct desk *desk) {
     }
 }
 
-// The solids that its rays may meet: desk->ahead.
+// The solids that the rays of a packet may meet: desk->ahead.
 static void look_along(int first, const struct convex *work) {
     COUNT(look_along, call);
     struct desk *desk = work->desk;
     float (*field)[QUEUE_ROOM] = desk->shadow;
-    int end = first + BEAM_RAYS < desk->shadows ? first + BEAM_RAYS : desk->shadows;
+    int end = first + LANES < desk->shadows ? first + LANES : desk->shadows;
     float least[3], most[3], to[3], square = 0, spread = 0;
     for (int k = 0; k < 3; k++) {
         least[k] = most[k] = field[S_POINT + k][desk->order[0][first]];
@@ -347,16 +360,17 @@ static void cast_beam(int first, const struct convex *work) {
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
         beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
-    look_along(first, work);
     for (int at = first; at < desk->shadows && beam.count < BEAM; at += LANES, beam.count++) {
         struct walk *w = &beam.walk[beam.count];
+        look_along(at, work);
         begin_walk(w, at, &beam, work);
         leave_solids(w, desk->near, strength, hit, work);
     }
     long left = (long)model->march.max_steps * BEAM_RAYS;
     while (left > 0 && look_around(&beam, work))
-        for (; left > 0 && walk_on(&beam, strength, hit); left--)
-            ;
+        for (int steps = 1; left > 0 && walk_on(&beam, strength, hit); left--, steps++)
+            if (steps % LOOK == 0)
+                thin_out(&beam, work);
     for (int i = 0; i < beam.count; i++)
         keep_answers(&beam.walk[i], beam.walk[i].rays.active, desk);
     add_answers(first, desk);

@@ -171,6 +171,20 @@ static inline void stop_at(int shape, void *with) {
     r->alone = least_of(r->alone, earliest(s->position, s->bound, r));
 }
 
+// Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
+static inline mask may_enter(const struct placed *s, int i, const struct rays *r) {
+    COUNT(may_enter, call);
+    COUNT(may_enter, scalar);
+    struct vec v = {set(s->position[0]) - r->point.x, set(s->position[1]) - r->point.y,
+                    set(s->position[2]) - r->point.z};
+    real along = vec_dot(v, r->to_light), square = vec_dot(v, v);
+    real need = mul_sub(square, set(1 - 2e-6f), set(s->bound * s->bound * (1 + 1e-5f)));
+    mask ahead = both(greater(along, set(0.0f)), not_less(along * along, need));
+    ahead = both(ahead, less(along - set(s->bound * (1 + 1e-4f)), r->first * set(1 + 1e-5f)));
+    mask may = either(ahead, less(need, set(0.0f)));
+    return but_not(same_shape(r->shape, i), both(r->active, may));
+}
+
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) {
     COUNT(crowd_ahead, call);
     const struct prepared *scene = work->scene;
@@ -182,8 +196,12 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
         look_at_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
                       &nears[scene->planes[k]]);
     end_behind_all(r, scene);
-    for (int k = 0; k < work->desk->aheads; k++)
-        enter_on_the_way(&scene->placed[work->desk->ahead[k]], work->desk->ahead[k], r, r->active);
+    for (int k = 0; k < work->desk->aheads; k++) {
+        int i = work->desk->ahead[k];
+        mask may = may_enter(&scene->placed[i], i, r);
+        if (any(may))
+            enter_on_the_way(&scene->placed[i], i, r, may);
+    }
     // A cone's slope must be below 1 for its end to be told (earliest).
     struct leapers l = {r, both(both(r->on_plane, r->active), less(r->facing, set(0.99f))), scene};
     r->alone = choose(l.able, r->alone, set(0.0f));

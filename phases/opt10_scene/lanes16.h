@@ -216,6 +216,17 @@ static inline void pack(mask m, real a, float to[LANES]) {
     _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
 }
 
+// The same of many rows: with 8 lanes more has to be told of the mask.
+typedef mask packing;
+
+static inline packing packing_of(mask m) {
+    return m;
+}
+
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    pack(p, a, to);
+}
+
 // The other way round: floats in a row into the lanes of `to`.
 static inline real expand(real a, unsigned to, const float *from) {
     return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);

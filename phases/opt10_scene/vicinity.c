@@ -1,4 +1,4 @@
-// See beam.h. Which shapes are about a place ahead of the rays, and which of them is the nearest.
+// See beam.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
 #include "beam.h"
 #include "seek.h"
 
@@ -6,32 +6,21 @@
 // no further than. NOTES.md has what others cost.
 #define VICINITY 0.4f
 #define WIDER 1.2f
-// How far ahead of the ray behind all others its centre is, as a share of what leaves that one a step: all of them go on.
+// How far ahead of the ray behind all others it starts, as a share of what leaves that one a step: all of them go on.
 #define AHEAD 0.6f
-
-struct around {
-    struct vec centre;
-    real within;
-};
+// How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
+#define LENGTH 1.0f
 
 static inline mask within_reach(struct vec centre, real radius, const void *with) {
     COUNT(within_reach, call);
-    const struct around *a = with;
-    struct vec v = {centre.x - a->centre.x, centre.y - a->centre.y, centre.z - a->centre.z};
-    real r = a->within + radius;
-    return less(vec_dot(v, v), r * r);
+    const struct vicinity *v = with;
+    struct vec off = vec_off(v, centre);
+    real r = set(v->within) + radius;
+    return less(vec_dot(off, off), r * r);
 }
 
 static float picked(mask one, real x) {
     return least_lane(choose(one, x, set(INFINITY)));
-}
-
-// From the vicinity's centre to the solid's bounding sphere.
-static inline float distance_from(const struct close_by *c, struct vec centre) {
-    COUNT(distance_from, call);
-    float x = c->place[0] - first_of(centre.x), y = c->place[1] - first_of(centre.y),
-          z = c->place[2] - first_of(centre.z);
-    return sqrtf(x * x + y * y + z * z) * (1 - 1e-5f) - c->shape->bound;
 }
 
 static void find_close_by(struct beam *beam, float slack, const struct prepared *scene) {
@@ -39,9 +28,10 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     COUNT(find_close_by, scalar);
     struct vicinity *v = &beam->near;
     const float *place = beam->place;
-    struct around around = {
-        {v->centre.x + set(place[0]), v->centre.y + set(place[1]), v->centre.z + set(place[2])},
-        set(v->within * (1 + 1e-4f) + slack)};
+    struct vicinity around = *v;
+    around.start = (struct vec){v->start.x + set(place[0]), v->start.y + set(place[1]),
+                                v->start.z + set(place[2])};
+    around.within = v->within * (1 + 1e-4f) + slack;
     v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
     for (int k = 0; k < v->count; k++) {
         COUNT(find_close_by, shape);
@@ -58,55 +48,57 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
     COUNT(vicinity_about, scalar);
     const struct prepared *scene = work->scene;
     struct vicinity *v = &beam->near;
-    struct vec p = vec_along(w->from, w->rays.to_light, w->march.t);
+    struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
     unsigned lane = bits(last) & (0u - bits(last)); // one of them
     mask one = lanes_of(lane);
-    float near = picked(one, h);
+    float near = picked(one, h), left = picked(one, w->march.end - w->march.t);
     v->within = fmaxf(WIDER * near, VICINITY * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
     float on = fmaxf(AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
-    struct vec ahead = vec_along(p, w->rays.to_light, set(on));
-    v->centre = (struct vec){set(picked(one, ahead.x)), set(picked(one, ahead.y)),
-                             set(picked(one, ahead.z))};
+    struct vec ahead = vec_along(p, l, set(on));
+    v->start = (struct vec){set(picked(one, ahead.x)), set(picked(one, ahead.y)),
+                            set(picked(one, ahead.z))};
+    v->along = (struct vec){set(picked(one, l.x)), set(picked(one, l.y)), set(picked(one, l.z))};
+    v->length = fmaxf(fminf(LENGTH * scene->tree.spacing, left - on), 0.0f);
     v->room = v->within - 0.4f * near;
     find_close_by(beam, slack, scene);
     for (int i = 0; i < beam->count; i++) {
         COUNT(vicinity_about, packet);
         struct walk *each = &beam->walk[i];
         struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
-        each->waits = not_less(distance_between(at, v->centre), set(v->room));
+        each->waits = not_less(distance_off(v, at), set(v->room));
     }
 }
 
-// A ray is no nearer to a shape than the vicinity's centre, but for what is between them.
-void vicinity_wakes(struct beam *beam, const struct prepared *scene) {
+// To the solid's bounding sphere by an approximate root, to 10 bits and less by that much.
+static inline real surely_off(const struct close_by *c, struct vec at) {
+    COUNT(surely_off, call);
+    struct vec to = {at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
+    real square = most_of(vec_dot(to, to), set(1e-30f));
+    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+}
+
+void vicinity_wakes(struct beam *beam) {
     COUNT(vicinity_wakes, call);
     struct vicinity *v = &beam->near;
-    float slack = 1e-6f * (float)scene->model.march.bounds_radius;
-    real nearer[BEAM];
     for (int i = 0; i < beam->moving; i++) {
         COUNT(vicinity_wakes, packet);
-        const struct walk *w = &beam->walk[i];
+        struct walk *w = &beam->walk[i];
         struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
-        nearer[i] = w->march.t - distance_between(at, v->centre);
-    }
-    float nearest = INFINITY;
-    int recent = 0;
-    for (int k = 0; k < v->count; k++) {
-        float far = -INFINITY;
-        if (v->shapes[k].shape->way != LINEAR) {
-            COUNT(vicinity_wakes, solid);
-            far = distance_from(&v->shapes[k], v->centre) - slack;
-            recent = far < nearest ? k : recent;
-            nearest = fminf(nearest, far);
-        }
-        for (int i = 0; i < beam->moving; i++) {
+        real nearest = set(INFINITY);
+        w->recent = 0;
+        for (int k = 0; k < v->count; k++) {
+            if (v->shapes[k].shape->way == LINEAR) {
+                v->wakes[k * BEAM + i] = set(-INFINITY);
+                continue;
+            }
             COUNT(vicinity_wakes, shape);
-            v->wakes[k * BEAM + i] = set(far) + nearer[i];
+            real far = surely_off(&v->shapes[k], at);
+            v->wakes[k * BEAM + i] = far + w->march.t;
+            w->recent = any(but_not(stands_still(w), less(far, nearest))) ? k : w->recent;
+            nearest = least_of(far, nearest);
         }
     }
-    for (int i = 0; i < beam->moving; i++)
-        beam->walk[i].recent = recent;
 }
 
 // Of those rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is
@@ -157,10 +149,7 @@ static inline bool too_far(const struct vicinity *v, int k, int i, const struct 
     if (c->shape->way == LINEAR)
         return false;
     COUNT(too_far, solid);
-    struct vec to = {w->at.x - set(c->place[0]), w->at.y - set(c->place[1]),
-                     w->at.z - set(c->place[2])};
-    real square = most_of(vec_dot(to, to), set(1e-30f));
-    real least = square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+    real least = surely_off(c, w->at);
     if (any(but_not(stands_still(w), not_less(w->least, least))))
         return false;
     COUNT(too_far, told);

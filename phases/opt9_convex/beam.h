@@ -28,10 +28,10 @@ struct close_by {
     float place[3]; // from the beam's
 };
 
-// All shapes that are within `within` of the centre.
+// All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
 struct vicinity {
-    struct vec centre;
-    float within, room; // room: for rays to take a step in it
+    struct vec start, along;
+    float length, within, room; // room: for rays to take a step in it
     int count;
     int *list;
     struct close_by *shapes;
@@ -46,18 +46,25 @@ struct beam {
     struct vicinity near;
 };
 
-static inline real distance_between(struct vec a, struct vec b) {
-    COUNT(distance_between, call);
-    struct vec v = {a.x - b.x, a.y - b.y, a.z - b.z};
-    return vec_norm(v);
+// From the vicinity's stretch to a place.
+static inline struct vec vec_off(const struct vicinity *v, struct vec at) {
+    struct vec to = {at.x - v->start.x, at.y - v->start.y, at.z - v->start.z};
+    real along = least_of(most_of(vec_dot(to, v->along), set(0.0f)), set(v->length));
+    return (struct vec){neg_mul_add(along, v->along.x, to.x), neg_mul_add(along, v->along.y, to.y),
+                        neg_mul_add(along, v->along.z, to.z)};
 }
 
-// About one of the lanes in `last` of a packet, where the nearest shape is no further than h.
+static inline real distance_off(const struct vicinity *v, struct vec at) {
+    COUNT(distance_off, call);
+    return vec_norm(vec_off(v, at));
+}
+
+// Ahead of one of the lanes in `last` of a packet, where the nearest shape is no further than h.
 // Sets which of the rays wait.
 void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
                     const struct convex *work);
 // What the rays can know of each shape from afar.
-void vicinity_wakes(struct beam *beam, const struct prepared *scene);
+void vicinity_wakes(struct beam *beam);
 // Sets `at` and `least` of the packets with rays that do not stand still.
 void vicinity_nearest(struct beam *beam);
 

@@ -215,6 +215,20 @@ static inline void pack(mask m, real a, float to[LANES]) {
         *to++ = lanes[__builtin_ctz(rest)];
 }
 
+// The same of many rows: which lanes go first is told once.
+typedef __m256i packing;
+
+static inline packing packing_of(mask m) {
+    int lanes[LANES] = {0}, *to = lanes;
+    for (unsigned rest = bits(m); rest; rest &= rest - 1)
+        *to++ = __builtin_ctz(rest);
+    return _mm256_loadu_si256((const __m256i *)lanes);
+}
+
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, p));
+}
+
 // The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
 static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
     for (; lanes; lanes &= lanes - 1, from++) {
