@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from study import functions, show
+from study import functions, machine, show
 from study.draw import COLOURS, MARKERS, Drawing, plain_log, save
 from study.functions_page import TITLES, judged
 
@@ -167,7 +167,7 @@ ABOUT = {
 
 
 def note(result: Row, time: str = "stream_ns") -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     how = (
         "a quick run, one float in thousands: the largest errors are lower bounds"
         if result["quick"]
