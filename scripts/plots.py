@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from study import analysis, ladder, show
+from study import analysis, ladder, machine, show
 from study.analysis import Data
 from study.cli import StudyError
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -34,7 +34,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
         flags.setdefault(text, []).append(spec)
     built = "; ".join(f"{', '.join(specs)}: {text}" for text, specs in flags.items())
     launches = " to ".join(str(n) for n in dict.fromkeys((rows["launches"].min(), rows["launches"].max())))
-    cpu = (context.get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(context)
     compiler = context.get("compiler") or rows["compiler"].iloc[0]
     clock = f"core {rows['core_hz'].median() / 1e9:.2f} GHz, TSC {rows['tsc_hz'].median() / 1e9:.3f} GHz"
     return (

@@ -59,13 +59,24 @@ def notes_html(text: str) -> str:
 
 
 def phases(data: Data) -> list[dict[str, Any]]:
-    """What each phase of the run is, as recorded with it, with its NOTES.md as they are now."""
+    """What each phase of the run is, as recorded with it, with its NOTES.md as they are now. Of one that is
+    built for several numbers of lanes, what ran: lanes, instruction sets, flags.
+    """
     about = analysis.described(data.plan)
     if not about:
         measured = {cell.spec.partition("@")[0] for cell in data.cells}
         about = {name: vars(phase) for name, phase in registry.phases().items() if name in measured}
+    ran = {cell.spec: cell.facts for cell in data.cells}
     made = []
     for name, phase in about.items():
+        if phase.get("variants") and name in ran:
+            own = ran[name]
+            phase = {
+                **phase,
+                "lanes": int(own["lanes"]),
+                "isa": own["isa"].split("+"),
+                "cflags": own["flags"],
+            }
         file = registry.ROOT / "phases" / name / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
         made.append({**phase, "notes": notes})

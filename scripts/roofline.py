@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 
 import plots
 import tables
-from study import analysis, roof, show, store
+from study import analysis, machine, roof, show, store
 from study.analysis import Data
 from study.ceilings import LEVELS, Ceilings
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -203,7 +203,7 @@ def inline(path: Path) -> str:
 
 def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
     """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
-    cpu = (data.context.get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(data.context)
     by = "; ".join(dict.fromkeys(roof.counted_by(row) for row in table.to_dict("records")))
     text = (
         f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by: {by}. Points: "

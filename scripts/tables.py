@@ -11,7 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, claims, columns, ladder, paper, show, store
+from study import analysis, chapters, claims, columns, ladder, machine, paper, show, store
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
@@ -74,7 +74,7 @@ def write(made: Made, folder: Path) -> list[Path]:
 def machine_line(data: Data) -> str:
     """CPU, compiler, commit and date of a run in one sentence."""
     context = data.context
-    cpu = (context.get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(context)
     git = context.get("git") or {}
     commit = (git.get("commit") or "unknown commit")[:10] + (
         " with uncommitted changes" if git.get("dirty") else ""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from study import show
+from study import machine, show
 from study.breakeven import FILE, SMALL, Row, read
 from study.sections import Section, part, reading
 from study.show import Column
@@ -91,7 +91,7 @@ def tables(result: Row) -> list[tuple[str, str, list[Row], list[Column], bool]]:
 
 
 def note(result: Row) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     compilers = dict.fromkeys(row["compiler"] for row in result["rows"] if row["generated"])
     by = f"; kernels by {', '.join(compilers)}" if compilers else ""
     return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from study import show
+from study import machine, show
 from study.drjit_measure import DRJIT, GOALS, MET, MISSED, SAME, Row
 from study.show import Column
 
@@ -58,7 +58,7 @@ COLUMNS = [
 
 
 def note(result: Row) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     figures = "; ".join(f"{name} {one:g} and {two:g} ms" for name, (_, (one, two)) in GOALS.items())
     return (
         f"{cpu}; n = {result['n']}, {result['launches']} interleaved launches; drjit {result['drjit']} on "

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study import show
+from study import machine, show
 from study.draw import BAD, Drawing, plain_log
 from study.frames import HALF, MET, MISSED, Row
 from study.show import Column
@@ -139,7 +139,7 @@ def draw(result: Row) -> Figure:
 
 
 def note(result: Row) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; {result['threads']} threads, {result['launches']} interleaved launches. A frame is its "
         "rendering on all cores, and gamma and 8 bits on one of them; the driver calibrates clocks between "

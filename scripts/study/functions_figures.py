@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from study import functions, show
+from study import functions, machine, show
 from study.draw import COLOURS, MARKERS, Drawing, plain_log, save
 from study.functions_page import TITLES, judged
 
@@ -117,12 +117,16 @@ def figure(result: Row, precision: str, time: str = "stream_ns") -> Figure:
         axes.set_xlabel("largest error, ulp")
     for axes in grid[:, 0]:
         axes.set_ylabel(TIMES[time])
+    seen = [r for f in functions.FUNCTIONS for r in judged(result, f, precision, time)]
     marks = [
-        Line2D([], [], color=c, marker=m, linestyle="none", label=name) for name, (c, m) in LOOKS.items()
+        Line2D([], [], color=c, marker=m, linestyle="none", label=name)
+        for name, (c, m) in LOOKS.items()
+        if any(r["family"] == name for r in seen)
     ]
     marks += [
         Line2D([], [], color="#777777", marker="o", linestyle="none", markersize=size**0.5, label=isa)
         for isa, size in SIZES.items()
+        if any(r["isa"] == isa for r in seen)  # no AVX-512 where the CPU has none
     ]
     marks.append(Line2D([], [], color="#555555", linewidth=1, label="front (filled marks)"))
     made.legend(handles=marks, loc="outside right upper", frameon=False, fontsize=9)
@@ -167,7 +171,7 @@ ABOUT = {
 
 
 def note(result: Row, time: str = "stream_ns") -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     how = (
         "a quick run, one float in thousands: the largest errors are lower bounds"
         if result["quick"]

@@ -56,9 +56,10 @@ def theirs(phase: str) -> dict[str, Row]:
 
 
 # Golden Cove and its kin take in six operations a cycle: Intel, 64 and IA-32 Architectures Optimization
-# Reference Manual. A fused pair is one operation: what is a little above six is left out with the rest.
+# Reference Manual; so do Zen 2 to Zen 4: AMD, Software Optimization Guides for families 17h and 19h. A fused
+# pair is one operation: what is a little above six is left out with the rest.
 _SIX_WIDE = ("Alder Lake", "Raptor Lake", "Meteor Lake")
-_SIX_WIDE += ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids")
+_SIX_WIDE += ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids", "Zen 2", "Zen 3", "Zen 4")
 WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; no x86 core here is wider
 
 
@@ -165,8 +166,9 @@ the paper's were, at the price of the calls: where that frame takes much longer 
 shares are those of another program. Shares sum to the frame. A sample is at the instruction that was about
 to retire: waiting for a result shows where it is used, so that a small function can seem to run more
 instructions per cycle than it does, and the next one fewer; what would be more than the core takes in (6 a
-cycle of Intel's Golden Cove and its kin, else 8, as Zen 5) is not shown. The paper's seconds are of another
-machine and size, its share is of the ten functions that it lists, and its usage is VTune's.
+cycle of Intel's Golden Cove and its kin and of AMD's Zen 2 to Zen 4, else 8, as Zen 5) is not shown. The
+paper's seconds are of another machine and size, its share is of the ten functions that it lists, and its
+usage is VTune's.
 """
 
 

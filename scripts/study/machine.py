@@ -9,6 +9,7 @@ import os
 import platform
 import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,18 @@ def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
         "usable_cpus": len(os.sched_getaffinity(0)),
         "flags": info.get("flags", "").split(),
     }
+
+
+def name(context: Mapping[str, Any] | None) -> str:
+    """The CPU of a context.json, and what it is (a virtual machine's may be called just "AMD EPYC"): by its
+    common name, else by family and model.
+    """
+    found = (context or {}).get("cpu") or {}
+    known = found.get("microarchitecture")
+    if not known and found.get("family"):
+        known = f"family {found['family']} model {found.get('model_number')}"
+    model = found.get("model")
+    return f"{model} ({known})" if model and known else model or known or "unknown CPU"
 
 
 def slug(cpuinfo: str | None = None) -> str:

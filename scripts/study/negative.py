@@ -14,7 +14,7 @@ import markdown_it
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study import ablations, registry, show
+from study import ablations, machine, registry, show
 from study.draw import BAD, Drawing
 from study.sections import Section, part, reading
 from study.show import Column
@@ -159,7 +159,7 @@ def section(path: Path, phases: Mapping[str, registry.Phase] | None = None) -> S
 
 
 def _note(result: Mapping[str, Any]) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; n = {result['n']}, {result['launches']} interleaved launches; PSNR to baseline, linear RGB."
     )

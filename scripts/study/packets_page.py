@@ -217,23 +217,41 @@ def remarks(result: Row) -> list[str]:
     return [*beside, NOTE, *(f"Embree: {text}." for text in sorted(which))]
 
 
+def _timed(row: Row, bar: str) -> Row | None:
+    """Of a row of rays: one of Embree's two ways, or a variant of ours; None where it was not timed."""
+    found: Row | None = row[bar] if bar.startswith("embree") else _variant(row, bar)
+    return found
+
+
 def draw_rays(result: Row) -> Figure:
     """Million rays a second of ours and Embree's, a panel a scene."""
     names = list(dict.fromkeys(r["scene"] for r in result["rays"]))
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
-    bars = ("4 lanes", "8 lanes", "kd-tree", "own", "embree16", "embree1")
-    labels = ("here, 4 lanes (SSE2)", "here, 8 lanes (AVX2)", "here, kd-tree", "here, BVH, widest lanes")
-    labels += ("Embree, packets of 16", "Embree, single rays")
+    every = ("4 lanes", "8 lanes", "kd-tree", "own", "embree16", "embree1")
+    # Without AVX-512 eight lanes are the widest, and no row beside it.
+    made = {bar: [_timed(r, bar) for r in result["rays"]] for bar in every}
+    bars = [bar for bar in every if any(made[bar])]
+    widest = "/".join(sorted({str(one["lanes"]) for one in made["own"] if one and one.get("lanes")}, key=int))
+    labels = {
+        "4 lanes": "here, 4 lanes (SSE2)",
+        "8 lanes": "here, 8 lanes (AVX2)",
+        "kd-tree": "here, kd-tree",
+        "own": f"here, BVH, {widest or 'widest'} lanes",
+        "embree16": "Embree, packets of 16",
+        "embree1": "Embree, single rays",
+    }
     for panel, name in zip(panels, names, strict=True):
         rows = [r for r in result["rays"] if r["scene"] == name]
         for i, bar in enumerate(bars):
-            found = [r[bar] if bar.startswith("embree") else _variant(r, bar) for r in rows]
-            at = [place + (i - 2.5) / 7 for place, one in enumerate(found) if one]
+            found = [_timed(r, bar) for r in rows]
+            at = [
+                place + (i - (len(bars) - 1) / 2) / (len(bars) + 1) for place, one in enumerate(found) if one
+            ]
             panel.bar(
                 at,
                 [one["mrays"] for one in found if one],
-                1 / 7,
+                1 / (len(bars) + 1),
                 color=COLOURS[(i + 1) % len(COLOURS)],
                 hatch=HATCHES[i],
                 edgecolor="white",
@@ -243,8 +261,10 @@ def draw_rays(result: Row) -> Figure:
         plain_log(panel.yaxis)
     panels[0].set_ylabel("million rays a second, one thread")
     marks = [
-        Patch(facecolor=COLOURS[(i + 1) % len(COLOURS)], hatch=HATCHES[i], edgecolor="white", label=labels[i])
-        for i in range(len(bars))
+        Patch(
+            facecolor=COLOURS[(i + 1) % len(COLOURS)], hatch=HATCHES[i], edgecolor="white", label=labels[bar]
+        )
+        for i, bar in enumerate(bars)
     ]
     figure.legend(handles=marks, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
     return figure

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from study import paper, pareto, show
+from study import machine, paper, pareto, show
 from study.draw import legend, look, panels, plain_log
 from study.pareto import Row
 from study.show import Column
@@ -150,7 +150,7 @@ def _unfinished(result: dict[str, Any]) -> str:
 
 
 def note(result: dict[str, Any], measure: str = FIRST) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     averaged = result.get("antialias_n", result["n"])
     return (
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "

@@ -386,13 +386,14 @@ def counted_by(row: Row) -> str:
     scaled = row["scaled_from_n"]
     other = "" if scaled is None or pd.isna(scaled) else f", scaled from n = {scaled:.0f}"
     libm = "" if row["libm_counted"] or row["backend"] == "declared" else ", without libm's inside"
-    foreign = ", not of what was timed" if row["foreign_counts"] else ""  # more of it in the remarks
+    # More of it in the remarks. Where a table has one of them, what is None beside it is read as NaN.
+    foreign = ", not of what was timed" if isinstance(row["foreign_counts"], str) else ""
     return f"{row['backend']}{state}{other}{libm}{foreign}"
 
 
 def doubtful(row: Row, name: str) -> str:
     """Why a share of a roof is not to be believed, in a few words, or nothing."""
-    if row["foreign_ceilings"]:
+    if isinstance(row["foreign_ceilings"], str):
         return "another machine's roof"
     return "above its roof" if row[name] > 1 else ""
 

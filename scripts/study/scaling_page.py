@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study import scaling_fit
+from study import machine, scaling_fit
 from study.draw import legend, look, panels, plain_log
 from study.scaling_series import LAW, Row
 
@@ -186,7 +186,7 @@ def figures(result: dict[str, Any], folder: Path) -> dict[str, Figure]:
 
 
 def note(result: dict[str, Any]) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; median of {result['launches']} interleaved launches; n = {result['n']} where it is not what "
         f"varies (twice that in threads). Dashed: least squares in log-log; *: some point is over "

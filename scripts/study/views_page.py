@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from study import machine
 from study.stats import Interval
 from study.views import CLEAR
 from study.views_gains import ends
@@ -82,7 +83,7 @@ def figures(result: Row, folder: Path) -> dict[str, Figure]:
 
 
 def note(result: Row) -> str:
-    cpu = ((result.get("context") or {}).get("cpu") or {}).get("model") or "unknown CPU"
+    cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; one thread, n = {result['n']}, median of {result['launches']} interleaved launches. "
         "Constants may be tuned on the own views of scene0 and mandelbulb; the others are only measured. "

@@ -470,7 +470,7 @@ def test_costs_def_reads_as_the_compiler_reads_it(phase):
     scene = registry.find_scene("two_spheres" if beside else "trio")
     made = flops.declared(Spec(phase, phase), scene, 12)
     declared = {(c.function, c.part): c for c in costs.read(ROOT / "phases" / phase / "costs.def")}
-    lanes = registry.find_phase(phase).lanes
+    lanes = registry.variant_here(registry.find_phase(phase))["lanes"]
     parts = {(f, p): n for f, one in made["by_function"].items() for p, n in one["parts"].items()}
     assert parts.keys() == declared.keys()
     for kind, total in made["by_class"].items():

@@ -40,6 +40,13 @@ def test_what_is_missing_is_said_once() -> None:
     assert functions.wrong([made("a", 1, None, non_finite=3)]) and not functions.wrong([made("a", 1, 1)])
 
 
+def test_the_legend_has_what_is_drawn() -> None:
+    rows = [made("a", 1, 1), made("b", 1, 1, isa="SSE"), made("c", 1, None, isa="AVX-512", family="SLEEF")]
+    (legend,) = functions_figures.figure({"entries": rows}, "float").legends
+    named = {text.get_text() for text in legend.get_texts()}
+    assert named == {"own", "SSE", "AVX2", "front (filled marks)"}
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A quick run by the script."""

@@ -43,6 +43,7 @@ def test_slug_is_made_from_the_cpu(text, slug):
         ("GenuineIntel", 6, 0x55, 11, "Cooper Lake"),
         ("AuthenticAMD", 0x19, 0x61, 2, "Zen 4"),
         ("AuthenticAMD", 0x19, 0x21, 0, "Zen 3"),
+        ("AuthenticAMD", 0x19, 0x01, 1, "Zen 3"),
         ("AuthenticAMD", 0x17, 0x71, 0, "Zen 2"),
         ("AuthenticAMD", 0x1A, 0x44, 0, "Zen 5"),
         ("AuthenticAMD", 0x19, 0xFF, 0, None),
@@ -59,6 +60,21 @@ def test_first_processor_of_cpuinfo():
     assert (found["vendor"], found["family"], found["model_number"]) == ("AuthenticAMD", 25, 97)
     assert (found["cores"], found["flags"]) == (8, ["fpu", "sse2", "avx2"])
     assert machine.cpu("")["flags"] == []  # unreadable: no crash
+
+
+@pytest.mark.parametrize(
+    "cpu, said",
+    [
+        ({"model": "AMD EPYC", "microarchitecture": "Zen 3"}, "AMD EPYC (Zen 3)"),
+        ({"model": "AMD EPYC", "family": 31, "model_number": 7}, "AMD EPYC (family 31 model 7)"),
+        ({"model": "Some CPU", "family": 0}, "Some CPU"),
+        ({"microarchitecture": "Zen 3"}, "Zen 3"),
+        (None, "unknown CPU"),
+    ],
+)
+def test_a_cpu_in_words(cpu, said):
+    assert machine.name({"cpu": cpu}) == said
+    assert machine.name(None) == "unknown CPU"
 
 
 def test_context_is_json_and_says_what_it_must():

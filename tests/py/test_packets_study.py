@@ -180,3 +180,14 @@ def test_a_broken_file_is_named(tmp_path):
     (tmp_path / packets.FILE).write_text('{"rays": [1], "drawn": []}')
     with pytest.raises(StudyError, match=r"packets\.json: not what scripts/packets\.py writes"):
         systems.section(tmp_path)
+
+
+@pytest.mark.parametrize("lanes, beside", [(8, False), (16, True)])
+def test_the_bars_are_of_the_lanes_that_ran(lanes: int, beside: bool) -> None:
+    ran = {"own": lanes, "kd-tree": lanes, "4 lanes": 4} | ({"8 lanes": 8} if beside else {})
+    row = {"scene": "balls", "kind": "primary", "embree16": None, "embree1": {"mrays": 3.0}}
+    row["variants"] = [{"name": name, "lanes": n, "mrays": 2.0} for name, n in ran.items()]
+    figure = packets_page.draw_rays({"rays": [row]})
+    named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert ("here, 8 lanes (AVX2)" in named) == beside and f"here, BVH, {lanes} lanes" in named
+    assert len(named) == len(figure.axes[0].patches) == len(ran) + 1

@@ -254,6 +254,16 @@ def test_phases_come_from_the_plan_with_their_notes(
     assert found[0]["notes"] is None and "<strong>bound</strong>" in found[1]["notes"]
 
 
+def test_a_phase_of_several_widths_says_what_ran(run: Path) -> None:
+    plan = json.loads((run / "plan.json").read_text())
+    wide = [{"lanes": 16, "isa": ["avx512f"], "flags": "-mavx512f"}, {"lanes": 8, "isa": [], "flags": ""}]
+    about = {"name": "opt4", "family": "ladder", "order": 4, "lanes": 16, "isa": ["avx2"], "cflags": "-O3"}
+    plan["phases"] = {"opt4": about | {"variants": wide}}
+    (run / "plan.json").write_text(json.dumps(plan))
+    (found,) = report.phases(analysis.load(run))
+    assert (found["lanes"], found["isa"]) == (8, ["avx2", "fma"]) and "-mavx2" in found["cflags"]
+
+
 def test_json_and_statuses(run: Path, tmp_path: Path) -> None:
     done = script(run, "-o", tmp_path / "index.html", "--json")
     assert done.returncode == 0

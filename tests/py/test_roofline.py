@@ -392,6 +392,17 @@ def test_counts_of_other_code_are_marked(run: Path, about: dict, said: str | Non
         assert said in row(run, "opt4", 180)["foreign_counts"]
 
 
+def test_the_rest_beside_counts_of_other_code_is_not_marked(run: Path) -> None:
+    write_counts(
+        run, [OPT4, dataclasses.replace(OPT4, phase="baseline", flags_from="baseline", cpu="Other CPU")], []
+    )
+    of = {name: roof.counted_by(row(run, name, 180)) for name in ("baseline", "opt4")}
+    assert {name: "not of what was timed" in text for name, text in of.items()} == {
+        "baseline": True,
+        "opt4": False,
+    }
+
+
 def test_what_is_above_its_roof_is_marked(run: Path) -> None:
     """opt4 does 2 flop per cycle: under an FMA roof of 2.1 and above one of 1.9."""
     for value, above in ((2.1, False), (1.9, True)):
