@@ -14,6 +14,7 @@
 #   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
 #   make BUILD=build/tsan SANITIZE=thread ...             ThreadSanitizer, for the phases with threads
+#   make BUILD=build/emulated EMULATE=1 ...               AVX-512 variants emulated by AVX2, for tests (tests/emulate)
 CC ?= gcc
 ifeq ($(origin CC),default)
 CC := gcc
@@ -31,6 +32,13 @@ COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
+# For pictures alone: what is emulated is neither timed nor counted, and stands in no folder that a script takes.
+EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
+ifneq ($(EMULATE),)
+ifeq ($(BUILD),build)
+$(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
+endif
+endif
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o frame.o present.o timer.o)
@@ -59,7 +67,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call folder_of,$*)
-	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)'
+	@$(PYTHON3) common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)' '$(EMULATION)'
 .PHONY: FORCE
 FORCE:
 

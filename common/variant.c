@@ -31,7 +31,8 @@ const char *variant_missing(void) {
 
 struct variant variant_here(void) {
     __builtin_cpu_init();
-#define ALSO_NEED(feature) &&!LACKS(feature)
+// What is emulated is there, but for the limit: of the CPU itself it is not asked.
+#define ALSO_NEED(feature) &&!lacks(feature, PHASE_EMULATED || __builtin_cpu_supports(feature))
 #define VARIANT(lanes, isa, flags, needs)                                                          \
     if (true needs)                                                                                \
         return (struct variant){lanes, isa, flags};
