@@ -72,7 +72,8 @@ def needs(isa: list) -> str:
 
 def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
     """A variant for variant.c: lanes, all it needs as one word, its flags, what it needs beyond its phase."""
-    whole = "+".join(sorted({*isa, *([] if emulated else one["isa"])})) or "x86-64"
+    here = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
+    whole = "+".join(sorted({*isa, *here})) or "x86-64"
     whole = json.dumps(f"{whole}, {one['lanes']} lanes emulated" if emulated else whole)
     flags = json.dumps(" ".join(filter(None, [flags, one["flags"]])))
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
@@ -80,8 +81,9 @@ def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
 
 def emulate(one: dict, shim: str) -> dict:
     """A variant as it is built without AVX-512: its needs stay, for STEPWISE_ISA_LIMIT to take them away."""
-    kept = [flag for flag in one["flags"].split() if not flag.startswith(("-mavx512", "-mprefer-vector-width"))]
-    return one | {"flags": " ".join([*kept, "-isystem", shim, "-Wno-psabi", "-O1"])}
+    flags = [f for f in one["flags"].split() if not f.startswith(("-mavx512", "-mprefer-vector-width"))]
+    flags = [*flags, "-mavx2", "-mfma", "-isystem", shim, "-Wno-psabi"]
+    return one | {"flags": " ".join(flags), "isa": [*one["isa"], "avx2", "fma"]}
 
 
 def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:

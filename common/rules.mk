@@ -26,17 +26,21 @@ WARNINGS := -Wall -Wextra -Wpedantic -Werror
 , := ,
 # -g1: lines are what a report needs; all of -g doubles the compilation of a sanitized phase.
 SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
-# Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time.
-SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)
+# Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time;
+# what is emulated in a third of it without any optimization, and draws small pictures.
+SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
-# For pictures alone: what is emulated is neither timed nor counted, and stands in no folder that a script takes.
+# For pictures alone: what is emulated is neither counted nor timed, and stands in no folder that a script takes.
 EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
 ifneq ($(EMULATE),)
 ifeq ($(BUILD),build)
 $(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
+endif
+ifneq ($(filter %/render-count %/render-blocks %/render-blocks-calls,$(MAKECMDGOALS)),)
+$(error what is emulated is not counted: the instructions are not the phase's)
 endif
 endif
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.

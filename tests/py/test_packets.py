@@ -236,10 +236,11 @@ def test_hits_are_the_nearest_of_all_by_numpy(written):
     assert (found[inside, 0] <= 0).all() and inside.sum() > 5
 
 
-@pytest.mark.skipif(HERE < 16, reason="the CPU has no 16 lanes")
+@needs_sixteen
 def test_8_and_16_lanes_are_the_same_bits_and_4_are_as_near_as_sse2_rounds(draw, written):
     path, rays = written("mixed", SCENES["mixed"]), bundle(512, 13)
-    wide, half, narrow = (first_hits(path, rays, limit) for limit in ("", "avx2", "none"))
+    half, narrow = (first_hits(path, rays, limit) for limit in ("avx2", "none"))
+    wide = first_hits(path, rays, "", program=sixteen("packets", "hits"))
     assert np.array_equal(wide.view(np.uint32), half.view(np.uint32))
     same = wide[:, 1] == narrow[:, 1]
     assert same.mean() > 0.995
