@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Standard library only: it runs before
-anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule
-the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with variants
-the files of "each_variant" are built once for each, the variant's own flags last; the widest that the CPU has
-is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512 are emulated.
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Standard library only: it runs
+before anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as
+a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
+variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
+the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
+are emulated.
 """
 
 import json

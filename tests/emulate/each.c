@@ -35,7 +35,7 @@ static void out(const char *name, const void *value, size_t size) {
 
 static void floats(__m512 a, __m512 b, __m512 c, unsigned k) {
     __mmask16 m = (__mmask16)k;
-    OUT("mul_add_operators", __m512, a *b + c);
+    OUT("mul_add_operators", __m512, a * b + c);
     OUT("add_ps", __m512, _mm512_add_ps(a, b));
     OUT("mask_add_ps", __m512, _mm512_mask_add_ps(c, m, a, b));
     OUT("min_ps", __m512, _mm512_min_ps(a, b));
@@ -151,8 +151,7 @@ static void memory(const struct given *in, char *end) {
 int main(int count, char **words) {
     (void)words;
     names_only = count > 1;
-    char *pages =
-        mmap(NULL, 8192, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    char *pages = mmap(NULL, 8192, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (pages == MAP_FAILED || mprotect(pages + 4096, 4096, PROT_NONE) != 0)
         return 1;
     struct given in = {0};

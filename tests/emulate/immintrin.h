@@ -115,8 +115,10 @@ EMULATED __m512 emulated_mask_expand_ps(__m512 a, __mmask16 k, __m512 b) {
 
 EMULATED void emulated_mask_storeu_ps(void *to, __mmask16 k, __m512 a) {
     floats_ from = {a};
-    EACH(i, 16) if (k >> i & 1) memcpy((char *)to + sizeof(float) * (size_t)i, &from.lane[i],
-                                       sizeof(float));
+    EACH(i, 16) {
+        if (k >> i & 1)
+            memcpy((char *)to + sizeof(float) * (size_t)i, &from.lane[i], sizeof(float));
+    }
 }
 #undef _mm512_mask_storeu_ps
 #define _mm512_mask_storeu_ps(to, k, a) emulated_mask_storeu_ps(to, k, a)

@@ -30,7 +30,7 @@ needs_emulation = pytest.mark.skipif(
 
 @cache
 def sixteen(phase: str, target: str = "render") -> Path:
-    """A program of the phase that takes 16 lanes: the ordinary one, or the emulated build's, as small as can be."""
+    """A program of the phase that takes 16 lanes: the ordinary one, or the emulated build's."""
     return build(phase, target) if TRUE else emulated(phase, target)
 
 

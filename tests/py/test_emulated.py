@@ -1,5 +1,5 @@
-"""Sixteen lanes without AVX-512 (tests/emulate): each emulated intrinsic against numpy, and the phases by it, 16 lanes
-against 8. Where the CPU has AVX-512 the phases' own tests hold the true ones; here the shim is held against them.
+"""Sixteen lanes without AVX-512 (tests/emulate): each emulated intrinsic against numpy and, where the CPU has
+it, against the true one; where it has not, what phases draw by them, 16 lanes against 8.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SPECIAL += [2.0**31, -(2.0**31), 1 - 2.0**-24, 1e9, 0.5, 3.5, 1.4999999]
 
 
 def given() -> np.ndarray:
-    """Ordinary numbers, any bits, and special values against each other, each block with a mask of its own."""
+    """Ordinary numbers, any bits, and special values against each other, each block with its mask."""
     random = np.random.default_rng(512)
     all_ = np.zeros(240, GIVEN)
     for name in "abc":
@@ -69,7 +69,7 @@ def rows_of(path: Path, blocks: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def fused(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """a·b + c of floats, rounded once: the sum in double to odd (Boldo and Melquiond, 2008), then to float."""
+    """a·b + c of floats, rounded once: in double to odd (Boldo and Melquiond, 2008), then to float."""
     product, c = a.astype(float) * b.astype(float), c.astype(float)
     high = product + c
     back = high - product
