@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS. Standard library only: it runs before
-anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as a rule
-the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with variants
-the files of "each_variant" are built once for each, the variant's own flags last; the widest that the CPU has
-is what runs (variant.h).
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Standard library only: it runs
+before anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as
+a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
+variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
+the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
+are emulated.
 """
 
 import json
@@ -80,11 +81,20 @@ def needs(isa: list) -> str:
     return " ".join(f"need({json.dumps(i)})" for i in isa)
 
 
-def described(one: dict, isa: list, flags: str) -> str:
+def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
     """A variant for variant.c: lanes, all it needs as one word, its flags, what it needs beyond its phase."""
-    whole = json.dumps("+".join(sorted({*isa, *one["isa"]})) or "x86-64")
+    here = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
+    whole = "+".join(sorted({*isa, *here})) or "x86-64"
+    whole = json.dumps(f"{whole}, {one['lanes']} lanes emulated" if emulated else whole)
     flags = json.dumps(" ".join(filter(None, [flags, one["flags"]])))
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
+
+
+def emulate(one: dict, shim: str) -> dict:
+    """A variant as it is built without AVX-512: its needs stay, for STEPWISE_ISA_LIMIT to take them away."""
+    flags = [f for f in one["flags"].split() if not f.startswith(("-mavx512", "-mprefer-vector-width"))]
+    flags = [*flags, "-mavx2", "-mfma", "-isystem", shim, "-Wno-psabi"]
+    return one | {"flags": " ".join(flags), "isa": [*one["isa"], "avx2", "fma"]}
 
 
 def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
@@ -126,12 +136,16 @@ def replace(path: Path, text: str) -> None:
 
 def main() -> None:
     name, flags_from, folder, compiler, sanitizers = *sys.argv[1:3], Path(sys.argv[3]), *sys.argv[4:6]
+    shim = sys.argv[6] if len(sys.argv) > 6 else ""
     phase, flags = load(name, folder), load(flags_from, folder)
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
     variants = phase.get("variants", [])
-    names, run_here = " ".join(f"lanes{one['lanes']}" for one in variants), " ".join(here(variants))
+    emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
+    variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
+    names = " ".join(f"lanes{one['lanes']}" for one in variants)
+    run_here = names if shim else " ".join(here(variants))
     made = [
         f"PHASE_CFLAGS := {cflags}",
         f"PHASE_VARIANTS := {names}",
@@ -144,6 +158,7 @@ def main() -> None:
         made.append(f"PHASE_{own} := {one['flags']} -DLANES={one['lanes']} -DVARIANT(a)={own}_##a")
     replace(folder / "flags.mk", "\n".join(made) + "\n")
     flags = " ".join(filter(None, [cflags, sanitizers]))
+    choice = [described(one, isa, flags, is_so) for one, is_so in zip(variants, emulated, strict=True)]
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
@@ -151,7 +166,8 @@ def main() -> None:
         f"#define PHASE_COMPILER {json.dumps(compiler)}",
         f"#define PHASE_ISA {json.dumps('+'.join(isa) or 'x86-64')}",
         f"#define PHASE_NEEDS(need) {needs(isa)}",
-        f"#define PHASE_VARIANTS(variant, need) {' '.join(described(one, isa, flags) for one in variants)}",
+        f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
+        f"#define PHASE_EMULATED {int(any(emulated))}",
         f"// On this CPU: {run_here}",  # on another one all is built anew (rules.mk)
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",

@@ -15,6 +15,7 @@
 #   build/calibration/calibrate  known work, to check what counts; calibrate-blocks: with counted blocks
 #   make CC=clang BUILD=build/clang SANITIZE=1 ...        other compilers, ASan and UBSan, in a folder of their own
 #   make BUILD=build/tsan SANITIZE=thread ...             ThreadSanitizer, for the phases with threads
+#   make BUILD=build/emulated EMULATE=1 ...               AVX-512 variants emulated by AVX2, for tests (tests/emulate)
 CC ?= gcc
 ifeq ($(origin CC),default)
 CC := gcc
@@ -27,12 +28,23 @@ WARNINGS := -Wall -Wextra -Wpedantic -Werror
 , := ,
 # -g1: lines are what a report needs; all of -g doubles the compilation of a sanitized phase.
 SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
-# Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time.
-SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)
+# Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time;
+# what is emulated in a third of it without any optimization, and draws small pictures.
+SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
+# For pictures alone: what is emulated is neither counted nor timed, and stands in no folder that a script takes.
+EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
+ifneq ($(EMULATE),)
+ifeq ($(BUILD),build)
+$(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
+endif
+ifneq ($(filter %/render-count %/render-blocks %/render-blocks-calls,$(MAKECMDGOALS)),)
+$(error what is emulated is not counted: the instructions are not the phase's)
+endif
+endif
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
@@ -64,7 +76,7 @@ $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/
 # Re-made at every call, replaced only when phase.json says something new.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call folder_of,$*)
-	@$(PYTHON3) -I -S common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)'
+	@$(PYTHON3) -I -S common/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)' '$(EMULATION)'
 .PHONY: FORCE
 FORCE:
 
@@ -125,7 +137,7 @@ endef
 $(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 
-$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),tests/emulate/immintrin.h)
 	$(call compile_recipe,)
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)

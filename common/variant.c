@@ -31,7 +31,9 @@ const char *variant_missing(void) {
 
 struct variant variant_here(void) {
     __builtin_cpu_init();
-#define ALSO_NEED(feature) &&!LACKS(feature)
+// Of what is emulated the CPU is not asked, the limit is.
+#define EMULATED(feature) (PHASE_EMULATED && strncmp(feature, "avx512", 6) == 0)
+#define ALSO_NEED(feature) &&!lacks(feature, EMULATED(feature) || __builtin_cpu_supports(feature))
 #define VARIANT(lanes, isa, flags, needs)                                                          \
     if (true needs)                                                                                \
         return (struct variant){lanes, isa, flags};

@@ -179,6 +179,10 @@ optional() { # command or header, what it adds, packages of which the first that
 optional perf "table of hotspots" linux-perf linux-tools-generic
 optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
 optional "${STEPWISE_INCLUDE:-/usr/include}/embree3/rtcore.h" "packet ray tracer beside Embree" libembree-dev
+# Sixteen lanes in pairs of eight, where the CPU has no AVX-512 (tests/emulate).
+if [ "$purpose" = test ] && ! grep -qw avx512dq /proc/cpuinfo; then
+    optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev
+fi
 
 if [ -z "$at_work" ]; then
     python_packages

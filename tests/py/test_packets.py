@@ -14,6 +14,7 @@ import sys
 import numpy as np
 import pytest
 import started
+from emulated import needs_sixteen, sixteen
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
@@ -22,7 +23,6 @@ from study.build import build
 from study.registry import ROOT
 
 SPHERES40 = ROOT / "common" / "scenes" / "spheres40.json"
-HERE = registry.variant_here(registry.phases()["packets"])["lanes"]
 WAYS = ["tree=bvh rays=alone", "tree=kd rays=alone", "tree=none rays=alone"]
 WAYS += ["tree=bvh rays=together", "tree=kd rays=together", "tree=none rays=together", "tree=bvh", "tree=kd"]
 
@@ -47,10 +47,11 @@ def draw(tmp_path_factory, written):
     folder = tmp_path_factory.mktemp("pictures")
 
     @functools.cache
-    def one(phase, name, words="", limit="", threads=1):
+    def one(phase, name, words="", limit="", threads=1, program=None):
         path = SPHERES40 if name == "spheres40" else written(name, SCENES[name])
         out = folder / "picture.exr"
-        command = [build(phase), path, "-w", 61, "-n", 35, "--aov", "--json", "-o", out, "--threads", threads]
+        program = program or build(phase)
+        command = [program, path, "-w", 61, "-n", 35, "--aov", "--json", "-o", out, "--threads", threads]
         env = os.environ | {packets_rays.SETTINGS: words, "STEPWISE_UNTIMED": "1"}
         env |= {"STEPWISE_ISA_LIMIT": limit} if limit else {}
         done = subprocess.run([str(w) for w in command], capture_output=True, text=True, env=env)
@@ -236,10 +237,13 @@ def test_hits_are_the_nearest_of_all_by_numpy(written):
     assert (found[inside, 0] <= 0).all() and inside.sum() > 5
 
 
-@pytest.mark.skipif(HERE < 16, reason="the CPU has no 16 lanes")
-def test_8_and_16_lanes_are_the_same_bits_and_4_are_as_near_as_sse2_rounds(draw, written):
+@needs_sixteen
+def test_8_and_16_lanes_are_the_same_bits_and_4_are_as_near_as_sse2_rounds(draw, written, monkeypatch):
     path, rays = written("mixed", SCENES["mixed"]), bundle(512, 13)
-    wide, half, narrow = (first_hits(path, rays, limit) for limit in ("", "avx2", "none"))
+    half, narrow = (first_hits(path, rays, limit) for limit in ("avx2", "none"))
+    with monkeypatch.context() as by:
+        by.setattr(packets_rays, "build", sixteen)
+        wide = first_hits(path, rays)
     assert np.array_equal(wide.view(np.uint32), half.view(np.uint32))
     same = wide[:, 1] == narrow[:, 1]
     assert same.mean() > 0.995
@@ -247,7 +251,8 @@ def test_8_and_16_lanes_are_the_same_bits_and_4_are_as_near_as_sse2_rounds(draw,
     assert np.median(np.abs(wide[hit, 0] - narrow[hit, 0])) < 1e-6
     for name in ("room", "spheres40"):
         (wide, record), (half, eight), (narrow, four) = (
-            draw("packets", name, "", x) for x in ("", "avx2", "none")
+            draw("packets", name, "", x, program=sixteen("packets") if x == "" else None)
+            for x in ("", "avx2", "none")
         )
         assert [record["lanes"], eight["lanes"], four["lanes"]] == [16, 8, 4]
         for channel in wide:

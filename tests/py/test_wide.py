@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulated import WORD, needs_sixteen, sixteen
 
 from conformance.feature_scenes import FEATURES
 from study import images, registry
@@ -23,7 +24,6 @@ WIDEST = registry.cpu_flags() >= {"avx512f", "avx512dq"}
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt6_wide needs"
 )
-wide_only = pytest.mark.skipif(not WIDEST, reason="no AVX-512 here: 16 lanes are not held against 8")
 
 
 def scene(name: str, folder: Path) -> Path:
@@ -69,17 +69,17 @@ def test_without_avx2_it_says_so(tmp_path) -> None:
     assert (done.returncode, done.stderr) == (3, "render: opt6_wide needs avx2, which this CPU lacks\n")
 
 
-@wide_only
-@pytest.mark.parametrize("name", [*registry.scenes(), *NAMES])
+@needs_sixteen
+@pytest.mark.parametrize("name", [pytest.param(i, id=f"{i}, {WORD}") for i in (*registry.scenes(), *NAMES)])
 def test_sixteen_lanes_draw_what_eight_draw(name, tmp_path) -> None:
     path = scene(name, tmp_path)
     for width, height in SIZES:
         size = ("-w", width, "-n", height)
         eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
-        check_same(picture(build(PHASE), path, tmp_path, *size), eight, (name, width, height))
+        check_same(picture(sixteen(PHASE), path, tmp_path, *size), eight, (WORD, name, width, height))
 
 
-@wide_only
+@needs_sixteen
 @pytest.mark.parametrize("steps", [1, 7, 40])
 def test_the_step_cap_is_each_rays_own(steps, tmp_path) -> None:
     """Rays that march on from a hit count on, whatever their neighbours had."""
@@ -87,9 +87,9 @@ def test_the_step_cap_is_each_rays_own(steps, tmp_path) -> None:
     for name in ("cubes", "mandelbulb"):
         path = scene(name, tmp_path)
         eight = picture(build(PHASE), path, tmp_path, *size, limit="avx2")
-        sixteen = picture(build(PHASE), path, tmp_path, *size)
-        check_same(sixteen, eight, (name, steps))
-        assert np.nanmax(sixteen["evals"]) == steps
+        wide = picture(sixteen(PHASE), path, tmp_path, *size)
+        check_same(wide, eight, (WORD, name, steps))
+        assert np.nanmax(wide["evals"]) == steps
 
 
 @pytest.mark.parametrize("limit", ["", "avx2"])

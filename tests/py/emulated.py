@@ -1,0 +1,46 @@
+"""Where 16 lanes run: by AVX-512, or emulated (tests/emulate) on a CPU without it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from study import registry
+from study.build import build
+from study.registry import ROOT
+
+SHIM = ROOT / "tests" / "emulate"
+SIMDE = Path(os.environ.get("STEPWISE_INCLUDE", "/usr/include")) / "simde" / "x86" / "avx512.h"
+TRUE = registry.cpu_flags() >= {"avx512f", "avx512dq"}
+CAN_EMULATE = not TRUE and SIMDE.exists() and registry.cpu_flags() >= {"avx2", "fma"}
+WORD = "16 lanes" if TRUE else "16 lanes emulated"  # for a test's id
+
+needs_sixteen = pytest.mark.skipif(
+    not TRUE and not CAN_EMULATE, reason="no AVX-512 here and no SIMDe: 16 lanes are not held against 8"
+)
+needs_emulation = pytest.mark.skipif(
+    not CAN_EMULATE, reason="AVX-512 is here, or SIMDe is not: nothing is emulated"
+)
+
+
+@cache
+def sixteen(phase: str, target: str = "render") -> Path:
+    """A program of the phase that takes 16 lanes: the ordinary one, or the emulated build's."""
+    return build(phase, target) if TRUE else emulated(phase, target)
+
+
+@cache
+def emulated(phase: str, target: str) -> Path:
+    path = ROOT / "build" / "emulated" / phase / target
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with (path.parents[1] / ".making").open("w") as lock:  # of all phases: what they share is made once
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        words = ["make", "-s", "-C", ROOT, "BUILD=build/emulated", "EMULATE=1", path.relative_to(ROOT)]
+        done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-3000:]
+    return path
