@@ -127,7 +127,6 @@ static inline real guess_inverse(real a) {
 // 1/√a to 14 bits, for normal a > 0.
 static inline real root_guess(real a) {
     COUNT(root_guess, call);
-    COUNT(root_guess, sixteen);
     return _mm512_rsqrt14_ps(a);
 }
 

@@ -142,10 +142,10 @@ static inline real rough_inverse_root(real a) {
     return r * _mm256_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
-// 1/√a to 14 bits and better.
+// 1/√a to 11 bits, for normal a > 0.
 static inline real root_guess(real a) {
     COUNT(root_guess, call);
-    return rough_inverse_root(a);
+    return _mm256_rsqrt_ps(a);
 }
 
 static inline real rough_inverse(real a) {

@@ -122,7 +122,6 @@ static inline real inverse_root(real a) {
 // 1/√a to 14 bits, for normal a > 0.
 static inline real root_guess(real a) {
     COUNT(root_guess, call);
-    COUNT(root_guess, sixteen);
     return _mm512_rsqrt14_ps(a);
 }
 
