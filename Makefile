@@ -23,8 +23,8 @@ study: setup ## install what is needed, build, sweep, verify, count, write repor
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
 	@$(PY) scripts/demo.py $(ARGS)
 
-test: ## install what is needed and run every test
-	@began=$$(date +%s) && scripts/setup.sh test && TEST_BEGAN=$$began $(MAKE) --no-print-directory check
+test: setup-test ## install what is needed and run every test
+	@$(MAKE) --no-print-directory check
 
 phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
 	@$(MAKE) --no-print-directory phase-$(word $(shell expr $* + 1),$(LADDER))
@@ -94,7 +94,7 @@ new-phase: setup ## NAME=opt4b FROM=opt4: copy a phase to start one of your own
 	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM))
 
 format: setup-test ## rewrite C and Python in the house style
-	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c)
+	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c tests/emulate/*.[ch])
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
 setup:

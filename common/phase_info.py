@@ -83,10 +83,11 @@ def needs(isa: list) -> str:
 
 def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
     """A variant for variant.c: lanes, all it needs as one word, its flags, what it needs beyond its phase."""
-    here = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
-    whole = "+".join(sorted({*isa, *here})) or "x86-64"
+    asked = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
+    whole = "+".join(sorted({*isa, *asked})) or "x86-64"
     whole = json.dumps(f"{whole}, {one['lanes']} lanes emulated" if emulated else whole)
-    flags = json.dumps(" ".join(filter(None, [flags, one["flags"]])))
+    less = "-Og" if "-fsanitize" in flags and not emulated else ""  # rules.mk: compile_each
+    flags = json.dumps(" ".join(filter(None, [flags, one["flags"], less])))
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 

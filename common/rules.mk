@@ -2,7 +2,7 @@
 #
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
 #   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
-#   build/NAME/render-lines   the same code with line tables; render-calls: without inlining, for profiles
+#   build/NAME/render-lines   the same code with line tables, of the variants that this CPU runs; render-calls: without inlining, for profiles
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
 #   build/NAME/count/read     nothing: the counting sources' warnings
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
@@ -38,10 +38,10 @@ COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # For pictures alone: what is emulated is neither counted nor timed, and stands in no folder that a script takes.
 EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
 ifneq ($(EMULATE),)
-ifeq ($(BUILD),build)
+ifeq ($(abspath $(BUILD)),$(CURDIR)/build)
 $(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
 endif
-ifneq ($(filter %/render-count %/render-blocks %/render-blocks-calls,$(MAKECMDGOALS)),)
+ifneq ($(filter %/render-count %/render-blocks %/render-blocks-calls %/render-lines %/render-calls,$(MAKECMDGOALS)),)
 $(error what is emulated is not counted: the instructions are not the phase's)
 endif
 endif
@@ -97,12 +97,12 @@ define compile_each
 @flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(variants_mk))"; \
 each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; \
 for source in $(filter %.c,$^); do \
-    case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=-;; esac; \
+    case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=$(if $(filter %/read,$@),$(if $(CLANG),-),-);; esac; \
     for version in $$versions; do \
         made=$$(basename $$source .c); own=; parsed=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; \
             parsed=$(2)intrinsics-$$version.h; }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED)$(if $(SANITIZE), $${parsed:+-Og}) -Icommon -iquote $(BUILD)/$*; \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED)$(if $(EMULATE),,$(if $(SANITIZE), $${parsed:+-Og})) -Icommon -iquote $(BUILD)/$*; \
         test -z "$$parsed" -o -e "$$parsed" || { echo '#include <immintrin.h>' >"$$parsed"; \
             "$$@" $(filter-out -c -S -fsyntax-only,$(1)) -x c-header "$$parsed" -o "$$parsed.gch" || exit 1; }; \
         set -- "$$@" $${parsed:+-include "$$parsed"} $(1) $$source -o $(2)$$made.$(3); \
@@ -185,8 +185,8 @@ $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of
 	$(call compile_recipe,-DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
 # The counting sources, read for the compiler's warnings alone (clang has all of them without compiling, gcc has not).
-$(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
-	@mkdir -p $(@D)
+$(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch] $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@mkdir -p $(@D) && rm -f $(@D)/read-*
 	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O1 -S),$(@D)/read-,s)
 	@rm -f $(@D)/read-*
 	@touch $@

@@ -95,42 +95,7 @@ install_packages() {
         die "apt-get could not install$missing: $(grep -E '^(E|W):' "$log" | tail -1); log: build/setup.log"
 }
 
-# --- Python packages, while apt-get works if there is a Python already
-
-python_packages() {
-    log=$root/build/setup-python.log
-    wanted=$(sha256sum <requirements.lock | cut -d' ' -f1)
-    if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
-        return
-    fi
-    # A .venv that was left half-made, or whose Python is gone or another, is made again.
-    if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
-        say "making .venv with $("$python" --version)"
-        rm -rf .venv
-        "$python" -m venv .venv >"$log" 2>&1 || die "$python -m venv failed: $(tail -1 "$log")"
-    fi
-    say "installing $(grep -c '==' requirements.lock) Python packages into .venv (some 300 MB, a minute or two)"
-    rm -f $stamp
-    if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 \
-        --only-binary :all: --require-hashes -r requirements.lock >"$log" 2>&1 </dev/null; then
-        if grep -qiE 'NewConnectionError|name resolution|unreachable|timed out|connection broken' "$log"; then
-            die "no network: pip has no connection to the package index; log: build/setup-python.log"
-        fi
-        die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup-python.log"
-    fi
-    printf '%s\n' "$wanted" >$stamp
-    say "done"
-}
-
 missing_packages
-at_work=
-case "$missing " in
-*" python3"*) ;;
-*)
-    python_packages &
-    at_work=$!
-    ;;
-esac
 if [ -n "$missing" ]; then
     install_packages
     installed=$missing
@@ -184,8 +149,26 @@ if [ "$purpose" = test ] && ! grep -qw avx512dq /proc/cpuinfo; then
     optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev
 fi
 
-if [ -z "$at_work" ]; then
-    python_packages
-else
-    wait "$at_work"
+# --- Python packages
+
+wanted=$(sha256sum <requirements.lock | cut -d' ' -f1)
+if [ -e $stamp ] && [ "$(cat $stamp)" = "$wanted" ] && .venv/bin/python -c '' 2>/dev/null; then
+    exit 0
 fi
+# A .venv that was left half-made, or whose Python is gone or another, is made again.
+if ! .venv/bin/python -c "import pip; $right_python" 2>/dev/null; then
+    say "making .venv with $("$python" --version)"
+    rm -rf .venv
+    "$python" -m venv .venv >"$log" 2>&1 || die "$python -m venv failed: $(tail -1 "$log")"
+fi
+say "installing $(grep -c '==' requirements.lock) Python packages into .venv (some 300 MB, a minute or two)"
+rm -f $stamp
+if ! .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-input --retries 2 --only-binary :all: \
+    --require-hashes -r requirements.lock >"$log" 2>&1 </dev/null; then
+    if grep -qiE 'NewConnectionError|name resolution|unreachable|timed out|connection broken' "$log"; then
+        die "no network: pip has no connection to the package index; log: build/setup.log"
+    fi
+    die "pip failed: $(grep '^ERROR' "$log" | head -1); log: build/setup.log"
+fi
+printf '%s\n' "$wanted" >$stamp
+say "done"

@@ -134,6 +134,10 @@ int lanes_of(const struct compute *c) {
     return c->bits / (c->is_double ? 64 : 32);
 }
 
+int flops_of(const struct compute *c) {
+    return lanes_of(c) * (c->kind == FMA ? 2 : 1);
+}
+
 void name_of(const struct compute *c, char text[64]) {
     snprintf(text, 64, "%s %s %d bits", KIND_NAMES[c->kind], c->is_double ? "double" : "single",
              c->bits);

@@ -38,6 +38,7 @@ extern const struct compute COMPUTE[COMPUTES];
 enum form form_of(enum kind kind);
 int per_loop(enum kind kind); // operations of the body
 int lanes_of(const struct compute *c);
+int flops_of(const struct compute *c); // of one operation; a fused one is two
 void name_of(const struct compute *c, char text[64]);
 
 #endif

@@ -8,6 +8,7 @@
 // cycle than either, and which mix does most depends on the core. Bandwidth (bandwidth.c): load, store
 // and copy, out of L1, L2, L3 and memory (places.c). The estimate: samples.h.
 //
+// Kernels are assembly, so that no compiler folds, hoists or drops them, and each says what it must
 // have done: after its samples the registers are held against the same arithmetic done one by one
 // in C, and what loads, stores and copies move is looked at byte by byte before they are timed.
 //

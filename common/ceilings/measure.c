@@ -46,7 +46,7 @@ static bool measure_compute(const struct compute *c, struct computing *p,
     for (uint64_t begin = timer_ns(); timer_ns() - begin < 3000000;)
         compute_once(&one);
     // All samples are alike: what the last one left behind is what the others did.
-    double flops = (double)p->loops * per_loop(c->kind) * lanes_of(c) * (c->kind == FMA ? 2 : 1);
+    double flops = (double)p->loops * per_loop(c->kind) * flops_of(c);
     sample(&p->samples, clocks, compute_once, &one, true, flops, count);
     return work_done(c, &one.out, &p->wanted, false);
 }

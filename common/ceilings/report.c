@@ -28,10 +28,6 @@ static void print_spread(struct samples *s, const char *unit, double instruction
            v.best / instruction, v.hz);
 }
 
-static int flops_of(const struct compute *c) {
-    return lanes_of(c) * (c->kind == FMA ? 2 : 1);
-}
-
 static void json_compute(const struct compute *c, struct samples *s) {
     printf("{\"name\": \"%s\", \"precision\": \"%s\", \"bits\": %d, \"loop_operations\": %d, ",
            KIND_NAMES[c->kind], c->is_double ? "double" : "single", c->bits, per_loop(c->kind));

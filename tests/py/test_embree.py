@@ -73,7 +73,7 @@ def test_without_embree_it_says_so(tmp_path, path):
     made = ROOT / "build"
     objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
     objects += [made / "common" / f"{name}.o" for name in ("frame", "present", "timer")]
-    objects += sorted((made / "common").glob("scene*.o"))
+    objects += [made / "common" / f"{path.stem}.o" for path in sorted((ROOT / "common").glob("scene*.c"))]
     data = scene(BALLS, light={"shadows": "hard"})
     store.write_json(path, data)
     found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)

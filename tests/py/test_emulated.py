@@ -216,7 +216,7 @@ def check_14_bits(made: np.ndarray, exact: np.ndarray, normal: np.ndarray) -> No
 
 @pytest.mark.skipif(not SIMDE.exists(), reason="SIMDe (libsimde-dev) is not here: nothing is emulated")
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_each_intrinsic_is_what_the_manual_says(compiler, tmp_path) -> None:
+def test_each_intrinsic_is_what_the_manual_says(compiler: str, tmp_path: Path) -> None:
     if not registry.cpu_flags() >= {"avx2", "fma"}:
         pytest.skip("the CPU lacks avx2 and fma")
     if not shutil.which(compiler):
@@ -273,7 +273,7 @@ ULP = {("opt10_scene", "trio"): 6e-8}  # a few pixels' colours by the last bit, 
 
 @needs_emulation
 @pytest.mark.parametrize("phase", [pytest.param(name, id=f"{name}, 16 lanes emulated") for name in PHASES])
-def test_sixteen_lanes_draw_what_eight_draw(phase, tmp_path) -> None:
+def test_sixteen_lanes_draw_what_eight_draw(phase: str, tmp_path: Path) -> None:
     for name in PHASES[phase]:
         path = registry.scenes()[name].path
         eight, _ = picture(build(phase), path, tmp_path, "avx2")
@@ -285,7 +285,7 @@ def test_sixteen_lanes_draw_what_eight_draw(phase, tmp_path) -> None:
             hit = eight["id"] >= 0
             assert (np.abs(wide["Z"] - eight["Z"])[hit & (wide["id"] >= 0)] < 1e-3).mean() > 0.999
             off = np.abs(images.rgb(wide) - images.rgb(eight)).max(-1)
-            assert np.isfinite(off).all() and np.mean(off > 1 / 255) < 0.01
+            assert np.isfinite(off).all() and np.mean(off > 1 / 255) < 0.002  # 4 pixels of 2,013; 1 seen
             continue
         for plane in eight:
             allowed = ULP.get((phase, name), 0) if plane in "RGB" else 0
@@ -295,7 +295,7 @@ def test_sixteen_lanes_draw_what_eight_draw(phase, tmp_path) -> None:
 
 
 @needs_emulation
-def test_an_emulated_build_takes_eight_where_it_must(tmp_path) -> None:
+def test_an_emulated_build_takes_eight_where_it_must(tmp_path: Path) -> None:
     _, record = picture(sixteen("fixed_float"), registry.scenes()["spheres40"].path, tmp_path, "avx2")
     assert (record["lanes"], record["isa"]) == (8, "avx2+fma")
 
@@ -307,6 +307,6 @@ def test_an_emulated_build_takes_eight_where_it_must(tmp_path) -> None:
         (["EMULATE=1", "BUILD=build/emulated", "build/emulated/opt6_wide/render-count"], "is not counted"),
     ],
 )
-def test_it_is_neither_counted_nor_where_a_script_looks(words, said) -> None:
+def test_it_is_neither_counted_nor_where_a_script_looks(words: list[str], said: str) -> None:
     done = subprocess.run(["make", "-s", "-C", str(registry.ROOT), *words], capture_output=True, text=True)
     assert done.returncode != 0 and said in done.stderr

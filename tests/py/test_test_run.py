@@ -53,6 +53,8 @@ def test_a_crash_and_a_bad_end_are_failures(runner, tmp_path: Path) -> None:
 
 def test_every_program_of_the_builds_is_asked_of_one_make(runner, tmp_path: Path, monkeypatch) -> None:
     """Each folder's make gets its settings and targets, and a make that fails makes the whole of it fail."""
+    for name in ("CC", "MAKEFLAGS", "MFLAGS"):
+        monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(runner, "RESULTS", tmp_path)
     monkeypatch.setattr(runner, "ROOT", tmp_path)
     goal = "build/good build/clang/good:\n\t@echo $@ '$(CC)' '$(BUILD)' >>$(LOG)\n"
