@@ -22,7 +22,7 @@ TERMS = {
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
         bulb_estimate bulb_distances bulb_wakes_at packet_distance power_at nearest nearest_shape
         nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes awake_of too_far
-        keep_high sleeps gather_bulb
+        surely_off keep_high sleeps gather_bulb
     """,
     "normals": """
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
@@ -49,7 +49,7 @@ TERMS = {
         cast* choose_shading choose_shapes cleared ball_* bulges flat_within slant_at plane_between
         own_shadow reaches_light crowd_* way_ends ways_end in_way_of in_its_way met_in_node last_left
         shaft_about before_plane stretch_of leave begin begin_at_bounds begin_walk begin_tile waiting
-        wait_for ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
+        wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
         keep_answers answer move_rays sorted
     """,
     "marching": """
