@@ -86,6 +86,7 @@ static void look_ahead(struct walk *w, const struct convex *work) {
     struct march *m = &w->march;
     ACTIVE(LANES - count_of(m->done));
     COUNT(look_ahead, call);
+    COUNT(look_ahead, scalar);
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
