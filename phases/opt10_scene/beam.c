@@ -83,8 +83,10 @@ static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order
 // What is in the way of the rays at `at` need not be looked for again until it is behind, or the slope q that the ray's least
 // term so far allows is less: then the ray ends where a cone of that slope meets nothing further on.
 static void look_ahead(struct walk *w, const struct convex *work) {
-    COUNT(look_ahead, call);
     struct march *m = &w->march;
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(look_ahead, call);
+    COUNT(look_ahead, scalar);
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
@@ -99,6 +101,7 @@ static void look_ahead(struct walk *w, const struct convex *work) {
 }
 
 static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
+    ACTIVE(count_of(done));
     COUNT(keep_answers, call);
     float ray[LANES], lit[LANES];
     unload(w->ray, ray);
@@ -148,9 +151,10 @@ static bool close_ranks(struct beam *beam, struct desk *desk) {
     beam->count = (live + LANES - 1) / LANES;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
+        mask active = first_lanes(live - i * LANES); // behind them nothing was written
         for (int k = 0; k < WALK_REALS; k++)
-            *fields_of(w, k) = load(&fields[k][i * LANES]);
-        w->rays.active = first_lanes(live - i * LANES);
+            *fields_of(w, k) = keep(active, load(&fields[k][i * LANES]));
+        w->rays.active = active;
         w->waits = not_in(first_lanes(moving - i * LANES));
         w->march.done = not_in(w->rays.active);
     }
@@ -169,6 +173,7 @@ static bool look_around(struct beam *beam, const struct convex *work) {
         look_ahead(w, work);
         if (all(w->march.done))
             continue;
+        ACTIVE(LANES - count_of(w->march.done));
         COUNT(look_around, packet);
         float t = least_lane(choose(w->march.done, set(INFINITY), w->march.t));
         if (!last || t < rear) {
@@ -178,8 +183,9 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     }
     if (!last)
         return false;
-    COUNT(look_around, last);
     const struct march *m = &last->march;
+    ACTIVE(LANES - count_of(m->done));
+    COUNT(look_around, last);
     // Its own shape is no further than t, and no distance grows faster than a ray goes.
     real h = least_of(m->t, m->previous + m->previous);
     vicinity_about(beam, last, h, but_not(m->done, not_less(set(rear), m->t)), work);
@@ -248,6 +254,7 @@ static void leave_solids(struct walk *w, const struct near *nears, real strength
         int shape = (int)shapes[__builtin_ctz(rest)];
         mask own = both(lanes_of(rest), same_shape(w->rays.shape, shape));
         rest &= ~bits(own);
+        ACTIVE(count_of(own));
         COUNT(leave_solids, shape);
         const struct placed *s = &work->scene->placed[shape];
         if (s->way == LINEAR)
@@ -281,10 +288,11 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
 
 static void begin_walk(struct walk *w, int first, const struct beam *beam,
                        const struct convex *work) {
-    COUNT(begin_walk, call);
     struct desk *desk = work->desk;
     const float *place = beam->place;
     int left = desk->shadows - first;
+    ACTIVE(left < LANES ? left : LANES);
+    COUNT(begin_walk, call);
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     *w = (struct walk){
         .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
@@ -304,9 +312,10 @@ static void begin_walk(struct walk *w, int first, const struct beam *beam,
 // In the order of the queue, whatever the packets were.
 static void add_answers(int first, struct desk *desk) {
     for (int at = first; at < desk->shadows && at < first + BEAM_RAYS; at += LANES) {
-        COUNT(add_answers, packet);
         const unsigned short *order = desk->order[0] + at;
         int left = desk->shadows - at, count = left < LANES ? left : LANES;
+        ACTIVE(count);
+        COUNT(add_answers, packet);
         add_light(first_lanes(count),
                   vec_scale(gathered_vec(desk->shadow + S_LIGHT, order, count),
                             gathered(desk->shadow[S_LIT], order, count)),
@@ -366,8 +375,9 @@ static void cast_beam(int first, const struct convex *work) {
         begin_walk(w, at, &beam, work);
         leave_solids(w, desk->near, strength, hit, work);
     }
-    long left = (long)model->march.max_steps * BEAM_RAYS;
-    while (left > 0 && look_around(&beam, work))
+    // Steps, and looks: one that no step comes of, as of a place that is no number, must not be taken for ever.
+    long left = 2L * model->march.max_steps * BEAM_RAYS;
+    for (; left > 0 && look_around(&beam, work); left--)
         for (int steps = 1; left > 0 && walk_on(&beam, strength, hit); left--, steps++)
             if (steps % LOOK == 0)
                 thin_out(&beam, work);

@@ -81,6 +81,7 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
                         .previous = set(1e9f),
                         .from = set(0.0f),
                         .divisor = set(1.0f)};
+    ACTIVE(count_of(r->active));
     COUNT(begin, call);
     COUNT(begin, scalar);
     r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
@@ -88,6 +89,7 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
         crowd_ahead(r, nears, work);
     else
         choose_shapes(r, nears, casters, work);
+    ACTIVE(count_of(r->active)); // what was called has set its own
     m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
                                        : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
@@ -111,6 +113,7 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
     m->one = no_lane();
     if (r->floor && !KNOWN(work->scene)->bulbs &&
         !KNOWN(work->scene)->repeats) { // copies may come nearer again
+        ACTIVE(count_of(r->active));
         COUNT(begin, floor);
         m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
                          r->active);

@@ -44,6 +44,7 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
 
 void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
                     const struct convex *work) {
+    ACTIVE(count_of(last));
     COUNT(vicinity_about, call);
     COUNT(vicinity_about, scalar);
     const struct prepared *scene = work->scene;
@@ -63,8 +64,9 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
     v->room = v->within - 0.4f * near;
     find_close_by(beam, slack, scene);
     for (int i = 0; i < beam->count; i++) {
-        COUNT(vicinity_about, packet);
         struct walk *each = &beam->walk[i];
+        ACTIVE(LANES - count_of(each->march.done));
+        COUNT(vicinity_about, packet);
         struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
         each->waits = not_less(distance_off(v, at), set(v->room));
     }
@@ -78,12 +80,18 @@ static inline real surely_off(const struct close_by *c, struct vec at) {
     return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
 }
 
+// What was h at t, or a bound of it, wakes where h + t is no more than the nearest shape's distance + t, see nearest().
+static inline real wakes_at(real h, const struct walk *w) {
+    return (h + w->march.t) * set(1.0f - 0x1p-18f);
+}
+
 void vicinity_wakes(struct beam *beam) {
     COUNT(vicinity_wakes, call);
     struct vicinity *v = &beam->near;
     for (int i = 0; i < beam->moving; i++) {
-        COUNT(vicinity_wakes, packet);
         struct walk *w = &beam->walk[i];
+        ACTIVE(LANES - count_of(stands_still(w)));
+        COUNT(vicinity_wakes, packet);
         struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
         real nearest = set(INFINITY);
         w->recent = 0;
@@ -94,7 +102,7 @@ void vicinity_wakes(struct beam *beam) {
             }
             COUNT(vicinity_wakes, shape);
             real far = surely_off(&v->shapes[k], at);
-            v->wakes[k * BEAM + i] = far + w->march.t;
+            v->wakes[k * BEAM + i] = wakes_at(far, w);
             w->recent = any(but_not(stands_still(w), less(far, nearest))) ? k : w->recent;
             nearest = least_of(far, nearest);
         }
@@ -119,7 +127,7 @@ static real own_distance(struct vec p, const struct walk *w, mask own, const str
 static inline real distance_to(const struct close_by *c, const struct walk *w) {
     COUNT(distance_to, call);
     const struct placed *s = c->shape;
-    mask own = same_shape(w->rays.shape, (int)s->index);
+    mask own = both(w->rays.active, same_shape(w->rays.shape, (int)s->index));
     if (s->way == LINEAR) {
         COUNT(distance_to, plane);
         real height = drop(own, height_over(s, w->rays.point));
@@ -132,12 +140,11 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
 }
 
-// What was h at t wakes where h + t is no more than the nearest shape's distance + t, see nearest().
 static inline void ask_about(const struct vicinity *v, int k, int i, struct walk *w) {
     COUNT(ask_about, call);
     real h = distance_to(&v->shapes[k], w);
-    v->wakes[k * BEAM + i] = (h + w->march.t) * set(1.0f - 0x1p-18f);
-    w->recent = any(less(h, w->least)) ? k : w->recent;
+    v->wakes[k * BEAM + i] = wakes_at(h, w);
+    w->recent = any(but_not(stands_still(w), less(h, w->least))) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
 
@@ -149,11 +156,10 @@ static inline bool too_far(const struct vicinity *v, int k, int i, const struct 
     if (c->shape->way == LINEAR)
         return false;
     COUNT(too_far, solid);
-    real least = surely_off(c, w->at);
-    if (any(but_not(stands_still(w), not_less(w->least, least))))
+    real wakes = wakes_at(surely_off(c, w->at), w);
+    if (any(but_not(stands_still(w), not_less(w->least + w->march.t, wakes))))
         return false;
-    COUNT(too_far, told);
-    v->wakes[k * BEAM + i] = least + w->march.t;
+    v->wakes[k * BEAM + i] = wakes;
     return true;
 }
 
@@ -194,6 +200,7 @@ void vicinity_nearest(struct beam *beam) {
         unsigned long long awake[BEAM], of_any = 0;
         for (unsigned rest = moving; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest), asked = beam->walk[i].recent - first;
+            ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
             awake[i] = awake_of(v, first, i, &beam->walk[i]);
             if (asked >= 0 && asked < 64)
                 awake[i] &= ~(1ull << asked);
@@ -203,6 +210,7 @@ void vicinity_nearest(struct beam *beam) {
             int k = __builtin_ctzll(of_any);
             for (unsigned rest = moving; rest; rest &= rest - 1) {
                 int i = __builtin_ctz(rest);
+                ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
                 if (awake[i] >> k & 1 && !too_far(v, first + k, i, &beam->walk[i]))
                     ask_about(v, first + k, i, &beam->walk[i]);
             }

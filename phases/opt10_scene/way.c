@@ -100,6 +100,7 @@ static real ways_end(const struct tree *tree, struct vec point, struct vec to_li
 
 mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
                   const struct convex *work) {
+    ACTIVE(count_of(asked));
     COUNT(crowd_behind, call);
     const struct prepared *scene = work->scene;
     q = least_of(q, set(0.99f));

@@ -83,7 +83,7 @@ struct desk {
     int *casters; // shapes that the packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
-    int *ahead, aheads; // solids that the beam of shadow rays in work may meet
+    int *ahead, aheads; // solids that the packet of shadow rays in work may meet
     int row,
         leaf; // of the tree's leaves: what was in a shadow ray's way the last time, −1: nothing yet
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making

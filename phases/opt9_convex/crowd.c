@@ -186,6 +186,7 @@ static inline mask may_enter(const struct placed *s, int i, const struct rays *r
 }
 
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) {
+    ACTIVE(count_of(r->active));
     COUNT(crowd_ahead, call);
     const struct prepared *scene = work->scene;
     for (int k = 0; k < scene->plane_count; k++) {
@@ -198,10 +199,14 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
     end_behind_all(r, scene);
     for (int k = 0; k < work->desk->aheads; k++) {
         int i = work->desk->ahead[k];
+        ACTIVE(count_of(r->active));
         mask may = may_enter(&scene->placed[i], i, r);
-        if (any(may))
-            enter_on_the_way(&scene->placed[i], i, r, may);
+        if (!any(may))
+            continue;
+        ACTIVE(count_of(may));
+        enter_on_the_way(&scene->placed[i], i, r, may);
     }
+    ACTIVE(count_of(r->active));
     // A cone's slope must be below 1 for its end to be told (earliest).
     struct leapers l = {r, both(both(r->on_plane, r->active), less(r->facing, set(0.99f))), scene};
     r->alone = choose(l.able, r->alone, set(0.0f));

@@ -73,6 +73,7 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
                         .previous = set(1e9f),
                         .from = set(0.0f),
                         .divisor = set(1.0f)};
+    ACTIVE(count_of(r->active));
     COUNT(begin, call);
     COUNT(begin, scalar);
     r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
@@ -80,6 +81,7 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
         crowd_ahead(r, nears, work);
     else
         m->count = choose_shapes(r, nears, casters, work);
+    ACTIVE(count_of(r->active)); // what was called has set its own
     m->end = work->scene->bulbs ? set(INFINITY)
                                 : r->end; // with a Mandelbulb see behind_all() and over()
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
@@ -103,6 +105,7 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
         m->t = leap(r, work->scene, offset, strength, hit, &m->previous, &m->square);
     m->one = no_lane();
     if (!work->scene->bulbs && !work->scene->repeats) { // copies may come nearer again
+        ACTIVE(count_of(r->active));
         COUNT(begin, solids);
         m->one = but_not(either(r->many, less(r->facing, set(work->scene->lit_slope))),
                          both(r->on_plane, r->active));

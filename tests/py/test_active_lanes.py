@@ -6,6 +6,9 @@ import json
 import subprocess
 from pathlib import Path
 
+import pytest
+
+from study import registry, scaling_scenes
 from study.build import build
 
 ROOT = Path(__file__).parents[2]
@@ -28,3 +31,35 @@ def test_a_gradient_works_for_all_that_hit_its_shape(tmp_path: Path) -> None:
     assert made["scene_difference"]["calls"] > 0  # or nothing here could go wrong
     assert made["scene_difference"]["lanes"] < 8 * made["scene_difference"]["calls"]
     assert (closed["calls"], closed["lanes"]) == (asked["calls"], asked["lanes"])
+
+
+@pytest.mark.parametrize("phase", ["opt9_convex", "opt10_scene"])
+def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> None:
+    """A picture so small that a crowd's shadow rays fill no packet: what is asked of all of them has that
+    many lanes at every call, the rest no more; between them the spheres of a node are in the lanes, 8 or 16.
+    """
+    if lacking := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
+    scene = scaling_scenes.data("scattered", 256, 3)
+    scene["light"]["shadows"] = "soft"
+    path = tmp_path / "crowd.json"
+    path.write_text(json.dumps(scene))
+    command = [build(phase, "render-count"), path, "-n", "3", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    made = json.loads(done.stdout)["by_function"]
+    rays = made["look_along"]["parts"]["ray"]
+    assert 0 < rays < 8 and made["look_along"]["calls"] == 1
+    for name in ("sorted", "begin_walk", "begin", "crowd_ahead", "may_enter"):
+        assert made[name]["lanes"] == rays * made[name]["calls"] > 0, name
+    marching = (
+        "vicinity_about",
+        "surely_off",
+        "awake_of",
+        "too_far",
+        "ask_about",
+        "look_ahead",
+        "keep_answers",
+    )
+    for name in marching:
+        assert 0 < made[name]["lanes"] <= rays * made[name]["calls"], name

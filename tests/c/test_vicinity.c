@@ -1,0 +1,131 @@
+// flags: -DLANES=8 -mavx2 -mfma -ffp-contract=off
+// opt9_convex's bounds of shapes that sleep (vicinity.c, which opt10_scene has too): no shape may sleep where it is
+// as near as what is known. Distances to the bounding sphere are worked out in double.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "../../phases/opt9_convex/vicinity.c"
+
+// Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
+// grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t.
+enum { PLACES = 40000, AFTER = 8 };
+static const float bound = 0.002f;
+
+struct meeting {
+    double centre[3], along[3]; // centre as a float
+    float t;
+};
+
+static uint32_t seed = 1;
+
+static double random_from(double least, double most) { // after xorshift32 (G. Marsaglia, 2003)
+    seed ^= seed << 13;
+    seed ^= seed >> 17;
+    seed ^= seed << 5;
+    return least + (most - least) * (seed * 0x1p-32);
+}
+
+static struct meeting meeting_at(double least, double most) {
+    struct meeting m;
+    double square = 0;
+    for (int k = 0; k < 3; k++) {
+        m.along[k] = random_from(-1, 1);
+        square += m.along[k] * m.along[k];
+    }
+    m.t = (float)random_from(least, most);
+    double on = m.t + random_from(0.0021, 0.01);
+    for (int k = 0; k < 3; k++) {
+        m.along[k] = (float)(m.along[k] / sqrt(square));
+        m.centre[k] = (float)(m.along[k] * on);
+    }
+    return m;
+}
+
+// Of the sphere, from where the ray is at t.
+static double distance_from(const struct meeting *m, double t) {
+    double square = 0;
+    for (int k = 0; k < 3; k++)
+        square += (m->centre[k] - t * m->along[k]) * (m->centre[k] - t * m->along[k]);
+    return sqrt(square) - (double)bound;
+}
+
+static struct placed sphere = {.way = AT_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
+static struct close_by shape = {.shape = &sphere};
+static real wakes[BEAM];
+
+// The meetings as rays of a beam, one in each lane, and one shape: lane 0's own.
+static void set_beam(struct beam *beam, const struct meeting *m) {
+    *beam = (struct beam){.count = 1, .moving = 1};
+    beam->near.count = 1;
+    beam->near.shapes = &shape;
+    beam->near.wakes = wakes;
+    struct walk *w = &beam->walk[0];
+    *w = (struct walk){.waits = no_lane()};
+    w->march.done = not_in(first_lanes(1));
+    w->rays.active = first_lanes(1);
+    w->march.t = set(m->t);
+    w->rays.to_light =
+        (struct vec){set((float)m->along[0]), set((float)m->along[1]), set((float)m->along[2])};
+    for (int k = 0; k < 3; k++)
+        shape.place[k] = (float)m->centre[k];
+    w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+}
+
+// At some places further on: with what is as near as the sphere is, it must be awake.
+static void wakes_in_time(const struct meeting *m, struct walk *w, const char *by) {
+    for (int i = 0; i < AFTER; i++) {
+        float t = m->t + (float)i * 0x1p-11f;
+        w->march.t = set(t);
+        w->least = set((float)distance_from(m, (double)t));
+        struct vicinity v = {.count = 1, .wakes = wakes};
+        if (awake_of(&v, 0, 0, w) != 1)
+            fail_msg("%s: from t = %a on it sleeps at %a, %g away", by, (double)m->t, (double)t,
+                     distance_from(m, (double)t));
+    }
+}
+
+static void check(double least, double most) {
+    struct beam beam;
+    struct walk *w = &beam.walk[0];
+    for (int i = 0; i < PLACES; i++) {
+        struct meeting m = meeting_at(least, most);
+        set_beam(&beam, &m);
+        vicinity_wakes(&beam);
+        wakes_in_time(&m, w, "vicinity_wakes");
+        set_beam(&beam, &m);
+        w->least = set((float)distance_from(&m, (double)m.t));
+        if (too_far(&beam.near, 0, 0, w))
+            fail_msg("too_far: at %a it is as near as what is known", (double)m.t);
+        w->least = set(-1.0f);
+        assert_true(too_far(&beam.near, 0, 0, w)); // or nothing is checked by what follows
+        wakes_in_time(&m, w, "too_far");
+    }
+}
+
+static void early_on_the_way(void **state) {
+    (void)state;
+    check(0.001, 1);
+}
+
+static void far_on_the_way(void **state) {
+    (void)state;
+    check(16, 32);
+}
+
+static void at_the_bounds(void **state) {
+    (void)state;
+    check(100, 128);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(early_on_the_way),
+        cmocka_unit_test(far_on_the_way),
+        cmocka_unit_test(at_the_bounds),
+    };
+    return cmocka_run_group_tests_name("vicinity", tests, NULL, NULL);
+}
