@@ -8,7 +8,7 @@ from pathlib import Path
 from study import cli  # first: it may start the script again with the venv's Python
 
 # isort: split
-from study import ceilings, roof, show, store
+from study import ceilings, roof_tables, show, store
 
 
 def run() -> int:
@@ -27,10 +27,10 @@ def run() -> int:
         cli.emit(measured.data | {"file": path})
     else:
         for by, title, columns in (
-            ("precision", "flop per core cycle", roof.COMPUTE),
-            ("level", "bytes per core cycle", roof.BANDWIDTH),
+            ("precision", "flop per core cycle", roof_tables.COMPUTE),
+            ("level", "bytes per core cycle", roof_tables.BANDWIDTH),
         ):
-            print(f"{title}\n\n{show.markdown(show.table(roof.grid(measured, by), columns))}")
+            print(f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}")
         print(path)
     return cli.OK
 

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 
 import plots
 import tables
-from study import analysis, machine, roof, show, store
+from study import analysis, machine, roof, roof_tables, show, store
 from study.analysis import Data
 from study.ceilings import LEVELS, Ceilings
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -51,9 +51,9 @@ def hover(row: Row) -> str:
         ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
     ):
         if row[name] > 0:
-            why = roof.doubtful(row, name)
+            why = roof_tables.doubtful(row, name)
             lines.append(f"{show.percent(row[name])} {text}{f' ({why}!)' if why else ''}")
-    return "\n".join([*lines, f"counted by: {roof.counted_by(row)}"])
+    return "\n".join([*lines, f"counted by: {roof_tables.counted_by(row)}"])
 
 
 def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float, str]]:
@@ -204,7 +204,7 @@ def inline(path: Path) -> str:
 def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
     """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
     cpu = machine.name(data.context)
-    by = "; ".join(dict.fromkeys(roof.counted_by(row) for row in table.to_dict("records")))
+    by = "; ".join(dict.fromkeys(roof_tables.counted_by(row) for row in table.to_dict("records")))
     text = (
         f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by: {by}. Points: "
         "median over process launches; whiskers: its 95 % interval (none where launches are fewer than 6)."
@@ -263,7 +263,7 @@ def run() -> int:
     out = args.out or data.path
     for remark in roof.remarks(roof.headline(table)):
         cli.say(remark)
-    made = roof.tables(table, limits)
+    made = roof_tables.tables(table, limits)
     figures = draw(data, table, limits, out / "figures")
     paths = tables.write(made, out / "tables")
     if args.json:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from study import ablations, bounds_page, columns, flops, hotspots, libm, roof, show, table1
+from study import ablations, bounds_page, columns, flops, hotspots, libm, roof, roof_tables, show, table1
 from study.analysis import Data
 from study.cli import StudyError
 from study.draw import Drawing
@@ -197,17 +197,23 @@ def roofline(data: Data) -> Section:
                 ("table6", "Table 6: of the optimised phases"),
             ):
                 rows = table[table["section"] == name].to_dict("records")
-                parts += part(name, title, rows, roof.PERFORMANCE)
+                parts += part(name, title, rows, roof_tables.PERFORMANCE)
             if limits:
                 caption = "Share of each roof, at the largest size that was timed and counted"
-                parts += part("roofline", caption, roof.headline(table).to_dict("records"), roof.POINTS)
+                parts += part(
+                    "roofline", caption, roof.headline(table).to_dict("records"), roof_tables.POINTS
+                )
         if limits:
             if table.empty and (other := roof.foreign(data, limits)):
                 notes.append(other)
             caption = "What one core does at best: flop per core cycle, best sample and median"
-            parts += part("ceilings", caption, roof.grid(limits, "precision"), roof.COMPUTE, folded=True)
+            parts += part(
+                "ceilings", caption, roof_tables.grid(limits, "precision"), roof_tables.COMPUTE, folded=True
+            )
             caption = "Bandwidth as the core sees it: bytes per core cycle, best sample and median"
-            parts += part("bandwidth", caption, roof.grid(limits, "level"), roof.BANDWIDTH, folded=True)
+            parts += part(
+                "bandwidth", caption, roof_tables.grid(limits, "level"), roof_tables.BANDWIDTH, folded=True
+            )
     return Section(
         "roofline",
         "Roofline",

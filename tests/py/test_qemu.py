@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from study import blocks, calibration, qemu
+from study import blocks, calibration, decode, qemu, qemu_recording
 from study.build import build
 from study.cli import CANNOT_RUN, StudyError
 from study.elf import Program
@@ -74,7 +74,7 @@ def test_a_repeated_instruction_is_executed_once(region: str) -> None:
     """Whatever rcx is, zero too; `repeated` is one straight line."""
     program = Program(region)
     function = program.find("repeated")
-    code = qemu.Disassembler().decode(program.code_of(function), function.start)
+    code = decode.Disassembler().decode(program.code_of(function), function.start)
     assert sum(one.repeat for one in code) == 4
     counts = qemu.count([region, "repeated", str(REPEATS)]).functions["repeated"]
     assert counts.instructions == REPEATS * len([one for one in code if one.mnemonic != "nop"])
@@ -208,7 +208,7 @@ RECORDING = (FIXTURES / "recording.txt").read_text() if (FIXTURES / "recording.t
 def test_a_recording_is_read_whole(tmp_path: Path) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING)
-    found = qemu.read(path)
+    found = qemu_recording.read(path)
     assert found.regions == 1
     assert len(found.blocks) + len(found.repeated) == int(RECORDING.split()[-1])
     assert all(block.count > 0 and block.code for block in found.blocks)
@@ -219,7 +219,7 @@ def test_a_truncated_recording(tmp_path: Path, keep: float) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING[: int(len(RECORDING) * keep)])
     with pytest.raises(StudyError, match=rf"{path}:\d+: "):
-        qemu.read(path)
+        qemu_recording.read(path)
 
 
 @pytest.mark.parametrize(
@@ -240,7 +240,7 @@ def test_a_foreign_recording(tmp_path: Path, old: str, new: str) -> None:
     path = tmp_path / "recording"
     path.write_text(RECORDING.replace(old, new, 1))
     with pytest.raises(StudyError, match=rf"{path}:\d+: "):
-        qemu.read(path)
+        qemu_recording.read(path)
 
 
 @pytest.mark.parametrize("name", ["baseline", "opt2", "opt3", "opt4"])

@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import roofline
-from study import analysis, ceilings, roof, sections, store
+from study import analysis, ceilings, roof, roof_tables, sections, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.draw import RING
@@ -221,7 +221,7 @@ def test_hardware_counts_have_libm_inside_no_bytes_and_no_roof_of_their_mix(run:
     opt4 = row(run, "opt4", 180)
     assert opt4["flops_per_core_cycle"] == pytest.approx(2)
     assert all(math.isnan(opt4[name]) for name in ("load_bytes", "store_bytes", "bytes", "intensity"))
-    assert roof.counted_by(opt4) == "pmu (not yet validated)"
+    assert roof_tables.counted_by(opt4) == "pmu (not yet validated)"
     done = script(run)
     assert done.returncode == 0, done.stderr
     line = next(line for line in done.stdout.splitlines() if "| opt4 |" in line)
@@ -254,7 +254,7 @@ def test_each_back_end_says_whether_it_saw_libms_inside(
     write_counts(run, [measured("opt4", "scene0", 180, lanes, 1, 1, backend=backend, outside=outside)], [])
     opt4 = row(run, "opt4", 180)
     assert opt4["libm_counted"] is seen
-    assert roof.counted_by(opt4) == backend + ("" if seen else ", without libm's inside")
+    assert roof_tables.counted_by(opt4) == backend + ("" if seen else ", without libm's inside")
 
 
 def test_a_broken_ceilings_file_is_not_a_missing_one(run: Path) -> None:
@@ -290,8 +290,8 @@ def test_shares_are_of_the_roofs_they_name(run: Path) -> None:
 
 def test_counts_of_another_height_are_scaled_and_say_so(run: Path) -> None:
     opt3, own = row(run, "opt3", 180), row(run, "opt3", 90)
-    assert opt3["scaled_from_n"] == 90 and "scaled from n = 90" in roof.counted_by(opt3)
-    assert math.isnan(own["scaled_from_n"]) and "scaled" not in roof.counted_by(own)
+    assert opt3["scaled_from_n"] == 90 and "scaled from n = 90" in roof_tables.counted_by(opt3)
+    assert math.isnan(own["scaled_from_n"]) and "scaled" not in roof_tables.counted_by(own)
     assert opt3["flops"] == pytest.approx(6040 * PIXELS[180]) and own["flops"] == 6040 * PIXELS[90]
     assert opt3["intensity"] == pytest.approx(6040 / 4000)
 
@@ -318,8 +318,8 @@ def test_libms_inside_counts_where_it_is_seen(run: Path) -> None:
     write_counts(run, [one], [])
     opt4 = row(run, "opt4", 180)
     assert opt4["flops_per_core_cycle"] == pytest.approx(3) and opt4["intensity"] == pytest.approx(1.5)
-    assert "libm" not in roof.counted_by(opt4)
-    assert "without libm's inside" in roof.counted_by({**opt4, "libm_counted": False})
+    assert "libm" not in roof_tables.counted_by(opt4)
+    assert "without libm's inside" in roof_tables.counted_by({**opt4, "libm_counted": False})
 
 
 def test_only_the_timed_code_and_scene_count(run: Path) -> None:
@@ -342,7 +342,7 @@ def test_a_calibrated_back_end_goes_before_another(run: Path) -> None:
     write_counts(run, [qemu, OPT4], [])
     assert row(run, "opt4", 180)["backend"] == "blocks"
     write_counts(run, [doubtful], [])
-    assert "not yet validated" in roof.counted_by(row(run, "opt4", 180))
+    assert "not yet validated" in roof_tables.counted_by(row(run, "opt4", 180))
 
 
 # What is of another machine or of other code
@@ -382,7 +382,7 @@ def test_counts_of_other_code_are_marked(run: Path, about: dict, said: str | Non
     if said is None:
         assert one["foreign_counts"] is None
         return
-    assert said in one["foreign_counts"] and "not of what was timed" in roof.counted_by(one)
+    assert said in one["foreign_counts"] and "not of what was timed" in roof_tables.counted_by(one)
     assert [said in line and "(opt4)" in line for line in roof.remarks(rows_of(run))] == [True]
     write_counts(run, [other, OPT4], [])  # the same picture by the right code: that one
     assert row(run, "opt4", 180)["foreign_counts"] is None
@@ -396,7 +396,7 @@ def test_the_rest_beside_counts_of_other_code_is_not_marked(run: Path) -> None:
     write_counts(
         run, [OPT4, dataclasses.replace(OPT4, phase="baseline", flags_from="baseline", cpu="Other CPU")], []
     )
-    of = {name: roof.counted_by(row(run, name, 180)) for name in ("baseline", "opt4")}
+    of = {name: roof_tables.counted_by(row(run, name, 180)) for name in ("baseline", "opt4")}
     assert {name: "not of what was timed" in text for name, text in of.items()} == {
         "baseline": True,
         "opt4": False,
@@ -415,7 +415,7 @@ def test_what_is_above_its_roof_is_marked(run: Path) -> None:
         table = roof.rows(analysis.load(run), counted, limits)
         marked = [line for line in roof.remarks(table) if "Above a roof" in line and "opt4" in line]
         assert bool(marked) == above
-        assert ("(above its roof!)" in roof.tables(table, limits)["roofline"][1]) == above
+        assert ("(above its roof!)" in roof_tables.tables(table, limits)["roofline"][1]) == above
         one = row(run, "opt4", 180)
         assert ("above its roof" in roofline.hover(one)) == above
         shown = roof.headline(table[table["intensity"] > 0])
@@ -429,7 +429,7 @@ def test_few_launches_have_no_interval(run: Path) -> None:
     write_counts(run, [measured("opt1", "mandelbulb", 90, {("add", "double", 64): 100}, 1, 1)], [])
     opt1 = rows_of(run).iloc[0]
     assert opt1["flops_per_core_cycle"] > 0 and math.isnan(opt1["flops_per_core_cycle_low"])
-    assert "insufficient" in roof.tables(rows_of(run), None)["table6"][1]
+    assert "insufficient" in roof_tables.tables(rows_of(run), None)["table6"][1]
 
 
 # Missing and broken input
@@ -476,13 +476,14 @@ def test_the_report_goes_on_without_ceilings(run: Path) -> None:
     table = roof.rows(data, counted, limits)
     assert limits is None and len(notes) == 1
     assert set(roofline.draw(data, table, limits, run / "figures")) == {"performance"}
-    assert set(roof.tables(table, limits)) == {"table5", "table6"}
+    assert set(roof_tables.tables(table, limits)) == {"table5", "table6"}
     assert table["share_of_fma_roof"].isna().all() and table["mix_roof"].isna().all()
     (run / "counts.json").unlink()
     counted, limits, notes = roof.read(run, strict=False)
     table = roof.rows(data, counted, limits)
     assert table.empty and len(notes) == 2
-    assert roofline.draw(data, table, limits, run / "figures") == {} and roof.tables(table, limits) == {}
+    assert roofline.draw(data, table, limits, run / "figures") == {}
+    assert roof_tables.tables(table, limits) == {}
 
 
 # Files
