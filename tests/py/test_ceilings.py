@@ -208,9 +208,11 @@ def test_what_the_cpu_lacks_is_null_with_a_reason(program: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
     limits = ceilings.check(json.loads(done.stdout), "test")
     assert math.isnan(limits.flops("fma", "double", 64)) and math.isnan(limits.bandwidth("L1", 256))
-    assert limits.flops("add", "single", 128) > 0
+    sse = next(r for r in limits.rows if (r["name"], r.get("precision"), r["bits"]) == ("add", "single", 128))
+    busy = "the core clock never held still long enough"  # of a host too busy to measure, not of the CPU
+    assert sse["reason"] == busy if sse["value"] is None else sse["value"] > 0
     reasons = {row["reason"] for row in limits.rows if row["value"] is None and "precision" in row}
-    assert reasons == {f"this CPU lacks {name}" for name in ("fma", "avx", "avx512f", "avx512vl")}
+    assert reasons - {busy} == {f"this CPU lacks {name}" for name in ("fma", "avx", "avx512f", "avx512vl")}
 
 
 @pytest.mark.parametrize(
