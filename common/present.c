@@ -90,6 +90,7 @@ __attribute__((target("avx2"))) static void by_8(const uint32_t *bins, const flo
             _mm_unpacklo_epi32(_mm256_castsi256_si128(byte), _mm256_extracti128_si256(byte, 1));
         _mm_storel_epi64((__m128i *)(shown + i), both);
     }
+    _mm256_zeroupper(); // see by_16
     one_by_one(bins, linear + i, samples - i, shown + i);
 }
 
@@ -110,6 +111,11 @@ __attribute__((target("avx512f"))) static void by_16(const uint32_t *bins, const
                                      _mm512_set1_epi32(1));
         _mm_storeu_si128((__m128i *)(shown + i), _mm512_cvtepi32_epi8(byte));
     }
+    // gcc 12 leaves it out before a call in last place of a function that is built for AVX in a file that is not.
+    // With upper halves in use every SSE instruction of the next frame keeps them: it waits for its register's last
+    // writer (Intel's optimization manual, "Mixing AVX code with SSE code"), and scalar frames took 3 to 10 times
+    // as long on Emerald Rapids (results/reference/README.md).
+    _mm256_zeroupper();
     one_by_one(bins, linear + i, samples - i, shown + i);
 }
 

@@ -2,7 +2,9 @@
 
 import fcntl
 import os
+import re
 import shutil
+import subprocess
 import sys
 import threading
 
@@ -90,3 +92,13 @@ def test_two_scripts_make_nothing_in_one_folder_at_once(root):
         assert waiting.is_alive() and not made.exists()
     waiting.join()
     assert made.exists()
+
+
+def test_presenting_leaves_no_upper_half_in_use():
+    """As the renderers' own objects do it: sanitizers clear what an optimised build may leave."""
+    program = "build/tests/test_upper_halves"
+    subprocess.run(["make", "-s", program], cwd=ROOT, check=True)
+    done = subprocess.run([ROOT / program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    if skipped := re.search("^skipped: (.*)", done.stdout, re.MULTILINE):
+        pytest.skip(skipped[1])
