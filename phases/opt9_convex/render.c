@@ -393,11 +393,22 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
             eye->at[k] = (float)dot(p->row[k], from);
             eye->centre[k] = (float)-dot(from, axis[k]);
         }
-        // A Mandelbulb's rays are marched wherever they begin.
+        // A Mandelbulb's rays are marched wherever they begin (but within it: see below).
         clear = clear &&
                 (p->type == SHAPE_MANDELBULB || sqrt(dot(from, from)) > (double)p->bound + far);
     }
     return clear;
+}
+
+// A camera within a Mandelbulb sees what its march leaves there: normals from estimates of -0.2, where 14 bits of one
+// are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). march.c has all bits.
+static bool within_a_bulb(const struct prepared *prepared, const struct view *view) {
+    if (!prepared->bulbs)
+        return false;
+    double distance;
+    int nearest;
+    phase_distances(prepared, 1, view->position, &distance, &nearest);
+    return !(distance > prepared->model.march.hit_distance);
 }
 
 // Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
@@ -410,9 +421,10 @@ static int tile_height(const struct prepared *prepared, const struct frame *fram
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, tile_height(prepared, frame),
-                             prepared->solids && set_eyes(prepared, view)},
-                            kept->sixteen};
+    struct frame_job job = {
+        {prepared, view, frame, tile_height(prepared, frame),
+         prepared->solids && set_eyes(prepared, view) && !within_a_bulb(prepared, view)},
+        kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;
 }

@@ -163,6 +163,10 @@ def _cameras() -> dict[str, dict]:
         "camera_at_a_centre": scene(
             [shape("mandelbulb")], camera={"position": [0, 0, 0], "look_at": [0, 1, 1]}
         ),
+        "camera_within_a_mandelbulb": scene(
+            [shape("mandelbulb")], camera={"position": [0.1, 0.2, -0.5], "look_at": [0, 0, 3]}
+        ),
+        "scene_within_a_sphere": scene([*ROOM, shape("sphere", radius=30, position=[0, 0, 5])]),
         "camera_on_the_axis": scene(
             [shape("mandelbulb")], camera={"position": [0, 3, 0], "look_at": [0, 0, 0], "up": [0, 0, 1]}
         ),

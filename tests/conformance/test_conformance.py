@@ -81,6 +81,7 @@ UNLIKE += ["plane_turned_repeated"]
 ENDED = ["max_steps_1", "max_steps_2", "max_steps_20", "hit_distance", "two_spheres", "lattice"]
 UNLIKE += ENDED
 UNLIKE += ["camera_within_a_shape", "camera_under_the_floor", "camera_at_a_centre"]
+UNLIKE += ["camera_within_a_mandelbulb", "scene_within_a_sphere"]
 
 
 def precision(phase: str) -> str:
