@@ -61,7 +61,19 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """StudyError for a table that is missing, cut off, changed or another thing's JSON."""
+    """StudyError for a table that is missing, cut off, changed or another thing's JSON.
+
+    Decoded once for as long as its file is the same: many scenes are counted by one program.
+    """
+    try:
+        about = path.stat()
+    except OSError as error:
+        raise StudyError(f"{path}: {error.strerror}") from None
+    return _read_table(path, about.st_mtime_ns, about.st_size, about.st_ino)
+
+
+@functools.lru_cache(maxsize=4)
+def _read_table(path: Path, *_: int) -> Table:
     data = store.read_json(path)
     try:
         if data["hash"] != digest(data):

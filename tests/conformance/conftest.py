@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from conformance.harness import Unsupported
+from conformance.harness import REDUCED, Unsupported
 from study import registry
 
 # What an approximate phase (phase.json) is asked: its form. Its pictures have tests of their own.
@@ -21,15 +21,20 @@ FORM = (
     "test_random_scenes",
     "test_shape",
 )
+# Of the scenes and not of how a phase was compiled: asked of the default build alone. A sanitized one draws
+# each of these scenes in test_feature, and larger pictures than these in test_threads.
+ONCE = ("test_features_show",)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leaves out what holds a picture that is meant to be near against one that it is not meant to be."""
+    """Leaves out what holds a picture that is meant to be near against one that it is not meant to be, and
+    what one build answers for all."""
     kept, left = [], []
     for item in items:
         mine = item.path.parent == Path(__file__).parent
         near = mine and registry.phases()[item.callspec.params["phase"]].approximate
-        (left if near and item.originalname not in FORM else kept).append(item)
+        once = mine and REDUCED and item.originalname in ONCE
+        (left if once or (near and item.originalname not in FORM) else kept).append(item)
     items[:] = kept
     if left:
         config.hook.pytest_deselected(items=left)

@@ -83,7 +83,9 @@ def call(
 ) -> Run:
     """The driver with these arguments, whatever comes of it. Not `timed`: clocks, 25 ms a call, are not."""
     command = [str(binary(phase).relative_to(ROOT)), *map(str, arguments)]
-    environment = os.environ | ({} if timed else {UNTIMED: "1"}) | (env or {})
+    environment = os.environ | {UNTIMED: "1"} | (env or {})
+    if timed:
+        del environment[UNTIMED]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout, env=environment)
     return Run(command, done.returncode, done.stdout, done.stderr)
 

@@ -266,12 +266,13 @@ def test_picture_is_what_the_words_say(phase: str, name: str) -> None:
 
 def test_same_call_same_bits(phase: str) -> None:
     """The same picture twice, with and without AOVs, and however many frames are taken around it."""
+    size = (7, 5) if precision(phase) == "exact" else (17, 9)
     for name in ["everything", "shapes_64"]:
         path = keep(name, FEATURES[name])
-        once = render(phase, path, 17, 9)
-        same_bits(render(phase, path, 17, 9), once)
-        same_bits(render(phase, path, 17, 9, "--reps", 3, "--warmup", 2), once)
-        plain = render(phase, path, 17, 9, aov=False)
+        once = render(phase, path, *size)
+        same_bits(render(phase, path, *size), once)
+        same_bits(render(phase, path, *size, "--reps", 3, "--warmup", 2), once)
+        plain = render(phase, path, *size, aov=False)
         assert sorted(plain.picture) == ["B", "G", "R"], f"{plain}: channels {sorted(plain.picture)}"
         same_bits(plain, once, "RGB")
 
@@ -493,9 +494,10 @@ def spheres_alone(whole: dict) -> dict:
 @given(random_scenes())
 def test_random_scenes(phase: str, whole: dict) -> None:
     """Whatever the numbers: status 0, nothing that is not finite. Where it is refused, of its spheres."""
+    size = (5, 3) if precision(phase) == "exact" else (11, 7)  # a proved pixel may take a tenth of a second
     for one in (whole, spheres_alone(whole)):
         try:
-            check_picture(render(phase, keep(f"random_{phase}", one), 11, 7))
+            check_picture(render(phase, keep(f"random_{phase}", one), *size))
             return
         except harness.Unsupported:  # to hypothesis an error like any other, to be looked for and made small
             continue

@@ -23,6 +23,7 @@ ROOT = (
 )  # nothing of the project is imported: a test may start a copy of it
 PACKAGES = ["numpy", "pandas", "matplotlib.figure", "matplotlib.backends.backend_agg"]
 PACKAGES += ["matplotlib.backends.backend_svg", "OpenImageIO", "jinja2", "markdown_it", "tqdm"]
+PACKAGES += ["elftools.elf.elffile", "flip_evaluator", "iced_x86", "mpmath"]
 _server = multiprocessing.get_context("forkserver")
 _server.set_forkserver_preload(PACKAGES)
 

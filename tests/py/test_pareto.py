@@ -165,7 +165,8 @@ def test_a_real_scene_is_measured_on_one_thread_and_timed_in_full_where_it_count
     rungs = registry.ladder().items()
     threaded = [name for name, phase in rungs if phase.threads and registry.cpu_supports(phase)]
     scene = registry.find_scene("two_spheres")
-    specs = [Spec.parse(name) for name in ("baseline", "opt1", *threaded)]
+    # of those with threads one that marches and one by closed forms
+    specs = [Spec.parse(name) for name in dict.fromkeys(("baseline", "opt1", *threaded[:1], *threaded[-1:]))]
     grid = measuring.grid(scene, specs, [1e-1], [2])
     rows, skipped = measuring.study_scene(scene, grid, (24, 24), 6, 1, run.USABLE[-1], tmp_path)
     assert not skipped and len(rows) == 4 * len(specs)

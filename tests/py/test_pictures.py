@@ -41,17 +41,18 @@ def test_no_wrong_pixel_is_lost_when_a_heat_map_is_made_smaller(height, width, f
     assert small.sum() == 1 and small[y // factor, x // factor] == 1
 
 
-def pair_figure(reference, image):
-    metrics = images.compare(reference, image)
+def pair_figure(reference, image, metrics=None):
+    metrics = metrics or images.compare(reference, image)
     return panels.pair((reference, image), ("baseline", "opt4"), "a title", metrics, ("one", "two", "three"))
 
 
 def test_a_single_wrong_pixel_of_a_large_picture_is_seen(tmp_path, blank):
-    wrong = blank(1080, 1920, grey=0)
-    same = pixels(panels.save(pair_figure(blank(1080, 1920, grey=0), wrong), tmp_path / "same.png"))
+    black, wrong = (blank(1080, 1920, grey=0) for _ in range(2))
+    metrics = images.compare(blank(9, 16), blank(9, 16))  # words under the panels, which no one reads here
+    same = pixels(panels.save(pair_figure(black, wrong, metrics), tmp_path / "same.png"))
     for name in "RGB":
         wrong[name][543, 1231] = 1  # of the brightest colour, at the right of the third panel
-    shown = pixels(panels.save(pair_figure(blank(1080, 1920, grey=0), wrong), tmp_path / "wrong.png"))
+    shown = pixels(panels.save(pair_figure(black, wrong, metrics), tmp_path / "wrong.png"))
     third = np.s_[: shown.shape[0] * 3 // 4, shown.shape[1] * 64 // 100 : shown.shape[1] * 92 // 100]
     assert (shown[third].astype(int) - same[third]).max() > 200
 

@@ -41,6 +41,7 @@ class Made:
     text: str
     out: Path
     run: Path
+    told: dict  # by --json
 
 
 class Page(html.parser.HTMLParser):
@@ -96,7 +97,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """The page of the unchanged fixture, made once."""
     folder = tmp_path_factory.mktemp("made")
     copy = Path(shutil.copytree(ROOT / "tests" / "fixtures" / "run", folder / "machine" / "run"))
-    return Made(*page_of(copy, folder), folder / "out", copy)
+    done = script(copy, "-o", folder / "out" / "index.html", "--json")
+    assert done.returncode == 0, done.stderr
+    text = (folder / "out" / "index.html").read_text()
+    return Made(Page(text), text, folder / "out", copy, json.loads(done.stdout))
 
 
 @pytest.fixture
@@ -264,11 +268,8 @@ def test_a_phase_of_several_widths_says_what_ran(run: Path) -> None:
     assert (found["lanes"], found["isa"]) == (8, ["avx2", "fma"]) and "-mavx2" in found["cflags"]
 
 
-def test_json_and_statuses(run: Path, tmp_path: Path) -> None:
-    done = script(run, "-o", tmp_path / "index.html", "--json")
-    assert done.returncode == 0
-    told = json.loads(done.stdout)
-    assert told["bytes"] == (tmp_path / "index.html").stat().st_size and told["missing"] == []
+def test_json_and_statuses(made: Made, run: Path, tmp_path: Path) -> None:
+    assert made.told["bytes"] == (made.out / "index.html").stat().st_size and made.told["missing"] == []
     done = script(tmp_path / "nothing", "-o", tmp_path / "index.html")
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     (run / "context.json").write_text("{")
