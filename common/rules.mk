@@ -31,8 +31,7 @@ SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thre
 # Of a phase, behind its own -O3: what is not optimized away is checked, and it compiles in half the time;
 # what is emulated in a third of it without any optimization, and draws small pictures.
 SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
-# Sanitized less: a phase's driver takes half as long to compile, and no test waits for common/.
-COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE $(if $(SANITIZE),-Og,-O2) $(WARNINGS) $(SANITIZERS) -Icommon
+COMMON_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) $(SANITIZERS) -Icommon
 # Core alone would do, but its name differs between releases: the linker drops what is not needed.
 LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
@@ -205,7 +204,8 @@ $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of
 
 # Sources read for the compiler's warnings alone. What clang would build of variants that this CPU does not run: all of
 # its work but the optimizer's, which warns of nothing that is asked here (no pragmas), and no program lacks it. The
-# counting sources (clang has all of its warnings without compiling, gcc has not).
+# counting sources: clang has all of its warnings without compiling, gcc has not; what gcc's optimizer tells besides, use
+# of what has no value yet, it tells of the timing build's variants and of the counting build's, and clang of all.
 $(BUILD)/%/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@rm -f $(@D)/read-*
 	$(call compile_each,-O0 -S,$(@D)/read-,s)
@@ -214,7 +214,7 @@ $(BUILD)/%/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.
 
 $(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch] $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@mkdir -p $(@D) && rm -f $(@D)/read-*
-	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O1 -S),$(@D)/read-,s)
+	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O0 -S),$(@D)/read-,s)
 	@rm -f $(@D)/read-*
 	@touch $@
 
