@@ -4,7 +4,7 @@
 #   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
 #   build/NAME/render-lines   the same code with line tables, of the variants that this CPU runs; render-calls: without inlining, for profiles
 #   build/NAME/render-count   calls times phases/NAME/costs.def, in the timed region (flops.h)
-#   build/NAME/count/read     nothing: the counting sources' warnings
+#   build/NAME/read           nothing: warnings of the variants that clang does not build here; count/read: the counting sources'
 #   build/NAME/render-blocks  executions of every basic block; render-blocks-calls: without inlining (blocks.c)
 #   build/NAME/probe          distances at given points, for tests
 #   build/NAME/render-ftz     the same objects, started with denormals flushed to zero, for hard case 19
@@ -85,31 +85,41 @@ $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_inf
 
 # What flags.mk says (common/phase_info.py). $(1): its variable.
 flags_mk = sed -n 's/^$(1) := //p' $(BUILD)/$*/flags.mk
-# Which variants: what is timed has all of them; what is sanitized, counted, profiled or built otherwise has those that
-# this CPU runs (no other is ever called): half of the compiler's work on a CPU without AVX-512. Counting sources that
-# are only read (count/read): by clang all, by gcc those that its counting build leaves out.
-variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(CLANG),,_REST),$(if $(or $(SANITIZERS),$(filter-out $(BUILD)/$*,$(@D))),_HERE)))
+# Which variants: what gcc times has all of them; what is sanitized, counted, profiled, by clang or built otherwise has
+# those that this CPU runs (no other is ever called): half of the compiler's work on a CPU without AVX-512. Sources that
+# are only read: the others; of counting sources (count/read) clang reads all, and what gcc counts it has compiled.
+variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(and $(CLANG),$(filter %/count/read,$@)),,_REST),$(if $(or $(SANITIZERS),$(CLANG),$(filter-out $(BUILD)/$*,$(@D))),_HERE)))
 # Each of a phase's sources with its flags, those of "each_variant" once for each variant, as NAME-VARIANT.
-# $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made. A variant's intrinsics are parsed
-# once for all of its sources (the objects are the same): .2 of the .5 s of each, nine hundred times in the tests.
-# Sanitized it has -Og, a third less to compile than -O1 and as fast; what is built once would run 1.3 to 2 times as long.
+# $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made. Intrinsics are parsed once for all
+# that is compiled alike (the objects are the same): .2 of the .5 s of each source, two thousand times in the tests.
+# They are where a phase's variants are, or where a phase without variants includes them.
+# Sanitized, variants have -Og, a third less to compile than -O1 and as fast; what is built once would run 1.3 to 2 times
+# as long.
 define compile_each
 @flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(variants_mk))"; \
-each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; \
+each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; simd=; \
+test -n "$${each#  }" || ! grep -qs '<immintrin.h>' $(filter $(call folder_of,$*)/%.c $(call folder_of,$*)/%.h,$^) || simd=1; \
 for source in $(filter %.c,$^); do \
-    case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=$(if $(filter %/read,$@),$(if $(CLANG),-),-);; esac; \
+    case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=$(if $(filter %/read,$@),$(if $(and $(CLANG),$(filter %/count/read,$@)),-),-);; esac; \
     for version in $$versions; do \
-        made=$$(basename $$source .c); own=; parsed=; \
+        made=$$(basename $$source .c); own=; with=$$simd; less=; parsed=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; \
-            parsed=$(2)intrinsics-$$version.h; }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED)$(if $(EMULATE),,$(if $(SANITIZE), $${parsed:+-Og})) -Icommon -iquote $(BUILD)/$*; \
-        test -z "$$parsed" -o -e "$$parsed" || { echo '#include <immintrin.h>' >"$$parsed"; \
-            "$$@" $(filter-out -c -S -fsyntax-only,$(1)) -x c-header "$$parsed" -o "$$parsed.gch" || exit 1; }; \
-        set -- "$$@" $${parsed:+-include "$$parsed"} $(1) $$source -o $(2)$$made.$(3); \
+            with=1; less=$(if $(SANITIZE),$(if $(EMULATE),,-Og)); }; \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) $$less -Icommon; \
+        test -z "$$with" || { $(parse_once); }; \
+        set -- "$$@" -iquote $(BUILD)/$* $${parsed:+-include "$$parsed"} $(1) $$source -o $(2)$$made.$(3); \
         echo "$$@"; "$$@" || exit 1; \
     done; \
-done; rm -f $(2)intrinsics-*
+done
 endef
+# $parsed: a header with the intrinsics, parsed for the compiler's words $@ and those of $(1), but for the macros of
+# phases and their folders. Made once for all phases; two jobs may make it at once, and the header stays as it is.
+PARSED := $(BUILD)/common/parsed
+parse_once = set -f; words="$$(echo "$$* $(filter-out -c -S -fsyntax-only,$(1))" | sed 's/-iquote [^ ]*//g; s/-D\(LANES=\|VARIANT\|STEPWISE_\)[^ ]*//g')"; \
+parsed=$(PARSED)/$$(echo "$(TOOLCHAIN)$(if $(EMULATE), $(shell cksum <tests/emulate/immintrin.h)) $$words" | cksum | tr ' ' -).h; \
+test -e "$$parsed.gch" || { mkdir -p $(PARSED); echo '\#include <immintrin.h>' >"$$parsed.$$$$"; \
+    ln "$$parsed.$$$$" "$$parsed" 2>/dev/null; rm "$$parsed.$$$$"; \
+    $$words -x c-header "$$parsed" -o "$$parsed.$$$$" && mv "$$parsed.$$$$" "$$parsed.gch" || exit 1; }; set +f
 # The objects of a folder $(1) as one. A variant's names are its own, but for its VARIANT_…: the sources need
 # no other names for each. The names of a variant that is left out stand for an instruction that traps.
 define join_objects
@@ -132,13 +142,20 @@ define compile_recipe
 $(call compile_each,$(1) -c,$(@D)/objects/,o)
 $(call join_objects,$(@D)/objects)
 endef
+# The same by way of the assembly, which is what gcc does anyway: it stays, for blocks are counted in it.
+define assemble_recipe
+@rm -rf $(@D)/objects $(@D)/assembly && mkdir -p $(@D)/objects $(@D)/assembly
+$(call compile_each,-S,$(@D)/assembly/,s)
+@for made in $(@D)/assembly/*.s; do $(CC) -c "$$made" -o "$(@D)/objects/$$(basename "$$made" .s).o" || exit 1; done
+$(call join_objects,$(@D)/objects)
+endef
 
 # Which of its variants this CPU runs (variant.h).
 $(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 
 $(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),tests/emulate/immintrin.h)
-	$(call compile_recipe,)
+	$(if $(SANITIZED),$(call compile_recipe,),$(call assemble_recipe))
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
@@ -180,14 +197,24 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 	@test -f $(call folder_of,$*)/costs.def || { echo "$(call folder_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote $(call folder_of,$*) -I$(BUILD)/$* -c $< -o $@
 
+# -O1: counts are of what the source says; a third less to compile (tests/py/test_variants_built.py has both).
 # local-exec: gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
-	$(call compile_recipe,-DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
+	$(call compile_recipe,-O1 -DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
-# The counting sources, read for the compiler's warnings alone (clang has all of them without compiling, gcc has not).
+# Sources read for the compiler's warnings alone. What clang would build of variants that this CPU does not run: all of
+# its work but the optimizer's, which warns of nothing that is asked here (no pragmas), and no program lacks it. The
+# counting sources: clang has all of its warnings without compiling, gcc has not; what gcc's optimizer tells besides, use
+# of what has no value yet, it tells of the timing build's variants and of the counting build's, and clang of all.
+$(BUILD)/%/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+	@rm -f $(@D)/read-*
+	$(call compile_each,-O0 -S,$(@D)/read-,s)
+	@rm -f $(@D)/read-*
+	@touch $@
+
 $(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch] $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@mkdir -p $(@D) && rm -f $(@D)/read-*
-	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O1 -S),$(@D)/read-,s)
+	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O0 -S),$(@D)/read-,s)
 	@rm -f $(@D)/read-*
 	@touch $@
 
@@ -224,18 +251,22 @@ $(BUILD)/rsqrt: $(BUILD)/common/rsqrt.o
 # source with its functions kept. The driver is the counting build's; table.json says what was counted.
 BLOCKS_PYTHON = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly
 BLOCKS_TOOLS := $(wildcard scripts/study/assembly*.py) scripts/study/decode.py
+# What stands in $(@D): assembly.
 define blocks_recipe
-@rm -rf $(@D) && mkdir -p $(@D)
-$(call compile_each,$(1) -S,$(@D)/,s)
 @$(BLOCKS_PYTHON) --cc '$(CC)' $(@D) $(@D)/*.s
 $(call join_objects,$(@D)/counted)
 endef
 
-$(BUILD)/%/blocks/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
-	$(call blocks_recipe,)
+# The assembly that the timing build was made from, of the variants that this CPU runs.
+$(BUILD)/%/blocks/phase.o: $(BUILD)/%/phase.o $(BLOCKS_TOOLS)
+	@rm -rf $(@D) && mkdir -p $(@D) && cp $(BUILD)/$*/assembly/*.s $(@D)
+	@for variant in $$($(call flags_mk,PHASE_VARIANTS_REST)); do rm -f $(@D)/*-$$variant.s; done
+	$(blocks_recipe)
 
 $(BUILD)/%/blocks-calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
-	$(call blocks_recipe,$(CALLS_CFLAGS) -g0)
+	@rm -rf $(@D) && mkdir -p $(@D)
+	$(call compile_each,$(CALLS_CFLAGS) -g0 -S,$(@D)/,s)
+	$(blocks_recipe)
 
 $(BUILD)/%/blocks.o: common/blocks.c common/count.h $(BUILD)/%/phase.o
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@

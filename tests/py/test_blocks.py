@@ -172,7 +172,8 @@ def test_the_code_counted_is_the_code_shipped(compiler, phase, tmp_path):
         if not registry.cpu_flags().issuperset(one["isa"])
     }
     shipped = sorted((folder / "objects").glob("*.o"))
-    assert len(shipped) >= 3 and left_out <= {path.name for path in shipped}
+    timed = left_out if compiler == "gcc" else set()  # clang's have only those that run (rules.mk)
+    assert len(shipped) >= 3 and timed == left_out & {path.name for path in shipped}
     compared = 0
     for path in shipped:
         if path.name in left_out:  # counted where it runs (rules.mk): here it must not be there

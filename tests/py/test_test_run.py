@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from study import patches, registry
 from study.registry import ROOT
 
 
@@ -65,3 +66,21 @@ def test_every_program_of_the_builds_is_asked_of_one_make(runner, tmp_path: Path
         "build/good cc build",
     ]
     assert not runner.make_all({"build": ["build/good", "build/bad"], "build/clang": ["build/clang/good"]})
+
+
+def test_what_the_tests_run_of_an_ablation_is_built(runner) -> None:
+    """And of one that declares no costs no counting program: nothing runs it (test_ablations)."""
+    asked = set(runner.for_tests()["build"])
+    names = [f"{phase}+{title}" for phase in registry.phases() for title in patches.titles(phase)]
+    assert names
+    for name in names:
+        declared = "costs" not in patches.chain(name)[-1].head
+        assert f"{name}/render" in asked
+        for target in ("render-count", "render-blocks-calls"):
+            assert (f"{name}/{target}" in asked) == declared, name
+
+
+def test_clang_reads_what_it_does_not_build(runner) -> None:
+    """rules.mk leaves variants that this CPU does not run out of what clang makes."""
+    for phase, targets in runner.of_phases()["build/clang"].items():
+        assert {"render", "read"} <= set(targets), phase

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 from pathlib import Path
@@ -13,6 +14,7 @@ from study.build import build
 from study.registry import ROOT
 
 PHASE = "opt6_wide"
+COUNTS = ("flops", "by_function", "by_class", "executed", "useful")  # of flops.c
 VARIANTS = {f"lanes{one['lanes']}": set(one["isa"]) for one in registry.find_phase(PHASE).variants}
 
 
@@ -33,23 +35,27 @@ def test_a_variant_is_there_or_traps(variant: str, target: str) -> None:
         assert found == ["ud2"]
 
 
-def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_ends_it(tmp_path: Path) -> None:
-    """As tests/run.py has it made, in a tree of its own where one variant has a fault."""
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A tree of its own, with one phase."""
     for name in ("common", "scripts/study", f"phases/{PHASE}"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         subprocess.run(["cp", "-r", ROOT / name, tmp_path / name], check=True)
     (tmp_path / "Makefile").write_text("include common/rules.mk\n")
-    source = tmp_path / "phases" / PHASE / "march.c"  # the first of those that each variant has
+    return tmp_path
+
+
+def make(tree: Path, compiler: str, target: str) -> subprocess.CompletedProcess[str]:
+    words = ["make", "-s", "-C", str(tree), f"CC={compiler}", f"BUILD=build/{compiler}"]
+    return subprocess.run([*words, f"build/{compiler}/{PHASE}/{target}"], capture_output=True, text=True)
+
+
+def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_ends_it(tree: Path) -> None:
+    """As tests/run.py has it made, where one variant has a fault."""
+    source = tree / "phases" / PHASE / "march.c"  # the first of those that each variant has
     kept = source.read_text()
-
-    def make(compiler: str, target: str) -> subprocess.CompletedProcess[str]:
-        words = ["make", "-s", "-C", str(tmp_path), f"CC={compiler}", f"BUILD=build/{compiler}"]
-        return subprocess.run(
-            [*words, f"build/{compiler}/{PHASE}/count/{target}"], capture_output=True, text=True
-        )
-
     for compiler in ("gcc", "clang"):
-        good = make(compiler, "read")
+        good = make(tree, compiler, "count/read")
         assert good.returncode == 0, good.stderr
     for variant, isa in VARIANTS.items():
         lanes = variant.removeprefix("lanes")
@@ -57,5 +63,51 @@ def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_en
         for compiler in ("gcc", "clang"):
             read = compiler == "clang" or not isa <= registry.cpu_flags()
             source.write_text(kept + fault)
-            done = make(compiler, "read" if read else "phase.o")
+            done = make(tree, compiler, "count/read" if read else "count/phase.o")
             assert done.returncode != 0 and "unused_here" in done.stderr, (variant, compiler)
+
+
+# What parsing finds, and what only making code does: an instruction that the flags do not allow.
+FAULTS = {
+    "unused_here": "static int unused_here;",
+    "vpopcntdq": "void VARIANT(beyond)(__m512i *a);\n"
+    "void VARIANT(beyond)(__m512i *a) { *a = _mm512_popcnt_epi32(*a); }",
+}
+
+
+@pytest.mark.parametrize("said", FAULTS)
+def test_clang_builds_or_reads_every_variant_and_a_fault_ends_it(tree: Path, said: str) -> None:
+    source = tree / "phases" / PHASE / "march.c"
+    kept = source.read_text()
+    for variant, isa in VARIANTS.items():
+        lanes = variant.removeprefix("lanes")
+        target = "phase.o" if isa <= registry.cpu_flags() else "read"
+        source.write_text(f"{kept}#if LANES == {lanes}\n{FAULTS[said]}\n#endif\n")
+        done = make(tree, "clang", target)
+        assert done.returncode != 0 and said in done.stderr, (variant, done.stderr)
+
+
+def test_what_clang_makes_has_the_variants_of_this_cpu() -> None:
+    """And what it leaves out it has read: both are made before (tests/run.py)."""
+    for target in ("render", "read"):
+        assert make(ROOT, "clang", target).returncode == 0
+    for variant, isa in VARIANTS.items():
+        found = instructions(ROOT / "build/clang" / PHASE / "render", f"{variant}_tile")
+        assert found and ("ud2" in found) == (not isa <= registry.cpu_flags())
+
+
+def test_counts_are_the_sources_at_any_level_of_optimization(tree: Path) -> None:
+    """render-count is compiled with -O1 (rules.mk): as its phase is timed, it counts the same."""
+    rules = tree / "common/rules.mk"
+    text = rules.read_text()
+    assert text.count("-O1 -DSTEPWISE_COUNT -ftls") == 1
+    rules.write_text(text.replace("-O1 -DSTEPWISE_COUNT -ftls", "-DSTEPWISE_COUNT -ftls"))
+    done = make(tree, "gcc", "render-count")
+    assert done.returncode == 0, done.stderr
+    for scene in ("scene0", "mandelbulb", "cubes"):
+        counts = []
+        for program in (build(PHASE, "render-count"), tree / "build/gcc" / PHASE / "render-count"):
+            command = [program, registry.find_scene(scene).path, "-n", "24", "--json"]
+            said = json.loads(subprocess.check_output([str(word) for word in command]))
+            counts.append({key: said[key] for key in COUNTS})
+        assert counts[0] == counts[1] and counts[0]["executed"] > 0, scene
