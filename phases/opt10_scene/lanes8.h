@@ -212,26 +212,31 @@ static inline real power_per(real a) {
     return _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_set1_epi32(0x7f000000), field));
 }
 
-// The lanes of m in a row, from `to` on: at most LANES floats are written.
-static inline void pack(mask m, real a, float to[LANES]) {
-    float lanes[LANES];
-    unload(a, lanes);
-    for (unsigned rest = bits(m); rest; rest &= rest - 1)
-        *to++ = lanes[__builtin_ctz(rest)];
-}
-
-// The same of many rows: which lanes go first is told once.
+// Of many rows: which lanes go first is told once; by a table, for no branch foresees where a loop over bits ends.
 typedef __m256i packing;
 
+#define PACK_LANE(m, lane)                                                                         \
+    ((m) >> (lane) & 1 ? (lane##ull) << 8 * __builtin_popcount((m) & ((1u << (lane)) - 1)) : 0)
+#define PACK_1(m)                                                                                  \
+    (PACK_LANE(m, 0) | PACK_LANE(m, 1) | PACK_LANE(m, 2) | PACK_LANE(m, 3) | PACK_LANE(m, 4) |     \
+     PACK_LANE(m, 5) | PACK_LANE(m, 6) | PACK_LANE(m, 7))
+#define PACK_4(m) PACK_1(m), PACK_1((m) + 1), PACK_1((m) + 2), PACK_1((m) + 3)
+#define PACK_16(m) PACK_4(m), PACK_4((m) + 4), PACK_4((m) + 8), PACK_4((m) + 12)
+#define PACK_64(m) PACK_16(m), PACK_16((m) + 16), PACK_16((m) + 32), PACK_16((m) + 48)
+
 static inline packing packing_of(mask m) {
-    int lanes[LANES] = {0}, *to = lanes;
-    for (unsigned rest = bits(m); rest; rest &= rest - 1)
-        *to++ = __builtin_ctz(rest);
-    return _mm256_loadu_si256((const __m256i *)lanes);
+    static const unsigned long long lanes[256] = {PACK_64(0), PACK_64(64), PACK_64(128),
+                                                  PACK_64(192)};
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&lanes[bits(m)]));
 }
 
 static inline void pack_by(packing p, real a, float to[LANES]) {
     _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, p));
+}
+
+// The lanes of m in a row, from `to` on: at most LANES floats are written.
+static inline void pack(mask m, real a, float to[LANES]) {
+    pack_by(packing_of(m), a, to);
 }
 
 // The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.

@@ -22,24 +22,27 @@ __attribute__((always_inline)) static inline int
 list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
     COUNT(list_those, call);
     int listed = 0;
-    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
+    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
+    waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
         const struct spheres *s = &tree->level[level];
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
+        unsigned which = 0; // of all rows: no branch foresees whether one has any
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
             ACTIVE(lesser(LANES, end - first));
             COUNT(list_those, spheres);
             struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
             mask matter =
                 both(test(centre, load(s->radius + first), with), first_lanes(end - first));
-            for (unsigned rest = bits(matter); rest; rest &= rest - 1) {
-                int entry = first + __builtin_ctz(rest);
-                if (level == 0)
-                    list[listed++] = tree->shape[entry];
-                else
-                    waiting[count++] = level - 1 + TREE_LEVELS * entry;
-            }
+            which |= bits(matter) << (first - node * TREE_WIDTH);
+        }
+        for (; which; which &= which - 1) {
+            int entry = node * TREE_WIDTH + __builtin_ctz(which);
+            if (level == 0)
+                list[listed++] = tree->shape[entry];
+            else
+                waiting[count++] = level - 1 + TREE_LEVELS * entry;
         }
     }
     return listed;
@@ -51,7 +54,8 @@ typedef void leaf_visit(int shape, void *with);
 
 __attribute__((always_inline)) static inline void follow(const struct tree *tree, ray_test *test,
                                                          leaf_visit *visit, void *with) {
-    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1};
+    int waiting[TREE_LEVELS * TREE_WIDTH];
+    waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
         const struct spheres *s = &tree->level[level];

@@ -50,7 +50,8 @@ static float way_ends(const struct tree *tree, const struct cone_of_one *cone, i
         if (any(meets))
             return last_left(meets, lean, rest, cone);
     }
-    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
+    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
+    waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
         int end = lesser(tree->level[level].count, (node + 1) * TREE_WIDTH);
@@ -162,7 +163,8 @@ static mask blocked_by_others(const struct tree *tree, const struct cone_of_one 
     if (!any(open))
         return asked;
     struct shaft shaft = shaft_about(rays, q, open);
-    int waiting[TREE_LEVELS * TREE_WIDTH] = {tree->levels - 1}; // level + TREE_LEVELS·node
+    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
+    waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
         const struct spheres *s = &tree->level[level];
