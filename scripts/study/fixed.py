@@ -45,8 +45,8 @@ CLEARS = ("never", "corners", "safe", "lists")
 ARTICLE_WORDS = CASES["article, 1 lane"][1]
 # Heights up to which truth is drawn for each size: its 1,920 × 1,080 would take as long as all the rest.
 TRUTH_HEIGHT = 400
-# Shares of the animation's frames: all of them in lanes on every core. A quarter on one thread, without
-# shadows, and of the article's program; of that on one thread a fifteenth, or it alone would take minutes.
+# Shares of the animation's frames: all of them in lanes on every core, a quarter on one thread and without
+# shadows. The article's program, which would take minutes, has a quarter on every core, else a fifteenth.
 QUARTER, FIFTEENTH = 4, 15
 
 
@@ -184,10 +184,10 @@ def without_shadows(scene: Scene, folder: Path) -> Scene:
 
 def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
     """How many of the animation's `frames` are timed, from the first on."""
-    every = threads == moving.thread_counts()[-1]
-    if not every:
-        return max(2, frames // (FIFTEENTH if article else QUARTER))
-    return frames if shadows and not article else max(2, frames // QUARTER)
+    headline = shadows and threads == moving.thread_counts()[-1]
+    if article:
+        return max(2, frames // (QUARTER if headline else FIFTEENTH))
+    return frames if headline else max(2, frames // QUARTER)
 
 
 def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:

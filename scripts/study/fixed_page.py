@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from study import fixed, moving, show
 from study.draw import COLOURS, Drawing, plain_log
@@ -240,8 +241,9 @@ def draw_frames(result: Row) -> Figure:
         share.axvline(said["ms"], color="0.55", linewidth=1.5, zorder=1)
     along.set(xlabel="frame of the animation", ylabel="ms a frame", yscale="log")
     share.set(xlabel="ms a frame", ylabel="frames that took at most so long, %", xscale="log", ylim=(0, 100))
-    plain_log(along.yaxis)
-    plain_log(share.xaxis)
+    for axis in (along.yaxis, share.xaxis):
+        plain_log(axis)
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9)
     return figure
 

@@ -144,7 +144,7 @@ def test_how_many_frames_each_program_has(monkeypatch):
     monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1, 2])
     assert fixed.share(900, False, 2, True) == 900, "the headline"
     assert fixed.share(900, False, 1, True) == fixed.share(900, True, 2, True) == 225
-    assert fixed.share(900, False, 2, False) == fixed.share(900, True, 2, False) == 225
+    assert fixed.share(900, False, 2, False) == 225 and fixed.share(900, True, 2, False) == 60
     assert fixed.share(900, True, 1, True) == 60 and fixed.share(2, True, 1, True) == 2
     monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1])
     assert fixed.share(900, False, 1, True) == 900
