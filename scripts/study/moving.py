@@ -108,7 +108,8 @@ def _measured(
     with _appended(file) as end:
         done = sum(not line["warmup"] for line in lines_of(file))
         if done:
-            cli.say(f"{file}: {min(done, frames)} of {frames} frames are there; goes on behind them")
+            rest = "; goes on behind them" if done < frames else ""
+            cli.say(f"{file}: {min(done, frames)} of {frames} frames are there{rest}")
         if done < frames:
             first = {"first_frame": done} if done else {}
             about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}

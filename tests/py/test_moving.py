@@ -41,7 +41,7 @@ def test_a_killed_animation_goes_on_where_it_ended(tmp_path, capsys):
     assert [line["frame"] for line in kept] == list(range(-2, done)) and 10 <= done < FRAMES
     file.write_bytes(before + b'{"frame": 99, "wa')  # as a kill in mid-write leaves it
     row = moving.animation("fixed", FRAMES, HEIGHT, 1, tmp_path)
-    assert f"{done} of {FRAMES} frames are there" in capsys.readouterr().err
+    assert f"{done} of {FRAMES} frames are there; goes on behind them\n" in capsys.readouterr().err
     lines = [json.loads(line) for line in file.read_text().splitlines()]
     assert file.read_bytes().startswith(before), "what was measured stays as it was"
     timed = [line for line in lines if not line["warmup"]]
