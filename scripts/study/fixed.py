@@ -7,11 +7,12 @@ the keys.
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from study import moving, registry, rods, run, stats, store, truth
+from study import images, moving, registry, rods, run, stats, store, truth
 from study.registry import Scene, find_scene
 
 Row = dict[str, Any]
@@ -41,6 +42,12 @@ CASES = {
     "float, 16 lanes": ("fixed_float", SAFE, 16),
 }
 CLEARS = ("never", "corners", "safe", "lists")
+ARTICLE_WORDS = CASES["article, 1 lane"][1]
+# Heights up to which truth is drawn for each size: its 1,920 × 1,080 would take as long as all the rest.
+TRUTH_HEIGHT = 400
+# Shares of the animation's frames: all of them in lanes on every core, a quarter on one thread and without
+# shadows. The article's program, which would take minutes, has a quarter on every core, else a fifteenth.
+QUARTER, FIFTEENTH = 4, 15
 
 
 def settings(words: str, lanes: int | None = None) -> contextlib.AbstractContextManager[None]:
@@ -144,32 +151,79 @@ def clearing(sizes: Sequence[int], launches: int, seed: int, phase: str) -> list
             launches,
             seed,
         )
+        how = errors if n <= TRUTH_HEIGHT else losses
         for clear in CLEARS:
             row = {"clear": clear, "width": size[0], "n": n}
-            rows.append(row | rods.timed(times[clear]) | errors(phase, words[clear], scene, size))
+            rows.append(row | rods.timed(times[clear]) | how(phase, words[clear], scene, size))
     return rows
 
 
-def animation(phase: str, words: str, frames: int, n: int, threads: int) -> Row:
-    """moving.animation under these settings. Raises StudyError."""
+def losses(phase: str, words: str, scene: Scene, size: tuple[int, int]) -> Row:
+    """What clearing took from the phase's own picture without any: of sizes for which truth is too slow."""
+    with settings("roots=3 clear=never"):
+        whole = rods.picture(phase, "", scene, size)
     with settings(words):
-        return moving.animation(phase, frames, n, threads)
+        picture = rods.picture(phase, "", scene, size)
+    lost = (picture["cleared"] > 0) & (whole["id"] >= 0)
+    return {
+        "against": "never",
+        "cleared": float(picture["cleared"].mean()),
+        "wrongly_cleared_ppm": float(lost.mean() * 1e6),
+        "lost_pixels": int(lost.sum()),
+        "non_finite": images.non_finite(picture),
+    }
 
 
-def study(n: int, sizes: Sequence[int], frames: int, frame_n: int, launches: int, seed: int) -> Row:
-    """All of fixed.json but the context."""
+def without_shadows(scene: Scene, folder: Path) -> Scene:
+    """The scene as a file in `folder`, its light without shadows, as the article's is."""
+    data = scene.data | {"light": scene.data["light"] | {"shadows": "none"}}
+    path = folder / f"{scene.name}_unshadowed.json"
+    store.write_json(path, data)
+    return Scene(path.stem, path, data, scene.fractal)
+
+
+def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
+    """How many of the animation's `frames` are timed, from the first on."""
+    headline = shadows and threads == moving.thread_counts()[-1]
+    if article:
+        return max(2, frames // (QUARTER if headline else FIFTEENTH))
+    return frames if headline else max(2, frames // QUARTER)
+
+
+def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:
+    """The article's program first, then ours in lanes and in floats; then both integers without shadows, as
+    the article's picture is, on every core. Raises StudyError."""
+    programs = {"article": ("fixed", ARTICLE_WORDS)}
+    if simd:
+        programs |= {"lanes": ("fixed_simd", f"roots=3 {SAFE}"), "floats": ("fixed_float", SAFE)}
+    rows, shadowed = [], registry.animated()[MOVING]
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = {True: shadowed, False: without_shadows(shadowed, Path(folder))}
+        for shadows, scene in scenes.items():
+            for name, (phase, words) in programs.items():
+                if name == "floats" and not shadows:
+                    continue
+                for threads in moving.thread_counts() if shadows else moving.thread_counts()[-1:]:
+                    count = share(frames, name == "article", threads, shadows)
+                    with settings(words):
+                        row = moving.animation(phase, count, n, threads, keep, scene)
+                    rows.append({"program": name, "shadows": shadows, **row})
+    return rows
+
+
+def study(
+    n: int, sizes: Sequence[int], frames: int, frame_n: int, launches: int, seed: int, keep: Path
+) -> Row:
+    """All of fixed.json but the context. `keep`: where the animation's frames outlive an interruption."""
     simd = registry.cpu_supports(registry.find_phase("fixed_simd"))
     fast = "fixed_simd" if simd else "fixed"
-    threads = moving.thread_counts()
-    moved = [(fast, f"roots=3 {SAFE}")] + ([("fixed_float", SAFE)] if simd else [])
+    moved = animations(frames, frame_n, keep, simd)  # first: the longest that an interruption can cut
     return {
         "article": ARTICLE,
         "rows": beside(n, launches, seed),
         "sweep": sweep(n, launches, seed, fast),
         "clearing": clearing(sizes, launches, seed, fast),
-        "animation": [
-            animation(phase, words, frames, frame_n, count) for phase, words in moved for count in threads
-        ],
+        "animation": moved,
     }
 
 

@@ -1,19 +1,35 @@
-"""The scene whose shapes move, frame by frame: the distribution of the frames' times, update and all."""
+"""The scene whose shapes move, frame by frame: the distribution of the frames' times, update and all.
+
+The driver appends a line for each frame to a file of the run's folder; a run that was interrupted goes on
+behind the last whole one.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import hashlib
+import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from study import registry, run, show
+from study import cli, registry, run, show
+from study.build import build
+from study.cli import StudyError
+from study.gallery import sha256
+from study.registry import Scene
 from study.show import Column
 
 Row = dict[str, Any]
 MOVING = "spheres40_animated"
+FOLDER = "animation"  # of a run's: files of frames, until what they are for is written
+OURS = "STEPWISE_"  # begins what the environment says to a driver
 
 
 @contextlib.contextmanager
@@ -31,20 +47,113 @@ def environment(wanted: Mapping[str, str]) -> Iterator[None]:
                 os.environ[key] = value
 
 
-def animation(phase: str, frames: int, n: int, threads: int) -> Row:
-    """MOVING from its beginning, at `n` pixels' height: times in ms. Raises StudyError."""
-    scene = registry.animated()[MOVING]
+def file_of(keep: Path, phase: str, scene: Scene, size: tuple[int, int], threads: int) -> Path:
+    """Where the frames of this are kept: by program, scene, settings, size and threads, not their number."""
+    said = {k: v for k, v in sorted(os.environ.items()) if k.startswith(OURS) and k != run.UNTIMED}
+    about = {"program": sha256(build(phase)), "scene": sha256(scene.path), "said": said}
+    made_of = json.dumps(about | {"size": size, "threads": threads, "cpus": run.USABLE}, sort_keys=True)
+    return keep / FOLDER / f"{phase}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.jsonl"
+
+
+def lines_of(file: Path) -> list[Row]:
+    """The frames in it, warm-up ones too. Raises StudyError for a line that is none, and where the timed
+    frames are not 0, 1, 2 … each once."""
+    found: list[Row] = []
+    due = 0
+    for number, line in enumerate(file.read_bytes().splitlines(), 1):
+        try:
+            row = json.loads(line)
+            right = row["warmup"] or row["frame"] == due
+        except (ValueError, TypeError, KeyError):
+            right = False
+        if not right:
+            raise StudyError(f"{file}:{number}: not the line of frame {due}; remove the file to begin again")
+        due += not row["warmup"]
+        found.append(row)
+    return found
+
+
+@contextlib.contextmanager
+def _appended(file: Path) -> Iterator[int]:
+    """It, open for appending, of this process alone, a last line that was cut off dropped."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        end = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+    except OSError as error:
+        raise StudyError(f"{file}: {error.strerror or error}") from None
+    try:
+        _lock(end, file)
+        os.ftruncate(end, file.read_bytes().rfind(b"\n") + 1)
+        yield end
+    finally:
+        os.close(end)
+
+
+def _lock(end: int, file: Path) -> None:
+    """The driver has the same open file: until it is gone, too, nobody else has the lock. That of a run
+    which was killed is given a second."""
+    for attempt in range(11):
+        try:
+            return fcntl.flock(end, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.1 if attempt < 10 else 0)
+    raise StudyError(f"{file}: another process is measuring into it")
+
+
+def _measured(
+    phase: str, scene: Scene, size: tuple[int, int], frames: int, threads: int, keep: Path
+) -> list[Row]:
+    """The lines of the first `frames` frames: those that are kept, and the others measured now."""
+    file = file_of(keep, phase, scene, size, threads)
+    with _appended(file) as end:
+        done = sum(not line["warmup"] for line in lines_of(file))
+        if done:
+            rest = "; goes on behind them" if done < frames else ""
+            cli.say(f"{file}: {min(done, frames)} of {frames} frames are there{rest}")
+        if done < frames:
+            first = {"first_frame": done} if done else {}
+            about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}
+            run.frames_into(end, phase, scene.path, size[1], size[0], **about, **first)
+        return [line for line in lines_of(file) if line["frame"] < frames]
+
+
+def forget(keep: Path, phases: Iterable[str]) -> None:
+    """Removes the frames kept of these: what they were for is written, the next run measures anew."""
+    for phase in phases:
+        for file in (keep / FOLDER).glob(f"{phase}-{'[0-9a-f]' * 12}.jsonl"):
+            file.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):  # others' are in it, or it is not there
+        (keep / FOLDER).rmdir()
+
+
+def resumed(lines: Sequence[Row]) -> list[int]:
+    """The frames at which another process went on: those behind a process's first frame, but for frame 0."""
+    begins = [i for i, line in enumerate(lines) if line["first"]]
+    timed = (next((x["frame"] for x in lines[i:] if not x["warmup"]), 0) for i in begins)
+    return sorted({frame for frame in timed if frame})
+
+
+def animation(
+    phase: str, frames: int, n: int, threads: int, keep: Path | None = None, scene: Scene | None = None
+) -> Row:
+    """MOVING, or `scene`, from its beginning, at `n` pixels' height: times in ms. Raises StudyError.
+
+    `keep`: a folder where frames outlive an interruption; forget(keep, …) when the row is written.
+    """
+    scene = scene or registry.animated()[MOVING]
     size = scene.size(n)
-    record = run.render(
-        phase, scene.path, n, size[0], animation=frames, warmup=2, threads=threads, timed=False
-    )
-    ms = np.array([f["ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
-    update = np.array([f["update_ns"] for f in record["frames"] if not f["warmup"]]) / 1e6
-    found = {f"p{p}": float(np.percentile(ms, p)) for p in (5, 50, 95)} | {"most": float(ms.max())}
-    per = {"core_ns_per_pixel": found["p50"] * 1e6 * threads / (size[0] * n)}
-    about = {"phase": phase, "settings": record["settings"], "threads": threads, "frames": frames}
+    with contextlib.ExitStack() as stack:
+        folder = keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        lines = _measured(phase, scene, size, frames, threads, folder)
+    timed = [line for line in lines if not line["warmup"]]
+    ms = np.array([line["ns"] for line in timed]) / 1e6
+    update = np.array([line["update_ns"] for line in timed]) / 1e6
+    found = {f"p{p}": float(np.percentile(ms, p)) for p in (5, 50, 95)}
+    found |= {"mean": float(ms.mean()), "most": float(ms.max())}
+    per = {"core_ns_per_pixel": found["mean"] * 1e6 * threads / (size[0] * n)}
+    about = {"phase": phase, "settings": timed[0]["settings"], "threads": threads, "frames": frames}
     return about | {"width": size[0], "n": n, "ms": found, "update_ms": float(np.median(update)), **per,
-                    "all_ms": ms.tolist()}  # fmt: skip
+                    "resumed_at": resumed(lines), "all_ms": ms.tolist()}  # fmt: skip
 
 
 def thread_counts() -> Sequence[int]:
@@ -52,11 +161,18 @@ def thread_counts() -> Sequence[int]:
     return [1] + ([len(run.USABLE)] if len(run.USABLE) > 1 else [])
 
 
+def frames_said(row: Row) -> str:
+    """How many, of which size; where it was interrupted."""
+    rest = "".join(f", resumed at {frame:,}" for frame in row.get("resumed_at", []))
+    return f"{row['frames']:,} at {row['width']}×{row['n']}{rest}"
+
+
 COLUMNS = [
     Column("", "phase", lambda r: r["phase"]),
     Column("", "threads", lambda r: str(r["threads"])),
-    Column("", "frames", lambda r: f"{r['frames']} at {r['width']}×{r['n']}"),
-    *(Column("ms a frame, update and all", name, lambda r, k=key: show.number(r["ms"][k]))
+    Column("", "frames", frames_said),
+    Column("ms a frame, update and all", "mean", lambda r: show.number(r["ms"].get("mean"), 4)),
+    *(Column("ms a frame, update and all", name, lambda r, k=key: show.number(r["ms"].get(k)))
       for name, key in (("median", "p50"), ("5 %", "p5"), ("95 %", "p95"), ("most", "most"))),
     Column("", "update, ms", lambda r: show.number(r["update_ms"], 2)),
     Column("", "core·ns a pixel", lambda r: show.number(r["core_ns_per_pixel"])),
@@ -67,6 +183,6 @@ def sentence(row: Row) -> str:
     """For a terminal."""
     ms = row["ms"]
     return (
-        f"animation, {row['phase']}, {row['threads']} threads: {ms['p50']:.3g} ms a frame "
-        f"({ms['p5']:.3g} to {ms['p95']:.3g}, at most {ms['most']:.3g})"
+        f"animation, {row['phase']}, {row['threads']} threads, {frames_said(row)}: {ms['p50']:.3g} ms a "
+        f"frame ({ms['p5']:.3g} to {ms['p95']:.3g}, at most {ms['most']:.3g})"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import json
@@ -106,17 +107,33 @@ def _lines(
     The child dies with its reader: killed when the generator is closed, and by the kernel's
     parent-death signal when this process is killed outright.
     """
+    with _child(arguments, cpus, _environment(env_bytes, timed, more), subprocess.PIPE) as child:
+        assert child.stdout
+        for line in child.stdout:
+            if line.endswith("\n"):
+                yield line
+
+
+def _environment(env_bytes: int, timed: bool, more: Mapping[str, str] | None) -> dict[str, str]:
     environment = {key: value for key, value in os.environ.items() if key != UNTIMED}
     if not timed:
         environment[UNTIMED] = "1"
     environment |= more or {}
     if env_bytes:
         environment["STEPWISE_PADDING"] = "x" * env_bytes
+    return environment
+
+
+@contextlib.contextmanager
+def _child(
+    arguments: list[str], cpus: set[int] | None, environment: dict[str, str], out: Any
+) -> Iterator[subprocess.Popen[str]]:
+    """A child that ends with this: killed if the body is left early; else DriverError if it failed."""
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors:
         try:
             child = subprocess.Popen(
                 arguments,
-                stdout=subprocess.PIPE,
+                stdout=out,
                 stderr=errors,
                 stdin=subprocess.DEVNULL,
                 env=environment,
@@ -126,16 +143,14 @@ def _lines(
         except OSError as error:
             raise DriverError(127, f"{arguments[0]}: {error.strerror}") from None
         try:
-            assert child.stdout
-            for line in child.stdout:
-                if line.endswith("\n"):
-                    yield line
+            yield child
             status = child.wait()
         finally:
             if child.poll() is None:
                 child.kill()
                 child.wait()
-            child.stdout.close()
+            if child.stdout:
+                child.stdout.close()
         if status:
             errors.seek(0)
             said = errors.read().strip().splitlines()
@@ -190,6 +205,24 @@ def frames(
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
     for line in _lines(arguments, cpu_set(cpu, threads), env_bytes):
         yield _parse(line, arguments[0])
+
+
+def frames_into(
+    file: int,
+    spec: Spec | str,
+    scene_path: Path,
+    height: int,
+    width: int | None = None,
+    *,
+    threads: int = 1,
+    timed: bool = True,
+    **options: Any,
+) -> None:
+    """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
+    no reader takes time from the threads, and what was written stays if this process is killed."""
+    arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
+    with _child(arguments, None, _environment(0, timed, None), file):
+        pass
 
 
 def execute(

@@ -29,13 +29,24 @@ def made_up() -> dict:
             row |= {"ms": 2.0, "ms_low": 1.9, "ms_high": 2.1, "psnr_db": None, "wrong_ppm": 0.0}
     sweep = [one | {"bits": b, "roots": r, "settings": ""} for b in fixed.BITS for r in ("article", "2", "3")]
     sweep.append({"bits": 28, "roots": "article", "settings": "", "refused": "a radius of 5: does not fit"})
-    frames = {"p5": 10.0, "p50": 14.29 * 35, "p95": 600.0, "most": 700.0}  # as the article's on one core
-    moving = {"phase": "fixed_simd", "threads": 1, "frames": 30, "width": 1920, "n": 1080, "ms": frames}
-    moving |= {"update_ms": 0.01, "core_ns_per_pixel": 14.29e6 * 35 / (1920 * 1080)}
-    twice = moving | {"threads": 2, "ms": frames | {"p50": 100.0}, "core_ns_per_pixel": 200e6 / (1920 * 1080)}
+    frames = {"p5": 10.0, "p50": 450.0, "p95": 600.0, "most": 700.0, "mean": 14.29 * 35}  # on one core
+    moving = {"program": "lanes", "shadows": True, "phase": "fixed_simd", "threads": 1, "frames": 2}
+    moving |= {"width": 1920, "n": 1080, "ms": frames, "update_ms": 0.01, "all_ms": [400.0, 600.3]}
+    moving |= {"resumed_at": [], "core_ns_per_pixel": 14.29e6 * 35 / (1920 * 1080)}
+    twice = moving | {"threads": 2, "ms": frames | {"mean": 100.0}, "resumed_at": [1]}
+    twice |= {"core_ns_per_pixel": 200e6 / (1920 * 1080)}
+    article = twice | {
+        "program": "article",
+        "phase": "fixed",
+        "core_ns_per_pixel": 4 * moving["core_ns_per_pixel"],
+    }
+    bare = article | {"shadows": False, "core_ns_per_pixel": moving["core_ns_per_pixel"]}
     clearing = [one | about | {"clear": clear} for clear in fixed.CLEARS]
+    large = {"ms": 60.0, "ms_low": 50.0, "ms_high": 70.0, "cleared": 0.65, "wrongly_cleared_ppm": 7.2}
+    large |= {"width": 1920, "n": 1080, "against": "never", "lost_pixels": 15, "non_finite": 0}
+    clearing += [large | {"clear": clear} for clear in fixed.CLEARS]
     return {"article": fixed.ARTICLE, "rows": rows, "sweep": sweep, "clearing": clearing,
-            "animation": [moving, twice]}  # fmt: skip
+            "animation": [article, moving, twice, bare]}  # fmt: skip
 
 
 IN_LANES = {  # what may be timed on a CPU of so many
@@ -74,12 +85,16 @@ def test_the_rows_of_systems_by_hand(tmp_path):
     (tmp_path / fixed.FILE).write_text(json.dumps(made_up()))
     rows = fixed_page.system_rows(made_up())
     by_what = {row["what"]: row for row in rows}
-    one = by_what["fixed_simd, spheres40_animated 1920×1080, ms a frame, 1 thread"]
+    lanes = "integers in lanes (fixed_simd), spheres40_animated 1920×1080, 2 frames, ms a frame"
+    one = by_what[f"{lanes}, 1 thread"]
     assert one["ratio"] == "1.00× its pixels per core and second"
     assert one["error"] == "50.0 dB, 400 ppm wrong hits (the still at 320×180)"
-    assert one["ours"] == "500 (95 % of frames under 600 ms)"
-    two = by_what["fixed_simd, spheres40_animated 1920×1080, ms a frame, 2 threads"]
+    assert one["ours"] == "500 (95 % of frames under 600 ms)"  # the mean, as the article's 14.29
+    two = by_what[f"{lanes}, 2 threads"]
     assert two["ratio"] == "2.50× its pixels per core and second"  # 500.15 core·ms over 200
+    assert rows[0]["what"].startswith("the article's roots and corners, one lane (fixed)"), "the headline"
+    assert rows[0]["ratio"].startswith("0.250×") and rows[3]["what"].endswith("2 threads, no shadows")
+    assert rows[3]["error"] == "–", "truth was not asked for this picture"
     integers = by_what["16 lanes against the same in floats, ms"]
     assert integers["ratio"].split() == ["0.500×", "[0.400,", "0.600]", "the", "floats'", "speed"]
     assert integers["error"] == "50.0 dB, 400 ppm wrong hits; floats none, 0 ppm wrong hits"
@@ -88,6 +103,80 @@ def test_the_rows_of_systems_by_hand(tmp_path):
     assert fixed_pictures.PICTURES in str(list(section.images)) and fixed_page.FIGURE in section.drawn
     text = show.markdown(show.table(made_up()["sweep"], fixed_page.SWEEP))
     assert "a radius of 5: does not fit" in text and "three" not in text and "3 Newton steps" in text
+
+
+def test_the_animations_table_by_hand():
+    """The article's own row first: 14.29 ms × 35 cores over 1,920 × 1,080 pixels are 241 ns."""
+    table = show.markdown(show.table(fixed_page.animation_rows(made_up()), fixed_page.ANIMATION))
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    article, ours, _, two, bare = lines
+    assert article[0].startswith("the article, Mellanox") and article[1:4] == [
+        "none",
+        "35",
+        "900 at 1920×1080",
+    ]
+    assert article[4] == "14.29" and article[5:10] == ["–"] * 5 and article[10:] == ["241", "1.00×"]
+    assert ours[0] == "the article's roots and corners, one lane (fixed)" and ours[1] == "hard"
+    assert two[3] == "2 at 1920×1080, resumed at 1" and two[2] == "2" and two[11] == "2.50×"
+    assert bare[1] == "none" and bare[10:] == ["241", "1.00×"]
+
+
+def test_the_frames_figure_has_every_program_on_every_core():
+    along, share = fixed_page.draw_frames(made_up()).axes
+    names = [line.get_label() for line in along.lines]
+    assert names == [
+        "the article's roots and corners, one lane: mean 500",
+        "integers in lanes: mean 500",
+        "the article's roots and corners, one lane, no shadows: mean 500",
+        "the article's mean, 35 cores, no shadows: 14.29",
+    ]
+    assert list(share.lines[0].get_xdata()) == [400.0, 600.3]
+    assert list(share.lines[0].get_ydata()) == [50.0, 100.0]
+    small = made_up()
+    small["animation"] = [row | {"n": 90} for row in small["animation"]]
+    assert len(fixed_page.draw_frames(small).axes[0].lines) == 3, "14.29 ms are not of another size"
+    none = made_up()
+    none["animation"] = [row | {"all_ms": []} for row in none["animation"]]
+    assert list(fixed_page.drawings(none)) == [fixed_page.FIGURE]
+
+
+def test_how_many_frames_each_program_has(monkeypatch):
+    monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1, 2])
+    assert fixed.share(900, False, 2, True) == 900, "the headline"
+    assert fixed.share(900, False, 1, True) == fixed.share(900, True, 2, True) == 225
+    assert fixed.share(900, False, 2, False) == 225 and fixed.share(900, True, 2, False) == 60
+    assert fixed.share(900, True, 1, True) == 60 and fixed.share(2, True, 1, True) == 2
+    monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1])
+    assert fixed.share(900, False, 1, True) == 900
+
+
+def test_large_pictures_are_held_against_themselves_without_clearing(monkeypatch):
+    """Three pixels of a sphere in a cleared block of 40 × 25 pixels are 3,000 ppm."""
+    said = []
+
+    @contextlib.contextmanager
+    def settings(words, lanes=None):
+        said.append(words)
+        yield
+
+    def picture(*_):
+        planes = {c: np.zeros((25, 40), np.float32) for c in ("cleared", "R", "G", "B", "Z")}
+        planes["id"] = np.full((25, 40), -1, np.float32)
+        if said[-1].endswith("never"):
+            planes["id"][3, 4:9] = 2
+        else:
+            planes["cleared"][:16, :7] = 1
+        return planes
+
+    monkeypatch.setattr(fixed, "settings", settings)
+    monkeypatch.setattr(fixed.rods, "picture", picture)
+    monkeypatch.setattr(fixed, "milliseconds", lambda *_: 1.0)
+    monkeypatch.setattr(fixed.images, "non_finite", lambda _: 0)
+    monkeypatch.setattr(fixed.truth, "picture", lambda *_: pytest.fail("truth is asked"))
+    rows = {row["clear"]: row for row in fixed.clearing([fixed.TRUTH_HEIGHT + 1], 2, 1, "fixed")}
+    assert rows["corners"]["lost_pixels"] == 3 and rows["corners"]["wrongly_cleared_ppm"] == 3000
+    assert rows["corners"]["cleared"] == pytest.approx(112 / 1000) and rows["never"]["lost_pixels"] == 0
+    assert fixed_page.CLEARING[5].text(rows["corners"]) == "itself without clearing"
 
 
 def test_a_broken_file_is_named(tmp_path):
@@ -156,7 +245,20 @@ def test_each_panel_has_its_own_pictures_losses(monkeypatch, tmp_path):
 
 
 def test_all_of_it_small(tmp_path):
-    words = ["-n", "16", "--sizes", "16", "--frames", "2", "--frame-n", "16", "--launches", "2", "--json"]
+    words = [
+        "-n",
+        "16",
+        "--sizes",
+        "16",
+        "410",
+        "--frames",
+        "2",
+        "--frame-n",
+        "16",
+        "--launches",
+        "2",
+        "--json",
+    ]
     done = started.run([sys.executable, str(ROOT / "scripts" / "fixed.py"), *words, "--run", str(tmp_path)])
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / fixed.FILE).read_text())
@@ -167,7 +269,20 @@ def test_all_of_it_small(tmp_path):
     assert len(result["sweep"]) == 3 * len(fixed.BITS) and any("refused" in row for row in result["sweep"])
     assert result["clearing"][0]["wrongly_cleared_ppm"] == 0 < result["clearing"][1]["wrongly_cleared_ppm"]
     assert all(len(row["all_ms"]) == 2 for row in result["animation"])
-    named = {key for row in (result["rows"][0], result["sweep"][-1], result["animation"][0]) for key in row}
+    cores = len({1, len(run.USABLE)})
+    programs = ["article"] * cores + (["lanes"] * cores + ["floats"] * cores if most > 1 else [])
+    programs += ["article", "lanes"] if most > 1 else ["article"]
+    assert [row["program"] for row in result["animation"]] == programs
+    words = result["animation"][0]["settings"]
+    assert "roots=article clear=corners" in words and "bits=20" in words, "the article's program first"
+    bare = [not row["shadows"] for row in result["animation"]]
+    assert bare == [False] * (len(bare) - sum(bare)) + [True] * (2 if most > 1 else 1)
+    assert not (tmp_path / "animation").exists(), "kept frames are forgotten when the file is written"
+    named = {
+        key
+        for row in (result["rows"][0], result["sweep"][-1], result["animation"][0], result["clearing"][-1])
+        for key in row
+    }
     common = {"width", "scene", "ms_low", "ms_high"} | keys("rods.json") | keys("frames.json")
     assert (
         not named
@@ -176,5 +291,5 @@ def test_all_of_it_small(tmp_path):
         - {"gain_low", "gain_high", "over_float_low", "over_float_high"}
     )
     assert (tmp_path / "images" / "fixed-blocks.png").exists() and (
-        tmp_path / "figures" / "fixed-bits.png"
+        tmp_path / "figures" / "fixed-frames.png"
     ).exists()

@@ -1,0 +1,141 @@
+#!/usr/bin/env python3
+"""A run's folder made small enough to be published: whole for the report, which is tried at the end."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+from pathlib import Path
+from typing import Any
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+import numpy as np
+import OpenImageIO as oiio
+
+import tables
+from study import analysis, chapters, images, ladder, rods, store
+from study.cli import StudyError
+
+DESCRIPTION = """\
+Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
+without `all`, the thousands of settings that were tried and are in no table), frames.jsonl packed, the
+pictures that chapters show, scaled down until each is under 300 kB, and the tables made from these copies,
+those over 60 kB left out. Then every chapter is read from FOLDER and must have the parts, figures and
+pictures that it has in the run."""
+PICTURE_BYTES, TABLE_BYTES = 300_000, 60_000
+SMALLER = 0.85  # each time a picture is still too large
+
+
+def without_all(throttled: Any) -> Any:
+    """throttle.json without what no table shows."""
+    rows = [{key: value for key, value in row.items() if key != "all"} for row in throttled["rows"]]
+    return throttled | {"rows": rows}
+
+
+def copy_files(run: Path, folder: Path) -> None:
+    """The JSON files and the frames. Raises StudyError."""
+    for file in sorted(run.glob("*.json")):
+        if file.name == rods.THROTTLE:
+            store.write_json(folder / file.name, without_all(store.read_json(file)))
+        else:
+            shutil.copyfile(file, folder / file.name)
+    packed, plain = (run / name for name in ("frames.jsonl.gz", "frames.jsonl"))
+    if plain.exists():
+        (folder / packed.name).write_bytes(gzip.compress(plain.read_bytes(), mtime=0))
+    elif packed.exists():
+        shutil.copyfile(packed, folder / packed.name)
+
+
+def shrink(picture: Path, out: Path, most: int = PICTURE_BYTES) -> None:
+    """Writes the PNG `out`: the picture, as large as fits `most` bytes. Raises StudyError."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if picture.stat().st_size <= most:
+        shutil.copyfile(picture, out)
+        return
+    whole = oiio.ImageBuf(str(picture))
+    if whole.has_error or not whole.spec().width:
+        raise StudyError(f"{picture}: not a picture: {whole.geterror().strip()}")
+    whole = oiio.ImageBufAlgo.channels(whole, (0, 1, 2))
+    width, height = whole.spec().width, whole.spec().height
+    scale = 1.0
+    while not out.exists() or out.stat().st_size > most:
+        scale *= SMALLER
+        size = [max(1, round(side * scale)) for side in (width, height)]
+        made = oiio.ImageBufAlgo.resize(whole, roi=oiio.ROI(0, size[0], 0, size[1], 0, 1, 0, 3))
+        images.write_png(out, np.asarray(made.get_pixels(oiio.UINT8)))
+
+
+def sections(folder: Path) -> list[Any]:
+    return chapters.all_of(analysis.load(folder, strict=False))
+
+
+def copy_pictures(run: Path, folder: Path) -> list[str]:
+    """Those that the chapters show and the run has; their names below the run."""
+    names = []
+    for section in sections(run):
+        for picture in section.images:
+            if picture.is_file() and picture.is_relative_to(run):
+                names.append(str(picture.relative_to(run)))
+                shrink(picture, folder / names[-1])
+    return names
+
+
+def make_tables(folder: Path) -> list[str]:
+    """tables/ of the copies; names of those that are too large to be kept."""
+    data = analysis.load(folder, strict=False)
+    tables.write(tables.make(data, ladder.rows(data)), folder / "tables")
+    large = sorted(file for file in (folder / "tables").iterdir() if file.stat().st_size > TABLE_BYTES)
+    for file in large:
+        file.unlink()
+    return [file.name for file in large]
+
+
+def shown(folder: Path) -> dict[str, Any]:
+    """What the report shows of each chapter: its tables' text, its figures, its pictures."""
+    return {
+        one.id: (
+            [(part.name, part.markdown) for part in one.parts],
+            sorted(one.drawn),
+            sorted(path.name for path in one.images if path.is_file()),
+        )
+        for one in sections(folder)
+    }
+
+
+def check(run: Path, folder: Path) -> None:
+    """Raises StudyError for a chapter that the folder does not make as the run does."""
+    here, there = shown(run), shown(folder)
+    lost = sorted(name for name in here if here[name] != there.get(name))
+    if lost:
+        raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
+
+
+def main() -> int:
+    parser = cli.parser(DESCRIPTION)
+    parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
+    )
+    args = parser.parse_args()
+    run = store.Run.open(args.run).path
+    if args.folder.exists() and any(args.folder.iterdir()):
+        raise StudyError(f"{args.folder}: is there already and not empty")
+    folder = store.writable(args.folder)
+    copy_files(run, folder)
+    names = copy_pictures(run, folder)
+    large = make_tables(folder)
+    check(run, folder)
+    size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    said = {"folder": folder, "bytes": size, "pictures": names, "tables_left_out": large}
+    if args.json:
+        cli.emit(said)
+    else:
+        print(f"{folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
+        print(f"tables over {TABLE_BYTES // 1000} kB, left out: {', '.join(large) or 'none'}")
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(main)

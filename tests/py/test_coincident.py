@@ -1,0 +1,82 @@
+"""4,096 spheres in one place: the systems' picture is that of one sphere, of the first; what loses it."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conformance.feature_scenes import scene, shape
+from study import fixed, packets_rays, registry, rods, store
+from study.moving import environment
+from study.registry import Scene
+
+COUNT, SIZE = 4096, (43, 24)
+# Its disc is within the first block of 16 × 16 pixels: no ray through a corner of a block meets it.
+PLACE, RADIUS = [-3.66, 0.93, 2.0], 0.43
+AWAKE = {
+    "fixed": (fixed.SETTINGS, "clear=safe"),
+    "fixed_simd": (fixed.SETTINGS, ""),
+    "fixed_float": (fixed.SETTINGS, ""),
+    "rods_simd": (rods.SETTINGS, ""),
+    "packets": (packets_rays.SETTINGS, ""),
+}
+
+
+def expected() -> np.ndarray:
+    """The pixels whose middle's ray comes closer to the centre than its radius."""
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
+    half = np.tan(np.radians(60) / 2) / SIZE[1]
+    along = np.stack(
+        [(2 * columns + 1 - SIZE[0]) * half, (SIZE[1] - 1 - 2 * rows) * half, np.ones(rows.shape)], axis=-1
+    )
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    centre = np.array(PLACE) - [0, 0, -4]
+    return np.linalg.norm(np.cross(along, centre), axis=-1) < RADIUS
+
+
+@pytest.fixture(scope="module")
+def draw(tmp_path_factory):
+    """The picture of so many of them by a phase, in the words of its variable."""
+    folder = tmp_path_factory.mktemp("coincident")
+
+    @functools.cache
+    def one(phase: str, count: int, variable: str, words: str):
+        data = scene(
+            [shape("sphere", radius=RADIUS, position=PLACE, material="plain")] * count,
+            camera={"position": [0, 0, -4], "look_at": [0, 0, 0], "vertical_fov_degrees": 60},
+            light={"shadows": "hard"},
+        )
+        path: Path = folder / f"{count}.json"
+        store.write_json(path, data)
+        with environment({variable: words}):
+            return rods.picture(phase, "", Scene(path.stem, path, data, False), SIZE)
+
+    return one
+
+
+def needed(phase: str) -> None:
+    if lacking := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
+
+
+@pytest.mark.parametrize("phase", AWAKE)
+def test_they_are_one_sphere_and_the_first(draw, phase):
+    needed(phase)
+    there = expected()
+    assert there.sum() == 8
+    many, alone = (draw(phase, count, *AWAKE[phase]) for count in (COUNT, 1))
+    assert np.array_equal(many["id"] >= 0, there), f"{(many['id'] >= 0).sum()} pixels"
+    assert set(np.unique(many["id"])) == {-1.0, 0.0}, "the first in the scene has it"
+    for plane in ("R", "G", "B", "Z"):
+        assert np.array_equal(many[plane], alone[plane]), plane
+        assert np.isfinite(many[plane][there]).all()
+
+
+def test_the_articles_corners_lose_all_of_them(draw):
+    made = draw("fixed", COUNT, fixed.SETTINGS, "roots=article clear=corners")
+    assert (made["id"] < 0).all() and (made["cleared"][expected()] == 1).all()
+    whole = draw("fixed", COUNT, fixed.SETTINGS, "roots=article clear=never")
+    assert np.array_equal(whole["id"] >= 0, expected()), "it is the clearing that loses them"

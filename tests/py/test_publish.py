@@ -1,0 +1,105 @@
+"""scripts/publish.py: a small folder from which the report makes every chapter that it makes of the run."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import started
+import test_fixed_study
+import test_rods_study
+
+from study import fixed, images, rods, rods_pictures, store
+from study.registry import ROOT
+
+FIXTURE = ROOT / "tests" / "fixtures" / "run"
+
+
+def throttled() -> dict:
+    """Two scenes, one with a choice; thousands tried."""
+    one = {
+        "settings": "size=32 least=4 steps=20 finish=8",
+        "evaluations": 3.0,
+        "ms": 2.0,
+        "ms_low": 1.0,
+        "ms_high": 3.0,
+        "psnr_db": 60.0,
+        "wrong_ppm": 0.0,
+    }
+    tried = [one | {"first_ms": i / 7} for i in range(3000)]
+    row = {"scene": "trio", "width": 160, "n": 90, "psnr_db": 60.0, "wrong_ppm": 10.0, "tried": 3000}
+    row |= {"within": 3000, "all": tried, "chosen": one, "plain": one, "gain": 2.0}
+    row |= {"gain_low": 1.0, "gain_high": 3.0, "own_limits": False, "large": None}
+    return {"rows": [row, row | {"scene": "scene0", "chosen": None, "gain": None}]}
+
+
+@pytest.fixture
+def made(tmp_path) -> Path:
+    """A run with files of the systems and a picture that is too large."""
+    run = tmp_path / "run"
+    shutil.copytree(FIXTURE, run)
+    store.write_json(run / fixed.FILE, test_fixed_study.made_up())
+    store.write_json(run / rods.FILE, test_rods_study.made_up())
+    store.write_json(run / rods.THROTTLE, throttled())
+    noise = np.random.default_rng(1).integers(0, 256, (500, 800, 3), dtype=np.uint8)
+    images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
+    return run
+
+
+def publish(run: Path, folder: Path):
+    return started.run([sys.executable, str(ROOT / "scripts" / "publish.py"), str(run), str(folder)])
+
+
+def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
+    folder = tmp_path / "published"
+    done = publish(made, folder)
+    assert done.returncode == 0, done.stderr
+    kept = json.loads((folder / rods.THROTTLE).read_text())
+    whole = json.loads((made / rods.THROTTLE).read_text())
+    assert [row | {"all": old["all"]} for row, old in zip(kept["rows"], whole["rows"], strict=True)] == whole[
+        "rows"
+    ]
+    assert not any("all" in row for row in kept["rows"])
+    assert (folder / rods.THROTTLE).stat().st_size < 10_000 < (made / rods.THROTTLE).stat().st_size
+    assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == (made / "frames.jsonl").read_bytes()
+    picture = folder / "images" / f"{rods_pictures.PICTURES}.png"
+    small = images.oiio.ImageBuf(str(picture)).spec()
+    assert 100_000 < picture.stat().st_size <= 300_000, "as large as fits"
+    assert small.width / small.height == pytest.approx(1.6, rel=0.01) and small.nchannels == 3
+    assert all(file.stat().st_size <= 60_000 for file in (folder / "tables").iterdir())
+    page = tmp_path / "page" / "index.html"
+    done = started.run([sys.executable, str(ROOT / "scripts" / "report.py"), str(folder), "-o", str(page)])
+    assert done.returncode == 0, done.stderr
+    text = page.read_text()
+    assert "the throttle&#39;s choice" in text and rods_pictures.CAPTION[:40] in text
+    assert (page.parent / "tables" / "throttle.md").read_text().count("\n") == 4
+
+
+def test_what_is_there_is_not_written_over(made, tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine").write_text("")
+    done = publish(made, tmp_path / "there")
+    assert done.returncode == 2 and "not empty" in done.stderr
+    done = publish(tmp_path / "there", tmp_path / "new")
+    assert done.returncode == 2 and "plan.json" in done.stderr
+
+
+def test_a_chapter_that_is_lost_is_an_error(made, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import publish as script
+
+    folder = tmp_path / "published"
+    folder.mkdir()
+    script.copy_files(made, folder)
+    with pytest.raises(script.StudyError, match="not as in the run: systems"):  # its picture is not there
+        script.check(made, folder)
+    script.copy_pictures(made, folder)
+    script.check(made, folder)
+    (folder / rods.THROTTLE).unlink()
+    with pytest.raises(script.StudyError, match="not as in the run: systems"):
+        script.check(made, folder)
