@@ -209,7 +209,7 @@ def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
 
 
 def views(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """Every rung on views it was not tuned on, or in a minute and a half the newest ones."""
+    """Every rung on views it was not tuned on, or in two minutes and a half the newest ones."""
     return judged("views", *(["--full"] if options.part or options.full else []), "--run", str(run))
 
 
