@@ -158,7 +158,7 @@ def series(height: int, seed: int, folder: Path, heights: Sequence[int] = HEIGHT
     crowd = f"shapes, scattered, n = {CROWD_HEIGHT}"
     made = [
         Series(
-            *("crowd", crowd, "shapes", CROWD, 0.5, 1, CROWD_HEIGHT, shapes("scattered")),
+            *("crowd", crowd, "shapes", CROWD, 0.3, 1, CROWD_HEIGHT, shapes("scattered")),
             **{"weight": 3, "fast_only": True, "kept": False},
         ),
         Series(
