@@ -75,7 +75,7 @@ views: setup ## every rung against its parent on views it was not tuned on: medi
 frames: setup ## frames a second on every core, gamma and 8 bits included, against 60 and 30 (5 minutes)
 	@$(PY) scripts/run_study.py --part frames $(ARGS)
 
-breakeven: setup ## after how many frames compiling a scene's kernel has paid (opt10_scene; a minute)
+breakeven: setup ## after how many frames compiling a scene's kernel has paid (opt10_scene; a minute and a half)
 	@$(PY) scripts/run_study.py --part breakeven $(ARGS)
 
 drjit: setup ## our phases beside Dr.Jit (installed into build/drjit; needs LLVM 17 or newer), with the error of both (5 minutes)

@@ -20,7 +20,7 @@ DESCRIPTION = """\
 opt10_scene compiles a kernel for each scene. Its set-up, from an empty cache, and its frames against
 opt9_convex's, interleaved, each launch a process of its own: how many frames until it has paid. Scenes
 without a kernel are named."""
-SECONDS = 40
+SECONDS = 90
 
 
 def arguments() -> argparse.Namespace:

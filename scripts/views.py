@@ -38,7 +38,7 @@ DESCRIPTION = """\
 Constants of a rung may be tuned on the own views of scene0 and mandelbulb alone. Here every scene is rendered
 from four places, each rung timed in interleaved launches with its parent, and a rung that is faster where it
 was tuned and not elsewhere is said to be. The newest rungs come first; what does not fit the time is said."""
-SECONDS = 90
+SECONDS = 150
 
 
 def arguments() -> argparse.Namespace:
@@ -49,7 +49,12 @@ def arguments() -> argparse.Namespace:
     add("-n", type=cli.at_least(8), default=90, help="height of what is timed; default: 90")
     add("--error-n", type=cli.at_least(8), default=45, metavar="N", help="of what is held against truth: 45")
     add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
-    add("--reps", type=cli.at_least(1), default=1, help="timed frames of a launch; default: 1")
+    add(
+        "--reps",
+        type=cli.at_least(1),
+        default=1,
+        help="timed frames of a launch at least, and 20 ms of them; default: 1",
+    )
     add("--seconds", type=cli.at_least(1, float), help=f"for everything; default: {SECONDS}")
     add("--full", action="store_true", help="every rung, however long that takes")
     add("--seed", type=int, help="of order and padding; default: random")

@@ -75,6 +75,7 @@ def columns(against: str) -> list[Column]:
 NONE = [
     Column("", "scene", lambda r: r["scene"]),
     Column("", "why", lambda r: r["reason"]),
+    Column("", "breaks even after, frames", lambda r: "–" if "n" not in r else "never: no kernel"),
 ]
 
 

@@ -189,9 +189,31 @@ class Pictures:
         """Those of `against` by the same parameters; `to_own`: by the scene's, where they are others."""
         made, fractal = images.read(self._path(spec, case)), registry.find_scene(case.scene).fractal
         found = against(self._reference(case), made, fractal)
+        on_it = bulb_psnr(self._reference(case), made, registry.find_scene(case.scene))
         own = self.own[case.scene]
         other = None if own == case else against(self._reference(own), made, fractal)
-        return {"reference": str(self.reference), **found, "to_own": other}
+        more = {"bulb_psnr_db": on_it, "marched": self._marched(spec, case)}
+        return {"reference": str(self.reference), **found, "to_own": other, **more}
+
+    def _marched(self, spec: Spec, case: Case) -> Row | None:
+        """Errors of the nearest parent that marches to its hits, by the same coarse hit distance; None of a
+        phase that does so itself, and by the scene's own."""
+        phase = registry.find_phase(spec.phase)
+        if case.hit == OWN or not phase.exact_hits:
+            return None
+        while phase.exact_hits and phase.parent:
+            phase = registry.find_phase(phase.parent)
+        parent = Spec.parse(phase.name)
+        if phase.exact_hits or registry.missing_isa(parent):
+            return None
+        self.first(parent, case)
+        made, scene = images.read(self._path(parent, case)), registry.find_scene(case.scene)
+        found = against(self._reference(case), made, scene.fractal)
+        return {
+            **{"phase": str(parent), "psnr_db": found["psnr_db"], "rmse": found["rmse"]},
+            "depth_agree_fraction": found["depth_agree_fraction"],
+            "bulb_psnr_db": bulb_psnr(self._reference(case), made, scene),
+        }
 
 
 def against(reference: images.Picture, image: images.Picture, fractal: bool) -> Row:
@@ -208,6 +230,19 @@ def against(reference: images.Picture, image: images.Picture, fractal: bool) -> 
         "depth_agree_fraction": geometry["depth_agree_fraction"],
         "non_finite": images.non_finite(image),
     }
+
+
+def bulb_psnr(reference: images.Picture, image: images.Picture, scene: Scene) -> float | None:
+    """PSNR in dB of the 4×4 means all of whose samples hit a Mandelbulb in both pictures; None of none."""
+    bulbs = [i for i, shape in enumerate(scene.data["shapes"]) if shape["type"] == "mandelbulb"]
+    hit = np.isin(reference["id"], bulbs) & np.isin(image["id"], bulbs)
+    high, wide = (size // FACTOR for size in hit.shape)
+    blocks = hit[: high * FACTOR, : wide * FACTOR].reshape(high, FACTOR, wide, FACTOR).all(axis=(1, 3))
+    if not blocks.any():
+        return None
+    means = [images.box_average(images.rgb(one), FACTOR)[blocks].astype(float) for one in (reference, image)]
+    error = float(np.sqrt(np.mean((means[0] - means[1]) ** 2)))
+    return math.inf if error == 0 else -20 * math.log10(error)
 
 
 def measure(

@@ -20,6 +20,7 @@ from study.sections import Section, part, reading
 from study.show import Column
 
 HEADING = re.compile(r"^## +What did not pay\b.*$", re.MULTILINE | re.IGNORECASE)
+ASIDE = re.compile(r"(?:- )?\**did not pay\b", re.IGNORECASE)  # how a paragraph of another section begins
 PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
 FEW = "too few launches"
 ABOUT = (
@@ -110,13 +111,37 @@ def draw(rows: Sequence[Row]) -> Figure:
 
 
 def quoted(text: str) -> str | None:
-    """The part of a NOTES.md headed "What did not pay", its heading first; None without one."""
+    """What a NOTES.md says that did not pay, a heading first: its part of that heading, and below it the
+    paragraphs of other sections that begin with those words, each under its section's. None without any."""
     found = HEADING.search(text)
-    if not found:
+    part, others = "", text
+    if found:
+        rest = text[found.end() :]
+        end = re.search(r"^## ", rest, re.MULTILINE)
+        body = rest[: end.start()] if end else rest
+        part = (found[0] + body).strip()
+        others = text[: found.start()] + rest[len(body) :]
+    aside = _aside(others)
+    if not found and not aside:
         return None
-    rest = text[found.end() :]
-    end = re.search(r"^## ", rest, re.MULTILINE)
-    return (found[0] + (rest[: end.start()] if end else rest)).strip() + "\n"
+    return "\n\n".join([part or "## What did not pay", *aside]) + "\n"
+
+
+def _aside(text: str) -> list[str]:
+    """Paragraphs that begin so, the title of each section before its first."""
+    made: list[str] = []
+    section = said = ""
+    for paragraph in re.split(r"\n\s*\n", text):
+        for line in paragraph.splitlines():
+            if heading := re.match(r"##+ +(.*)", line):
+                section = heading[1]
+        own = "\n".join(line for line in paragraph.splitlines() if not line.startswith("#")).strip()
+        if ASIDE.match(own):
+            if section != said:
+                made.append(f"*In “{section}”:*")
+                said = section
+            made.append(own)
+    return made
 
 
 def notes(phases: Mapping[str, registry.Phase]) -> dict[str, str]:

@@ -199,11 +199,15 @@ def frames(
     cpu: int | None = None,
     threads: int = 1,
     env_bytes: int = 0,
+    timed: bool = True,
     **options: Any,
 ) -> Iterator[dict[str, Any]]:
-    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment."""
+    """The same, frame by frame, as each is done. `env_bytes`: padding of the child's environment.
+
+    Not `timed`: `ns` is as always, the clocks' rates are 0; without them a frame costs no more than itself.
+    """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    for line in _lines(arguments, cpu_set(cpu, threads), env_bytes):
+    for line in _lines(arguments, cpu_set(cpu, threads), env_bytes, timed):
         yield _parse(line, arguments[0])
 
 

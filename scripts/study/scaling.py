@@ -1,9 +1,9 @@
 """How cost grows: which points of a series fit its time, their times, evaluations, errors and memory.
 
-Each series has seconds of its own. Its points are taken from the cheapest on, over all programs, three of
-each program first, as fewer make no fit: each is rendered once as a picture (which is also its first time),
-the next x of that program is foreseen from it, and what would not fit is left out and said. Then all that
-were taken are timed in one interleaved run.
+Each series has seconds of its own. Its points are taken by their worth: the newest rungs before the others,
+of each the points that a fit or a goal needs before the rest, the rest from the cheapest on. Each is rendered
+once as a picture (which is also its first time), the next x of that program is foreseen from it, and what
+would not fit is left out and said. Then all that were taken are timed in one interleaved run.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from study import cli, images, registry, run, stats, store
 from study.registry import Spec
 from study.run import DriverError
 from study.scaling_errors import Judge, seen
-from study.scaling_series import Picture, Point, Row, Series, foreseen
+from study.scaling_series import EARLY, Picture, Point, Row, Series, guessed
 
 FILE = "scaling.json"
 SHORT, LONG = 0.02, 0.25  # s: below, several frames a launch; above, caches settle within a frame
 REPEATED = 5
-EARLY, EARLY_SHARE = 3, 0.6  # points that every program should have, and the share of the time they may take
-OVERHEAD = 0.06  # s of a launch beside its frames: clocks are calibrated
+FAST = 3  # so many of the ladder's last rungs come before all others
+LATE = FAST + 2  # turn of what comes last
+EARLY_SHARE = 0.6  # of the time: what one kind of points may take before the next kind has had its turn
+OVERHEAD = 0.1  # s of a launch beside its frames: the process, and the calibration of clocks
 TRUTH_SHARE = 0.2  # of a series' seconds for truth's pictures
 MOST_JUDGED = 2_100_000  # pixels of a picture that is kept with its planes; larger ones are only timed
 
@@ -62,6 +64,12 @@ def cost(seconds: float, launches: int) -> float:
     return launches * (sum(frames_of(seconds)) * seconds + OVERHEAD)
 
 
+def newest(specs: Sequence[Spec]) -> list[Spec]:
+    """Those among the ladder's last FAST rungs, the last first."""
+    ladder = list(registry.ladder())[-FAST:]
+    return sorted((s for s in specs if str(s) in ladder), key=lambda s: -ladder.index(str(s)))
+
+
 def choose(
     series: Series,
     specs: Sequence[Spec],
@@ -71,38 +79,53 @@ def choose(
     refused: type[Exception] = DriverError,
 ) -> Plan:
     """Takes points from the cheapest on, while `seconds` last. `first` renders one, or raises `refused`."""
-    plan = Plan()
+    plan, order, fast = Plan(), series.order, newest(specs)
+    first_ones = len(series.first) or EARLY
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
-    # Equal guesses go by the order of the programs; 0 s: nothing is known before a program's first point.
-    queue = [(False, 0.0, 0, number) for number in range(len(specs))]
+    ready: dict[Spec, list[int]] = {spec: list(order) for spec in specs}  # places in `order` still to come
+
+    def kind(spec: Spec, step: int) -> int:
+        """Of a point: the newest rungs' first ones one rung after the other, the rest of theirs; then the
+        others' first ones, and theirs."""
+        early = step < first_ones
+        if spec in fast:
+            return fast.index(spec) if early else FAST
+        return FAST + 1 if early else LATE
+
+    def push(number: int, step: int, later: bool = False) -> None:
+        spec = specs[number]
+        if step < len(order):
+            guess = guessed(known[spec], order[step], series.grows)
+            heapq.heappush(queue, (LATE if later else kind(spec, step), guess, step, number))
 
     def leave(point: Point, reason: str, guess: float | None = None) -> None:
-        plan.left_out.append(
-            {
-                "series": series.name,
-                "x": point.x,
-                "phase": str(point.spec),
-                "reason": reason,
-                "foreseen_s": guess,
-            }
-        )
+        about = {"series": series.name, "x": point.x, "phase": str(point.spec)}
+        plan.left_out.append(about | {"reason": reason, "foreseen_s": guess})
 
+    # Equal guesses go by the order of the programs; 0 s: nothing is known before a program's first point.
+    queue: list[tuple[int, float, int, int]] = []
+    for number in range(len(specs)):
+        push(number, 0)
     while queue:
-        late, guess, step, number = heapq.heappop(queue)
+        turn, guess, step, number = heapq.heappop(queue)
         spec = specs[number]
-        point = Point(series.name, series.xs[step], spec)
+        point = Point(series.name, order[step], spec)
+        if point.x not in ready[spec]:  # beyond one that took too long
+            push(number, step + 1)
+            continue
         needed = guess + cost(guess, launches) + OVERHEAD
-        if not late and plan.spent + needed > EARLY_SHARE * seconds:
-            heapq.heappush(queue, (True, guess, step, number))
+        # Of the time, the newest rungs' further points leave a share for the others' first ones, as those do
+        # for whatever comes last.
+        if FAST <= turn < LATE and plan.spent + needed > EARLY_SHARE * seconds:
+            push(number, step, later=True)
             continue
         if plan.spent + needed > seconds:
-            what = (
-                f"all its launches would take about {needed:.3g} s, of {seconds:.3g} s for the whole series"
-            )
-            leave(point, what, guess)
-            for x in series.xs[step + 1 :]:
-                further = foreseen(None, known[spec][-1], x, series.grows) if known[spec] else None
+            leave(point, too_long(needed, seconds), guess)
+            for x in [x for x in ready[spec] if x > point.x and x in order[step + 1 :]]:
+                ready[spec].remove(x)
+                further = guessed(known[spec], x, series.grows) if known[spec] else None
                 leave(Point(series.name, x, spec), "beyond a point that took too long", further)
+            push(number, step + 1)
             continue
         begun = time.monotonic()
         try:
@@ -110,20 +133,25 @@ def choose(
         except refused as error:
             leave(point, getattr(error, "message", None) or str(error))
             continue
-        plan.taken[point] = found
-        plan.spent += time.monotonic() - begun + cost(found.seconds, launches)
-        trail = known[spec]
-        trail.append((point.x, found.seconds))
-        if step + 1 < len(series.xs):
-            before = trail[-2] if len(trail) > 1 else None
-            ahead = foreseen(before, trail[-1], series.xs[step + 1], series.grows)
-            heapq.heappush(queue, (step + 1 >= EARLY, ahead, step + 1, number))
+        plan.spent += time.monotonic() - begun
+        known[spec].append((point.x, found.seconds))
+        launching = cost(found.seconds, launches)
+        if plan.spent + launching > seconds and plan.taken:
+            leave(point, too_long(launching, seconds), found.seconds)
+        else:
+            plan.spent += launching
+            plan.taken[point] = found
+        push(number, step + 1)
     return plan
 
 
-def render(point: Point, picture: Picture, folder: Path, cpu: int) -> First:
+def too_long(needed: float, seconds: float) -> str:
+    return f"all its launches would take about {needed:.3g} s, of {seconds:.3g} s for the whole series"
+
+
+def render(point: Point, picture: Picture, folder: Path, cpu: int, kept: bool = True) -> First:
     """The point's first frame, with its planes unless it is too large for that. Raises DriverError."""
-    keep = picture.width * picture.height <= MOST_JUDGED
+    keep = kept and picture.width * picture.height <= MOST_JUDGED
     out = folder / f"{point.series}-{point.x}-{point.spec}.exr" if keep else None
     size = picture.height, picture.width
     made = run.render(point.spec, picture.path, *size, cpu=cpu, aov=keep, out=out, **picture.options)
@@ -166,6 +194,7 @@ class Settings:
     cpu: int
     scratch: Path
     keep: Path
+    truth_left: float = 0.0  # s
 
 
 @dataclass
@@ -179,29 +208,33 @@ class Found:
 
 
 def study(series: Series, specs: Sequence[Spec], seconds: float, settings: Settings) -> Found:
-    """Measures one series in about `seconds`."""
+    """Measures one series in about `seconds`. Truth's pictures may take their share of them, and what earlier
+    series left of theirs; what one took too much, the next ones go without."""
     begun = time.monotonic()
     wanted = [s for s in specs if not series.threads_only or registry.find_phase(s.phase).threads]
+    if series.fast_only:
+        wanted = [s for s in wanted if s in newest(specs)]
     pictures: dict[int, Picture] = {}
 
     def first(point: Point) -> First:
         if point.x not in pictures:
             pictures[point.x] = series.picture(point.x)
-        return render(point, pictures[point.x], settings.scratch, settings.cpu)
+        return render(point, pictures[point.x], settings.scratch, settings.cpu, series.kept)
 
     plan = choose(series, wanted, seconds * (1 - TRUTH_SHARE), settings.launches, first)
     if not plan.taken:
         return Found([], plan.left_out, [], time.monotonic() - begun)
-    judge = Judge(series, pictures, seconds * TRUTH_SHARE)
+    judge = Judge(series, pictures, settings.truth_left + seconds * TRUTH_SHARE)
     found: dict[Point, Row] = {}
     thumbnails = []
     for x in sorted({point.x for point in plan.taken}):
         made = {p: one.picture for p, one in plan.taken.items() if p.x == x and one.picture}
         made = dict(sorted(made.items(), key=lambda item: wanted.index(item[0].spec)))
         for point, row in (judge.errors(x, made) if made else {}).items():
-            found[point] = seen(made[point]) | row
+            found[point] = seen(made[point], registry.find_phase(point.spec.phase).exact_hits) | row
         if made and series.generated:
             thumbnails.append(thumbnail(series, x, next(iter(made.values())), pictures[x], settings.keep))
+    settings.truth_left = judge.left
     times = measure(plan.taken, pictures, settings)
     rows = [
         row_of(point, pictures[point.x], plan.taken[point], times[point]) | found.get(point, {})

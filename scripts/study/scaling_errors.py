@@ -50,6 +50,8 @@ class Judge:
     def _rendered(self, x: int, picture: Picture) -> images.Picture | None:
         scene, size = self.series.scene(x), (picture.width, picture.height)
         cached = truth.path_of(scene, size).exists()
+        if not cached and self.left <= 0:
+            return None
         before = self.trail[-2] if len(self.trail) > 1 else None
         if not cached and self.trail:
             guess = foreseen(before, self.trail[-1], x, self.series.grows)
@@ -93,11 +95,12 @@ def finest(made: Iterable[Point]) -> Point:
     return (doubles or points)[0]
 
 
-def seen(path: Path) -> Row:
-    """What a kept picture says of itself."""
+def seen(path: Path, closed: bool = False) -> Row:
+    """What a kept picture says of itself. `closed`: of a phase that meets shapes by closed forms, whose plane
+    of evaluations holds a 1 for every camera ray, marched or not: that is no count, and none is given."""
     made = images.read(path)
     return {
-        "evals_per_ray": float(np.mean(made["evals"], dtype=np.float64)),
+        "evals_per_ray": None if closed else float(np.mean(made["evals"], dtype=np.float64)),
         "coverage": float(np.mean(made["id"] >= 0)),
         "non_finite": images.non_finite(made),
     }

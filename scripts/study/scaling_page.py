@@ -185,13 +185,43 @@ def figures(result: dict[str, Any], folder: Path) -> dict[str, Figure]:
     return {name: figure for name, figure in made.items() if figure is not None}
 
 
+def without(result: dict[str, Any]) -> str | None:
+    """What was left out, a clause a series: from which x on of which programs; None: nothing."""
+    found: dict[str, dict[tuple[int, str], list[str]]] = {}
+    first: dict[tuple[str, str], Row] = {}
+    for row in result["left_out"]:
+        if row["series"] not in ("memory", "all"):
+            key = row["series"], row["phase"]
+            first[key] = min(first.get(key, row), row, key=lambda r: r["x"])
+    for (series, phase), row in first.items():
+        how = "all" if is_all(result, row) else "some"
+        found.setdefault(series, {}).setdefault((row["x"], how), []).append(phase)
+    clauses = [
+        f"{series}: "
+        + ", ".join(
+            f"{' and '.join(phases)} {f'from {x:,} on' if how == 'all' else f'some from {x:,} on'}"
+            for (x, how), phases in sorted(some.items())
+        )
+        for series, some in found.items()
+    ]
+    return f"Left out, as the seconds were over (see the table): {'; '.join(clauses)}." if clauses else None
+
+
+def is_all(result: dict[str, Any], row: Row) -> bool:
+    """Whether nothing of that series and program was measured beyond the row's x."""
+    same = (r for r in result["rows"] if (r["series"], r["phase"]) == (row["series"], row["phase"]))
+    return all(r["x"] < row["x"] for r in same)
+
+
 def note(result: dict[str, Any]) -> str:
     cpu = machine.name(result.get("context"))
     return (
         f"{cpu}; median of {result['launches']} interleaved launches; n = {result['n']} where it is not what "
-        f"varies (twice that in threads). Dashed: least squares in log-log; *: some point is over "
+        f"varies (twice that in threads; 720 in crowd, as in the goal). Dashed: least squares in log-log; "
+        f"*: some point is over "
         f"{100 * (scaling_fit.OFF - 1):.0f} % off the law, beyond its launches' noise: the exponent is then "
         "a mean slope and no law. Dotted: the paper's law from the first program's first point on. Generated "
         "scenes cover the same share of the picture. Filled marks: error to truth; hollow: to the finest "
-        "picture there is, which the table names."
+        "picture there is, which the table names. Rungs with closed forms have no evaluations here: their "
+        "plane holds a 1 for every camera ray, marched or not; counts.json has their work by function."
     )

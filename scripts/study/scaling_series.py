@@ -20,6 +20,8 @@ SHAPES = (1, 4, 16, 64, 256, 1024, 4096)
 STEPS = (4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
 BOUNCES = (0, 1, 2, 4, 8, 16)
 STEP_SHAPES = 64  # of the corridors that the step cap is tried on
+CROWD_HEIGHT, CROWD = 720, (16, 4096)  # of the goal: the issue's pictures are 1280 × 720
+EARLY = 3  # points that every program should have: fewer make no fit
 STEEPEST = 1.0  # above what a series is foreseen to grow by: what one step may show
 Row = dict[str, Any]
 LAW = "O(K·T·N²)"  # of P1: N × N pixels, T shapes, K the largest number of steps
@@ -57,7 +59,9 @@ class Point:
 class Series:
     """`grows`: exponent that costs are foreseen by; `paper`: the one of its law, None where it has none.
 
-    `scene(x)` and `picture(x)` make a generated scene's file when it is first asked for.
+    `first`: the x that every program should have before any other, three apart from one another or what a
+    goal is judged on. `fast_only`: for the last programs of the ladder alone; `kept`: whether pictures are
+    kept and judged. `scene(x)` and `picture(x)` make a generated scene's file when it is first asked for.
     """
 
     name: str
@@ -71,6 +75,15 @@ class Series:
     varies: str = ""  # height, threads or max_steps; "": the scene itself
     threads_only: bool = False
     weight: int = 1  # of its share of the time
+    first: tuple[int, ...] = ()
+    fast_only: bool = False
+    kept: bool = True
+
+    @property
+    def order(self) -> list[int]:
+        """All x by their worth: those of `first` (by itself the first three), then the others, upwards."""
+        first = [x for x in self.first if x in self.xs] or list(self.xs[:EARLY])
+        return first + [x for x in self.xs if x not in first]
 
     @property
     def generated(self) -> bool:
@@ -99,68 +112,74 @@ def foreseen(before: tuple[float, float] | None, last: tuple[float, float], x: f
     return last[1] * (x / last[0]) ** slope
 
 
+def guessed(trail: Sequence[tuple[float, float]], x: float, grows: float) -> float:
+    """Seconds at x from all that is known of a program, in any order; 0 where nothing is.
+
+    Beyond what is known as `foreseen` says, between two points on the line through them (in logarithms),
+    below the least as long as that took.
+    """
+    known = sorted(trail)
+    below, above = [one for one in known if one[0] < x], [one for one in known if one[0] > x]
+    if not known:
+        return 0.0
+    if not above:
+        return foreseen(below[-2] if len(below) > 1 else None, below[-1], x, grows)
+    if not below:
+        return above[0][1]
+    (x0, s0), (x1, s1) = below[-1], above[0]
+    return s0 * (s1 / s0) ** (math.log(x / x0) / math.log(x1 / x0))
+
+
 def series(height: int, seed: int, folder: Path, heights: Sequence[int] = HEIGHTS) -> dict[str, Series]:
     """All series by name. `height`: of the pictures where it is not what varies; `folder`: for scenes."""
 
     def known(name: str) -> Callable[[int], Scene]:
         return lambda x: registry.find_scene(name)
 
+    about = {"corridors": "corridors (worst case)"}
+
+    def shapes(name: str) -> Callable[[int], Scene]:
+        return lambda x: scaling_scenes.of_shapes(name, x, seed, folder)
+
+    def of_shapes(name: str, **more: Any) -> Series:
+        title = f"number of shapes, {about.get(name, name)}"
+        return Series(f"shapes-{name}", title, "shapes", SHAPES, 1.2, 1, height, shapes(name), **more)
+
+    def of_heights(name: str, **more: Any) -> Series:
+        title, xs = f"picture height, {name}", tuple(heights)
+        return Series(f"n-{name}", title, "n, pixels", xs, 2, 2, height, known(name), "height", **more)
+
+    def of_steps(name: str, title: str, scene: Callable[[int], Scene]) -> Series:
+        some = {"first": (4, 32, 256)}
+        return Series(f"steps-{name}", title, "step cap", STEPS, 1, 1, height, scene, "max_steps", **some)
+
+    # By worth: what the goals are judged on, then the paper's law, then the rest.
+    others = [name for name in scaling_scenes.ARRANGEMENTS if name != "scattered"]
+    crowd = f"shapes, scattered, n = {CROWD_HEIGHT}"
     made = [
         Series(
-            f"n-{name}",
-            f"picture height, {name}",
-            "n, pixels",
-            tuple(heights),
-            *(2, 2, height),
-            known(name),
-            "height",
-            weight=weight,
-        )
-        for name, weight in (("scene0", 2), ("mandelbulb", 1))
-    ]
-    about = {"corridors": "corridors (worst case)"}
-    made += [
-        Series(
-            f"shapes-{name}",
-            f"number of shapes, {about.get(name, name)}",
-            "shapes",
-            SHAPES,
-            *(1.2, 1, height),
-            lambda x, name=name: scaling_scenes.of_shapes(name, x, seed, folder),
-            weight=2 if name == "scattered" else 1,
-        )
-        for name in scaling_scenes.ARRANGEMENTS
-    ]
-    made += [
-        Series(
-            "steps-scene0", "step cap, scene0", "step cap", STEPS, 1, 1, height, known("scene0"), "max_steps"
+            *("crowd", crowd, "shapes", CROWD, 0.3, 1, CROWD_HEIGHT, shapes("scattered")),
+            **{"weight": 3, "fast_only": True, "kept": False},
         ),
         Series(
-            "steps-corridors",
+            *("threads", "threads, scene0", "threads", thread_counts(len(run.USABLE)), 0, None, 2 * height),
+            *(known("scene0"), "threads"),
+            **{"threads_only": True, "first": (1, 2), "weight": 2},
+        ),
+        of_shapes("scattered", weight=2, first=(16, 4096, 256)),
+        of_heights("scene0", weight=2, first=(100, 280, 800)),
+        of_heights("mandelbulb", weight=2, first=(100, 200, 400)),
+        *[of_shapes(name, first=(1, 16, 256)) for name in others],
+        of_steps("scene0", "step cap, scene0", known("scene0")),
+        of_steps(
+            "corridors",
             f"step cap, corridors of {STEP_SHAPES} shapes",
-            "step cap",
-            STEPS,
-            *(1, 1, height),
-            lambda x: scaling_scenes.of_shapes("corridors", STEP_SHAPES, seed, folder),
-            "max_steps",
+            lambda x: shapes("corridors")(STEP_SHAPES),
         ),
         Series(
-            "bounces",
-            "rays in a chain of mirrors (bounces + 1)",
-            "rays",
-            tuple(b + 1 for b in BOUNCES),
-            *(1, None, height),
-            lambda x: scaling_scenes.of_mirrors(x - 1, folder),
-        ),
-        Series(
-            "threads",
-            "threads, scene0",
-            "threads",
-            thread_counts(len(run.USABLE)),
-            *(0, None, 2 * height),
-            known("scene0"),
-            "threads",
-            threads_only=True,
+            *("bounces", "rays in a chain of mirrors (bounces + 1)", "rays", tuple(b + 1 for b in BOUNCES)),
+            *(1, None, height, lambda x: scaling_scenes.of_mirrors(x - 1, folder)),
+            first=(1, 5, 17),
         ),
     ]
     return {one.name: one for one in made}

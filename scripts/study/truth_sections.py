@@ -159,7 +159,7 @@ def growth(path: Path) -> Section:
         if result["rows"]:
             for name, caption, rows, columns, folded in scaling_tables.tables(result):
                 parts += part(name, caption, rows, columns, folded=folded)
-            remarks = [scaling_page.note(result)]
+            remarks = [text for text in (scaling_page.without(result), scaling_page.note(result)) if text]
             captions = {
                 "scaling-time": "Time of a frame against what it depends on, with fitted power laws",
                 "scaling-evals": "Evaluations of a camera ray's march against the same",

@@ -12,6 +12,7 @@ from study.stats import Interval
 from study.views import OWN
 from study.views_measure import BASE, Row
 
+NO_KERNEL = "no kernel: its parent's code"
 ALONE, SCENE_ALONE = "wins on the tuned views alone", "wins on its own view alone"
 FEW = "too few launches"
 RESAMPLES = 2000
@@ -30,8 +31,13 @@ def ends(row: Row) -> tuple[float, float, float]:
     return tuple(math.nan if some[key] is None else some[key] for key in ("value", "low", "high"))
 
 
+def general(row: Row) -> bool:
+    """Whether it ran its general code, its parent's: a ratio beside 1 is noise then, and no gain."""
+    return bool(row.get("general"))
+
+
 def wins(row: Row) -> bool:
-    return ends(row)[1] > 1
+    return not general(row) and ends(row)[1] > 1
 
 
 def loses(row: Row) -> bool:
@@ -56,13 +62,16 @@ def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed:
     return Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
 
 
-def verdict(tuned: Sequence[Row], others: Sequence[Row], median: Interval) -> str:
-    """In words, with the intervals asked: what a rung's gain is elsewhere than where it was tuned."""
+def verdict(tuned: Sequence[Row], others: Sequence[Row], median: Interval, slower: int | None = None) -> str:
+    """In words, with the intervals asked: what a rung's gain is elsewhere than where it was tuned.
+
+    `slower`: on how many views, those of its general code among them; default: of `others`.
+    """
     if not tuned or not others:
         return "tuned views not measured" if others else "other views not measured"
     if not median.sufficient:
         return FEW
-    slower = sum(map(loses, others))
+    slower = sum(map(loses, others)) if slower is None else slower
     if median.low > 1:
         if slower:
             return f"wins in the median, slower on {slower} of {len(others)}"
@@ -82,9 +91,10 @@ def rungs(rows: Sequence[Row]) -> list[Row]:
         if not mine:
             continue
         tuned, others = [r for r in mine if r["tuned"]], [r for r in mine if not r["tuned"]]
-        pairs = [(times[r["parent"], r["scene"], r["view"]]["ns"], r["ns"]) for r in others]
+        own = [r for r in others if not general(r)]
+        pairs = [(times[r["parent"], r["scene"], r["view"]]["ns"], r["ns"]) for r in own]
         median = median_ratio(pairs)
-        worst = min(others, key=lambda r: ends(r)[0], default=None)
+        worst = min([r for r in others if not general(r) or loses(r)], key=lambda r: ends(r)[0], default=None)
         made.append(
             {
                 **{"phase": phase, "parent": mine[0]["parent"], "views": len(others)},
@@ -97,7 +107,8 @@ def rungs(rows: Sequence[Row]) -> list[Row]:
                 "wrong_ppm": max(
                     (r["wrong_ppm"] for r in mine if r.get("wrong_ppm") is not None), default=None
                 ),
-                "verdict": verdict(tuned, others, median),
+                "general": len(others) - len(own),
+                "verdict": verdict(tuned, own, median, sum(map(loses, others))),
             }
         )
     return made
@@ -133,10 +144,19 @@ def by_scene(rows: Sequence[Row]) -> list[Row]:
                 **{"phase": phase, "parent": first["parent"], "scene": scene},
                 "views": {name: row["ratio"] for name, row in mine.items()},
                 "psnr": {name: None if math.isinf(level(row)) else level(row) for name, row in mine.items()},
-                "verdict": SCENE_ALONE if alone else "slower on " + _names(mine) if _names(mine) else "",
+                "general": [name for name, row in mine.items() if general(row)],
+                "verdict": _scene_verdict(mine, bool(alone)),
             }
         )
     return made
+
+
+def _scene_verdict(views: dict[str, Row], alone: bool) -> str:
+    slower, without = _names(views), [name for name, row in views.items() if general(row)]
+    said = [SCENE_ALONE] if alone else [f"slower on {slower}"] if slower else []
+    if without:
+        said.append(NO_KERNEL + ("" if len(without) == len(views) else f" on {', '.join(without)}"))
+    return "; ".join(said)
 
 
 def _names(views: dict[str, Row]) -> str:

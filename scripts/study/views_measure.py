@@ -1,12 +1,15 @@
 """Every rung against its parent on every view of every scene: which rungs fit the time, errors, times.
 
-From the newest rung down, as long as the seconds last: first small pictures of each view, which are held
-against truth (or what stands for it) and tell what a launch will take; then all launches, interleaved.
+From the newest rung down, as long as the seconds last, first the views that constants may be tuned on, then
+all others: small pictures of each view, which are held against truth (or what stands for it) and tell what a
+launch will take; then all launches, interleaved. A frame's time needs no clocks' rates, so none are measured:
+they would take a hundred times as long as a frame.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,6 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from study import accuracy, cli, images, registry, run, stats, store, truth
+from study.analysis import GENERATED
 from study.cli import StudyError
 from study.registry import Spec
 from study.run import DriverError
@@ -27,7 +31,8 @@ FILE = "views.json"
 BASE = "baseline"  # the reference where truth would take too long
 FACTOR = accuracy.FACTOR  # of the averaged pictures of fractals: their single samples are chaotic
 LONG = 0.25  # s: caches settle within such a frame
-OVERHEAD, A_FRAME = 0.03, 0.014  # s beside a launch's frames and beside each: clocks are calibrated
+LEAST, MOST_REPS = 0.02, 200  # s of a launch's timed frames at least, and how many that may become
+OVERHEAD = 0.03  # s of a launch beside its frames
 TRUTH_SHARE, TRUTH_PER_PIXEL = 0.3, 5e-4  # of the seconds; s, what a view's truth is taken for beforehand
 Row = dict[str, Any]
 Point = tuple[Spec, View]
@@ -74,14 +79,16 @@ def parents(names: Sequence[str]) -> list[tuple[Spec, Spec]]:
 
 
 def frames_of(seconds: float, reps: int) -> tuple[int, int]:
-    """Warm-up and timed frames of a launch, by the time of one frame in s."""
-    return (0, 1) if seconds > LONG else (1, reps)
+    """Warm-up and timed frames of a launch, by the time of one frame in s: `reps` and LEAST s at least."""
+    if seconds > LONG:
+        return 0, 1
+    return 1, max(reps, min(MOST_REPS, math.ceil(LEAST / seconds)))
 
 
 def cost(pace: float, pixels: int, settings: Settings) -> float:
     """Seconds of all launches of a point whose frames take `pace` s a pixel."""
     frames = sum(frames_of(pace * pixels, settings.reps))
-    return settings.launches * (frames * (pace * pixels + A_FRAME) + OVERHEAD)
+    return settings.launches * (frames * pace * pixels + OVERHEAD)
 
 
 def choose(
@@ -91,30 +98,46 @@ def choose(
     first: Callable[[Spec, View], float],
     clock: Callable[[], float] = time.monotonic,
 ) -> Plan:
-    """Takes rungs from the last on while the seconds last; the last one always.
+    """Takes rungs from the last on while the seconds last, the last one always: on the tuned views, then
+    those rungs on all others.
 
     `first` renders the small picture and returns seconds a pixel. A rung's refusal (DriverError with the
     status for it) leaves out that view, a crash is a failure.
     """
     plan, begun, ahead = Plan(), clock(), 0.0
-    known: dict[Spec, float] = {}  # s of all launches
-    for number, (rung, parent) in enumerate(reversed(rungs)):
+    able = []
+    for rung, parent in rungs:
         lacking = [" ".join(found) for s in (rung, parent) if (found := registry.missing_isa(s))]
         if lacking:
             plan.left_out.append({"phase": str(rung), "reason": f"this CPU lacks {lacking[0]}"})
+        else:
+            able.append((rung, parent))
+    tuned = [view for view in views if view.tuned]
+    others = [view for view in views if not view.tuned]
+    for some, about in ((tuned, {}), (others, {"scene": "other", "view": "views"} if tuned else {})):
+        if not some:
             continue
-        for spec in (rung, parent):
-            if spec not in known:
-                known[spec] = _tried(spec, views, settings, first, plan)
-                ahead += known[spec]
-        if number and clock() - begun + ahead > settings.seconds:
-            reason = (
-                f"{clock() - begun + ahead:.0f} s would be needed with it, {settings.seconds:.0f} s there are"
+        known: set[Spec] = set()
+        for number, (rung, parent) in enumerate(reversed(able)):
+            pace: dict[Point, float] = {}
+            needed = sum(
+                _tried(spec, some, settings, first, plan, pace)
+                for spec in (rung, parent)
+                if spec not in known
             )
-            for other, _ in rungs[: len(rungs) - number]:
-                plan.left_out.append({"phase": str(other), "reason": reason})
-            break
-        plan.rungs.insert(0, (rung, parent))
+            if number and clock() - begun + ahead + needed > settings.seconds:
+                reason = (
+                    f"{clock() - begun + ahead + needed:.0f} s would be needed with it, "
+                    f"{settings.seconds:.0f} s there are"
+                )
+                able, without = able[len(able) - number :], able[: len(able) - number]
+                plan.left_out += [{"phase": str(other), **about, "reason": reason} for other, _ in without]
+                break
+            ahead += needed
+            known |= {rung, parent}
+            plan.pace |= pace
+            if (rung, parent) not in plan.rungs:
+                plan.rungs.insert(0, (rung, parent))
     return plan
 
 
@@ -124,8 +147,9 @@ def _tried(
     settings: Settings,
     first: Callable[[Spec, View], float],
     plan: Plan,
+    known: dict[Point, float],
 ) -> float:
-    """Small pictures of every view; the seconds that all launches of them will take."""
+    """Small pictures of every view, their pace into `known`; the seconds that their launches will take."""
     seconds = 0.0
 
     def one(view: View) -> float | DriverError:
@@ -142,7 +166,7 @@ def _tried(
                 skipped = pace.status in (run.NO_ISA, run.UNSUPPORTED)
                 (plan.left_out if skipped else plan.failures).append(what)
                 continue
-            plan.pace[spec, view] = pace
+            known[spec, view] = pace
             width, height = view.size(settings.n)
             seconds += cost(pace, width * height, settings)
     return seconds
@@ -156,6 +180,7 @@ def measure(points: Mapping[Point, float], settings: Settings) -> dict[Point, li
         width, height = view.size(settings.n)
         warmup, reps = frames_of(points[point] * width * height, settings.reps)
         how = {"cpu": settings.cpu, "env_bytes": padding, "warmup": warmup, "reps": reps}
+        how["timed"] = False
         with contextlib.closing(run.frames(spec, view.scene.path, height, width, **how)) as made:
             return float(np.median([frame["ns"] for frame in made if not frame["warmup"]]))
 
@@ -169,6 +194,7 @@ class Errors:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.references: dict[View, tuple[str, images.Picture]] = {}
+        self.general: dict[Point, str] = {}  # why there is no kernel, of phases that generate some
 
     def size(self, view: View) -> tuple[int, int]:
         return view.size(self.settings.error_n * (FACTOR if view.scene.fractal else 1))
@@ -181,6 +207,8 @@ class Errors:
         width, height = self.size(view)
         how = {"aov": True, "out": self.path(spec, view)}
         made = run.render(spec, view.scene.path, height, width, **how)
+        if made["kernel"] not in (None, GENERATED):
+            self.general[spec, view] = made["kernel"]
         return made["frames"][0]["ns"] * 1e-9 / (width * height)
 
     def find_references(self, views: Sequence[View], seconds: float) -> None:
@@ -247,6 +275,7 @@ def rows(plan: Plan, times: Mapping[Point, list[float]], errors: Errors, setting
                     **{"phase": str(spec), "parent": parent and str(parent), "scene": view.base},
                     **{"view": view.name, "change": view.change, "tuned": view.tuned},
                     **{"width": width, "n": height, "ns": ns},
+                    "general": errors.general.get((spec, view)),
                     "ms": stats.median_interval([one * 1e-6 for one in ns]),
                     "ratio": stats.ratio_interval(base, ns) if parent and base else None,
                     **errors.of(spec, view),

@@ -91,5 +91,6 @@ def note(result: Row) -> str:
         f"0.6 of that distance (less where a shape would be within {CLEAR:g} of the way: stated); "
         f"shapes and light are the same. Errors: pictures at n = {result['error_n']}, linear RGB, to truth "
         f"while a share of the time lasts, else to {BASE}; fractals to {BASE}, both rendered four times as "
-        "large and averaged."
+        "large and averaged. A rung that generates kernels runs its parent's code where it has none: what is "
+        "measured there is noise, counted as no gain and in no median."
     )

@@ -59,7 +59,7 @@ def _infinite(value: float | None) -> bool:
 
 def _mark(row: Row) -> str:
     text = row["verdict"]
-    if text in (ALONE, SCENE_ALONE) or text.startswith("slower"):
+    if text == ALONE or text.startswith((SCENE_ALONE, "slower")):
         return "bad"
     return "good" if text in ("wins on every view", "wins, slower on none") else ""
 
@@ -71,6 +71,9 @@ RUNGS = [
     Column("times as fast as its parent", "median of the other views [95 %]", lambda r: _text(r["median"])),
     Column("times as fast as its parent", "worst case [95 %]", _worst),
     Column("times as fast as its parent", "slower on", lambda r: f"{r['slower']} of {r['views']}"),
+    Column(
+        "times as fast as its parent", "of them by its parent's code", lambda r: str(r.get("general") or 0)
+    ),
     Column("", "verdict", lambda r: r["verdict"], _mark),
     Column("lowest PSNR of all views, dB", "to truth", _db("to_truth")),
     Column("lowest PSNR of all views, dB", f"to {BASE} (fractals: 4×4 averaged)", _db("to_base")),
@@ -102,6 +105,7 @@ POINTS = [
     Column("", "view", lambda r: f"{r['view']}: {r['change']}"),
     Column("", "ms a frame [95 %]", lambda r: _text(r["ms"], "")),
     Column("", "× parent [95 %]", lambda r: _text(r["ratio"])),
+    Column("", "code", lambda r: r.get("general") or ""),
     Column("error", "reference", lambda r: r["reference"] or "is it itself"),
     Column("error", "PSNR, dB", lambda r: show.NOTHING if not r["reference"] else show.number(level(r))),
     Column("error", "ideal shadow, dB", lambda r: show.number(level(r, "psnr_ideal_db"))),

@@ -63,7 +63,8 @@ def test_the_page(tmp_path: Path) -> None:
     text = chapter.parts[0].markdown.replace("\u00a0", " ")
     assert "opt9_convex" in text and "12.50 [12.40, 12.60]" in text and "10.00 [9.80, 10.20]" in text
     assert "1.75 |" in text and "1,800 [715, never]" in text and "| 140 |" in text
-    assert "it is marched" in chapter.parts[1].markdown and "gcc 12" in chapter.remarks[0]
+    assert "it is marched | never: no kernel |" in chapter.parts[1].markdown
+    assert "gcc 12" in chapter.remarks[0]
     assert "breaks even after 1,800" in breakeven_page.sentence(row(), "opt9_convex")
     said = [{"value": None, "low": 900, "high": None}, {"value": 5, "low": None, "high": None}, None]
     texts = [breakeven_page.frames_needed({"break_even_frames": one}) for one in said]
@@ -72,6 +73,11 @@ def test_the_page(tmp_path: Path) -> None:
         (tmp_path / breakeven.FILE).write_text(broken)
         with pytest.raises(StudyError, match=r"breakeven\.json.*scripts/breakeven\.py"):
             breakeven_page.section(tmp_path)
+
+
+def test_every_shipped_scene_with_a_closed_form_is_asked_and_the_tuned_first() -> None:
+    assert set(breakeven.SCENES) == set(registry.scenes()) - {"mandelbulb_closeup"}
+    assert breakeven.SCENES[:2] == ("scene0", "mandelbulb")
 
 
 def test_the_seconds_are_kept_to(monkeypatch) -> None:

@@ -106,6 +106,22 @@ def test_errors_are_those_known_by_hand(blank, miss) -> None:
     assert found["depth_agree_fraction"] == pytest.approx(62 / 64)
 
 
+def test_the_bulb_alone_is_judged_where_both_hit_it(blank, miss) -> None:
+    scene = registry.find_scene("mandelbulb")
+    bulb = [shape["type"] for shape in scene.data["shapes"]].index("mandelbulb")
+    reference, made = blank(8, 12, 0.5), blank(8, 12, 0.9)  # the floor is off by far
+    for picture in (reference, made):
+        picture["id"][:] = 1 - bulb
+        picture["id"][:, 4:] = bulb
+    for name in "RGB":
+        made[name][:, 4:] = 0.6
+        made[name][:, 8:] = 0.0
+    made["id"][::4, 8] = -1  # one sample of each of these blocks is another shape's
+    assert frames.bulb_psnr(reference, made, scene) == pytest.approx(20, abs=1e-4)
+    assert frames.bulb_psnr(reference, reference, scene) == math.inf
+    assert frames.bulb_psnr(reference, made, registry.find_scene("scene0")) is None
+
+
 def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None:
     errors = {"psnr_db": 50.0, "rmse": 0.003, "fraction_over_1_255": 0.01, "averaged": True, "wrong_ppm": 3.0}
     errors |= {"depth_agree_fraction": 0.999, "non_finite": 0}
@@ -120,11 +136,17 @@ def test_chapter_and_figure_are_made_from_the_file_alone(tmp_path: Path) -> None
         )
     ]
     rows.append(rows[0] | {"hit": frames.HALF, "to_own": errors | {"psnr_db": 17.0}, "p99_ms": None})
+    rows[1] |= {
+        "bulb_psnr_db": 61.0,
+        "marched": {"phase": "opt8_streams", "bulb_psnr_db": 62.0, **errors, "psnr_db": 58.0},
+    }
     result = cli.plain({"schema": 1, "launches": 6, "threads": 2, "rows": rows, "left_out": []})
     assert truth_sections.rates(tmp_path).parts == []
     (tmp_path / frames.FILE).write_text(json.dumps(result))
     chapter = truth_sections.rates(tmp_path)
     text = chapter.parts[0].markdown
+    assert "| 61.0 |" in text and "opt8_streams: 58.0, on the bulb 62.0; 99.9" in text
+    assert any("closed forms put them where they are" in d.note for d in chapter.drawn.values())
     assert (
         "61.5 [60" in text and "50.0 (4×4 means)" in text and "17.0 (4×4 means)" in text and "| met |" in text
     )

@@ -73,6 +73,12 @@ def test_of_the_notes_that_part_is_quoted_and_no_other() -> None:
     assert found is not None and found.startswith("## What did not pay (n = 90")
     assert "1.15×" in found and "Words behind it." in found
     assert "Outcome" not in found and "Not this" not in found
+    assert negative.quoted(
+        f"{TEXT}\nDid not pay: *roots* 3 %\nmore of it.\n\nPaid.\n\n*Did not pay* there.\n"
+    ) == (found + "\n*In “After”:*\n\nDid not pay: *roots* 3 %\nmore of it.\n\n*Did not pay* there.\n")
+    assert negative.quoted("# opt9\n## One\nDid not pay: two.\n") == (
+        "## What did not pay\n\n*In “One”:*\n\nDid not pay: two.\n"
+    )
     assert negative.quoted("# opt9\n\nWhat did not pay is not said.\n") is None
     assert negative.quoted("## What did not pay\n\nlast") == "## What did not pay\n\nlast\n"
     page = negative.as_html({"opt9": found})

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import itertools
 import json
 import math
 import sys
 from pathlib import Path
+from types import MappingProxyType
 
 import matplotlib
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 import started
 
 import scaling as command
+from run_study import SCALING_SECONDS
 from study import cli, run, scaling, scaling_errors, scaling_fit, scaling_goals, scaling_page, scaling_scenes
 from study import scaling_series as series
 from study.cli import StudyError
@@ -246,8 +249,8 @@ def test_every_program_has_three_points_before_any_has_a_fourth() -> None:
         asked.append(point.spec)
         return First(2.0 if point.spec == BASE else 0.01, 0, None)
 
-    plan = scaling.choose(line((1, 2, 3, 4, 5, 6), 0), [BASE, OPT4], 70.0, 6, first)
-    # Three of baseline take 3 · 12.4 s, under 0.6 of 70 s; two more fit, a sixth and its first frame not.
+    plan = scaling.choose(line((1, 2, 3, 4, 5, 6), 0), [BASE, OPT4], 75.0, 6, first)
+    # Three of baseline take 3 · 12.6 s, under 0.6 of 75 s; two more fit, a sixth and its first frame not.
     assert asked[:6].count(BASE) == 3 and sum(p.spec == OPT4 for p in plan.taken) == 6
     assert sum(p.spec == BASE for p in plan.taken) == 5
 
@@ -273,6 +276,129 @@ def test_a_frame_is_foreseen_from_those_before_never_flatter_than_the_series() -
     assert series.foreseen((1, 1.0), (4, 8.0), 16, 1) == pytest.approx(64)  # x^1.5 seen
     assert series.foreseen((1, 1.0), (4, 1.0), 16, 1) == pytest.approx(4)  # flat so far: x^1 all the same
     assert series.foreseen((1, 1.0), (4, 4.0**5), 16, 1) == pytest.approx(4.0**5 * 16)  # at most one more
+
+
+@pytest.mark.parametrize(
+    ("trail", "x", "expected"),
+    [
+        ([], 4, 0.0),
+        ([(16, 2.0), (4, 1.0)], 64, 8.0),  # x^0.5 seen, x^1 foreseen
+        ([(16, 2.0), (4, 1.0)], 8, math.sqrt(2)),
+        ([(16, 2.0), (4, 1.0)], 1, 1.0),
+    ],
+)
+def test_a_frame_is_guessed_from_points_in_any_order(trail: list, x: int, expected: float) -> None:
+    assert series.guessed(trail, x, 1) == pytest.approx(expected)
+
+
+class Pretended:
+    """A machine whose launches take what a model says, by a clock that they alone move: a wide CPU with the
+    published times a pixel, a slow start of processes, a second and a half for a new kernel."""
+
+    LAUNCH, KERNEL = 0.1, 1.5  # s
+    NS = MappingProxyType(
+        {"scene0": (25e3, 26, 13, 12), "mandelbulb": (27e3, 450, 330, 320), "mirrors": (9e3, 90, 60, 60)}
+    )
+    SHAPE = (9e3, 12.0, 3.0, 2.0)  # ns a pixel of one shape, growing as their number, and as its root
+
+    def __init__(self) -> None:
+        self.now, self.kernels = 0.0, set()
+
+    def seconds(self, point: Point, picture: Picture) -> float:
+        rung = ["baseline", "opt8_streams", "opt9_convex", "opt10_scene"].index(str(point.spec))
+        if picture.scene in self.NS:
+            ns = self.NS[picture.scene][rung]
+        elif point.series == "bounces":
+            ns = self.NS["mirrors"][rung] * point.x
+        else:
+            count = picture.scene.split("-")[1]
+            ns = self.SHAPE[rung] * int(count) ** (1 if rung == 0 else 0.55)
+        return ns * 1e-9 * picture.width * picture.height / picture.threads + 3e-6 * point.x * (rung > 0)
+
+    def first(self, point: Point, picture: Picture, *_: object) -> First:
+        if str(point.spec) == "opt10_scene" and picture.scene not in self.kernels:
+            self.kernels.add(picture.scene)
+            self.now += self.KERNEL
+        seconds = self.seconds(point, picture)
+        self.now += seconds + self.LAUNCH
+        return First(seconds, 2.0, None)
+
+    def measure(self, points: dict, pictures: dict, settings: scaling.Settings) -> dict:
+        for point in points:
+            seconds = self.seconds(point, pictures[point.x])
+            self.now += settings.launches * (sum(scaling.frames_of(seconds)) * seconds + self.LAUNCH)
+        return {p: [self.seconds(p, pictures[p.x]) * 1e9] * settings.launches for p in points}
+
+
+def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tuple[dict, Pretended]:
+    """What `scripts/scaling.py` would measure on the pretended machine, nothing being run."""
+    machine = Pretended()
+    monkeypatch.setattr(scaling, "render", machine.first)
+    monkeypatch.setattr(scaling, "measure", machine.measure)
+    monkeypatch.setattr(scaling.time, "monotonic", lambda: machine.now)
+    monkeypatch.setattr(scaling_goals, "memory", lambda *_: ([], []))
+    monkeypatch.setattr(run, "USABLE", [0, 1])
+    about = {"phase": names, "series": None, "n": 90, "scene_seed": 1, "seconds": seconds, "seed": 1}
+    args = argparse.Namespace(**about, launches=6, cpu=0)
+    monkeypatch.setattr(command, "programs", lambda names: ([Spec.parse(name) for name in names], []))
+    return command.measured(args, tmp_path), machine
+
+
+def test_the_studys_seconds_go_to_what_is_judged_first(monkeypatch, tmp_path: Path) -> None:
+    names = ["baseline", "opt9_convex", "opt10_scene"]
+    found, machine = studied(monkeypatch, tmp_path, SCALING_SECONDS, names)
+    points: dict[tuple[str, str], set[int]] = {}
+    for one in found["rows"]:
+        points.setdefault((one["series"], one["phase"]), set()).add(one["x"])
+    known = series.series(90, 1, tmp_path)
+    assert points["crowd", "opt10_scene"] == points["crowd", "opt9_convex"] == {16, 4096}
+    assert points["threads", "opt10_scene"] == points["threads", "opt9_convex"] == {1, 2}
+    assert {16, 4096} <= points["shapes-scattered", "opt10_scene"]
+    for name, one in known.items():
+        wanted = set(one.xs) if len(one.xs) < 3 else set(one.first)
+        assert wanted <= points[name, "opt10_scene"], name
+    verdicts = {row["phase"]: row["shapes_goal"] for row in found["goals"]}
+    assert verdicts["opt10_scene"] != "not measured" and verdicts["baseline"] == "not measured"
+    fits = [row for row in found["fits"] if row["phase"] == "opt10_scene" and row["series"] != "threads"]
+    assert len(fits) == len(known) - 2 and all(row["time"]["points"] >= 3 for row in fits)
+    assert machine.now <= 1.1 * SCALING_SECONDS
+    said = scaling_page.without(found)
+    assert said and "n-scene0: baseline" in said
+
+
+def test_with_hours_every_point_is_taken(monkeypatch, tmp_path: Path) -> None:
+    found, _ = studied(monkeypatch, tmp_path, 1e9, ["baseline", "opt8_streams", "opt9_convex"])
+    # Of the goal's own size only the newest rungs.
+    assert not found["left_out"] and scaling_page.without(found) is None
+    assert {row["phase"] for row in found["rows"] if row["series"] == "crowd"} == {
+        "opt8_streams",
+        "opt9_convex",
+    }
+
+
+def test_the_newest_rungs_have_all_their_points_before_the_others_have_any() -> None:
+    new, asked = Spec.parse("opt9_convex"), []
+
+    def first(point: Point) -> First:
+        asked.append((str(point.spec), point.x))
+        return First(0.001, 0, None)
+
+    scaling.choose(line((1, 4, 16, 64)), [BASE, new, OPT4], 1e9, 6, first)
+    assert [name for name, _ in asked[:4]] == ["opt9_convex"] * 4 and len(asked) == 12
+
+
+def test_a_point_that_proves_too_long_is_left_out_and_the_rest_goes_on() -> None:
+    slow = {1: 0.001, 4: 3.0, 16: 0.002, 64: 0.002}
+    plan = scaling.choose(line(), [OPT4], 10.0, 6, lambda p: First(slow[p.x], 0, None))
+    assert [point.x for point in plan.taken] == [1] and plan.spent <= 10
+    assert [row["x"] for row in plan.left_out] == [4, 16, 64]
+
+
+def test_closed_forms_have_no_evaluations_of_a_ray(monkeypatch) -> None:
+    planes = {name: np.ones((4, 6), np.float32) for name in ("R", "G", "B", "evals", "id")}
+    monkeypatch.setattr(scaling_errors.images, "read", lambda path: planes)
+    assert scaling_errors.seen(Path("a.exr"), closed=True)["evals_per_ray"] is None
+    assert scaling_errors.seen(Path("a.exr"))["evals_per_ray"] == 1
 
 
 def test_threads_are_powers_of_two_and_all() -> None:
@@ -419,7 +545,7 @@ def test_labels_keep_apart_and_inside() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--series", "shape"], "no series 'shape'; there are n-scene0"),
+        (["--series", "shape"], "no series 'shape'; there are crowd, threads"),
         (["--phase", "opt9x"], "no phase 'opt9x'"),
         (["--phase", "truth"], "truth: is truth itself"),
         (["-n", "8"], "'8': must be a whole number of at least 16"),

@@ -118,13 +118,35 @@ def test_rungs_are_those_with_a_parent() -> None:
 
 def test_the_newest_rungs_are_taken_first_while_the_time_lasts(tmp_path: Path) -> None:
     one = views_measure.cost(1e-6, 160 * 90, settings(tmp_path, 1))
-    assert one == pytest.approx(6 * (2 * (0.0144 + views_measure.A_FRAME) + views_measure.OVERHEAD))
+    assert one == pytest.approx(6 * (3 * 0.0144 + views_measure.OVERHEAD))
     every = plan(tmp_path, 8.01 * one)
     assert [rung for rung, _ in every.rungs] == [OPT1, OPT2, OPT3] and not every.left_out
     some = plan(tmp_path, 7.9 * one)  # baseline, opt1, opt2 and opt3 on two views are eight
     assert some.rungs == [(OPT2, OPT1), (OPT3, OPT2)] and [r["phase"] for r in some.left_out] == ["opt1"]
     last = plan(tmp_path, 0)  # the newest is measured whatever it takes
     assert last.rungs == [(OPT3, OPT2)] and [r["phase"] for r in last.left_out] == ["opt1", "opt2"]
+
+
+def test_a_launch_times_twenty_milliseconds_at_least() -> None:
+    assert views_measure.frames_of(0.00025, 1) == (1, 80) and views_measure.frames_of(1e-7, 1) == (1, 200)
+    assert views_measure.frames_of(0.021, 1) == (1, 1) and views_measure.frames_of(0.3, 5) == (0, 1)
+    assert views_measure.frames_of(0.01, 5) == (1, 5)
+
+
+def test_every_rung_has_its_tuned_views_before_any_has_others(tmp_path: Path) -> None:
+    some = [View(*name, "", registry.find_scene(name[0])) for name in (("trio", "own"), ("scene0", "own"))]
+    rungs = views_measure.parents(["opt1", "opt2", "opt3"])
+    one = views_measure.cost(1e-6, 160 * 90, settings(tmp_path, 1))
+    # Four programs where they were tuned, and of the other view the newest rung and its parent.
+    found = views_measure.choose(
+        rungs, some, settings(tmp_path, 6.1 * one), lambda spec, view: 1e-6, clock=lambda: 0.0
+    )
+    assert [rung for rung, _ in found.rungs] == [OPT1, OPT2, OPT3]
+    assert {(str(spec), view.base) for spec, view in found.pace} == {
+        *((name, "scene0") for name in ("baseline", "opt1", "opt2", "opt3")),
+        *((name, "trio") for name in ("opt2", "opt3")),
+    }
+    assert [(r["phase"], r["view"]) for r in found.left_out] == [("opt1", "views"), ("opt2", "views")]
 
 
 def test_what_a_phase_refuses_is_left_out_and_a_crash_is_a_failure(tmp_path: Path) -> None:
@@ -197,6 +219,20 @@ def test_a_gain_within_the_noise_is_none() -> None:
     unsure = stats.ratio_interval([100.0] * 3 + [125.0] * 4, [100.0] * 7)  # 1.25 by its median
     noisy = row("trio", "own", 1) | {"ratio": unsure}
     assert views_gains.ends(noisy)[0] == 1.25 and not views_gains.wins(noisy) and not views_gains.loses(noisy)
+
+
+def test_general_code_gains_nothing_whatever_its_times_say() -> None:
+    why = "general: over 31 shapes"
+    mine = [
+        row("trio", view, 100 / r, general=why) for view, r in (("own", 1.3), ("left", 1.2), ("near", 0.8))
+    ]
+    mine += [row("cubes", view, 100 / r) for view, r in (("own", 2), ("left", 1.5))]
+    every = [*map(parent, mine), *mine]
+    trio, cubes = views_gains.by_scene(every)
+    assert trio["verdict"] == "slower on near; no kernel: its parent's code" and cubes["verdict"] == ""
+    (found,) = views_gains.rungs(every)
+    assert found["median"].value == pytest.approx(1.75) and (found["views"], found["general"]) == (5, 3)
+    assert (found["slower"], found["worst_view"]) == (1, "near")  # a loss is one by any code
 
 
 def test_too_few_launches_say_nothing() -> None:
