@@ -12,7 +12,7 @@ from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
 from study import packets, packets_moving, packets_page, packets_pictures, packets_rays, show, systems
 from study.cli import StudyError
-from study.registry import Scene
+from study.registry import Scene, find_scene
 
 DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
 INF = np.inf
@@ -102,11 +102,55 @@ def test_the_page_by_hand(tmp_path):
     camera = said["spheres40, rays camera, million a second"]
     assert camera["error"].startswith("against Embree: 0 of 1,000 others")
     whole = said["spheres40 160×90, ms a frame, one thread"]
-    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams at equal error")
+    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams, at equal error")
     assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
     assert packets_page.faults(made_up()) == []
     for name in packets_page.drawings(made_up()).values():
         assert name.make() is not None
+
+
+def test_equal_error_is_equal_or_says_it_is_not():
+    """Of knobs that reach packets' error the fastest; where none does the nearest."""
+    assert packets.target_of({"psnr_db": None}) == packets.target_of({"psnr_db": 142.0}) == 80
+    assert packets.target_of({"psnr_db": 61.5}) == 61.5
+    took = {28.8: 1.0, 42.7: 2.0, 90.7: 4.0, 110.4: 5.0, None: 9.0, math.nan: 0.1}
+    rows = [{"psnr_db": db} for db in took]
+
+    def best(tried: list[dict], target: float) -> float | None:
+        return packets.chosen(tried, target, lambda row: took[row["psnr_db"]])["psnr_db"]
+
+    assert best(rows, 80) == 90.7 and best(rows, 28.9) == 28.8 and best(rows, math.inf) is None
+    assert best(rows[:2], 80) == 42.7, "not the fastest: the nearest"
+    assert not packets.reached({"psnr_db": math.nan}, 80) and packets.reached({"psnr_db": None}, 80)
+    assert packets.reached({"psnr_db": 79.9}, 80) and not packets.reached({"psnr_db": 79.8}, 80)
+
+
+def test_a_cap_that_binds_is_taken_away_too():
+    caps = {
+        name: {k["max_steps"] for k in packets.knobs_of(find_scene(name))} for name in ("trio", "two_spheres")
+    }
+    assert caps == {"trio": {None}, "two_spheres": {None, packets.UNBOUND_STEPS}}
+    for cap in (None, packets.UNBOUND_STEPS):
+        hits = [
+            k["hit_distance"] for k in packets.knobs_of(find_scene("two_spheres")) if k["max_steps"] == cap
+        ]
+        assert tuple(hits) == packets.HIT_DISTANCES
+
+
+def test_a_row_that_is_not_equal_says_so(tmp_path):
+    """In its own table and in that of all systems, with its decibels."""
+    result = made_up()
+    result["drawn"][0]["rows"][2] |= {"psnr_db": 55.3, "reached": False, "max_steps": 3000}
+    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
+    for name, words in (("systems", "opt8_streams, equal error not reached: 55.3 dB"),
+                        ("packets-equal-error", "not reached: 55.3 dB")):  # fmt: skip
+        assert tables[name].count(words) == 1 and tables[name].count("not reached") == 1
+    assert (
+        "at equal error" not in tables["systems"]
+        and "| the scene's | 3000 |" in tables["packets-equal-error"]
+    )
+    assert "| reached |" in tables["packets-equal-error"]
 
 
 def animated() -> dict:
