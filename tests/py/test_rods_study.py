@@ -74,28 +74,75 @@ def test_every_launch_comes_once_a_round():
 
 
 def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
-    """Made-up pictures and times: the fastest is outside, and a first look lies about the next two."""
+    """Made-up pictures and times: the fastest is outside, a first look lies about the next two, and the
+    choice's luck among the finalists is not its gain."""
     quick = ["march=pixels", "a", "b", "c", "d"]
     psnr = {"march=pixels": 60, "a": 30, "b": 45, "c": 41, "d": 50}
     first = {"march=pixels": 10.0, "a": 1.0, "b": 3.0, "c": 2.9, "d": 8.0}
-    later = first | {"b": 2.0, "c": 4.0}
+    final = first | {"b": 2.0, "c": 4.0}
+    anew = {"march=pixels": 12.0, "b": 6.0}
     looks: dict[str, int] = dict.fromkeys(quick, 0)
+    sizes = set()
 
     def milliseconds(phase, words, scene, size, reps, **more):
+        sizes.add(size[1])
         looks[words] += 1
-        return (first if looks[words] == 1 else later)[words]
+        if size[1] == 360:
+            return {"march=pixels": 100.0, "b": 125.0}[words]
+        if words == "march=pixels":
+            return anew[words] if looks[words] > 1 else first[words]
+        return first[words] if looks[words] == 1 else final[words] if looks[words] <= 6 else anew[words]
 
     monkeypatch.setattr(rods, "choices", lambda: quick)
     monkeypatch.setattr(rods.truth, "picture", lambda scene, size: None)
-    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: words)
+    made = planes()
+    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: words if size[1] == 90 else made)
     error = lambda exact, made: {"psnr_db": psnr[made], "wrong_ppm": 0, "non_finite": 0}  # noqa: E731
     monkeypatch.setattr(rods, "errors", error)
     monkeypatch.setattr(rods, "milliseconds", milliseconds)
-    found = rods.throttle(rods.find_scene("trio"), 90, 40, 1000, launches=5, seed=1)
-    assert found["chosen"]["settings"] == "b" and found["gain"] == 5 and found["within"] == 3
+    scene = rods.find_scene("trio")
+    found = rods.throttle(scene, 90, 40, 1000, launches=5, seed=1)
+    assert found["chosen"]["settings"] == "b" and found["within"] == 3 and found["large"] is None
+    assert found["finalists"]["b"]["ms"] == 2 and found["chosen"]["ms"] == 6 and found["plain"]["ms"] == 12
+    assert found["gain"] == 2, "of the launches behind the choice"
     assert looks["a"] == 0, "what is outside the error is not timed"
-    none = rods.throttle(rods.find_scene("trio"), 90, 70, 1000, launches=5, seed=1)
-    assert none["chosen"] is None and "none of 4" in rods_page.choice(none)
+    looks.update(dict.fromkeys(quick, 0))
+    more = rods.throttle(scene, 90, 40, 1000, launches=5, seed=1, large=360)["large"]
+    assert more["gain"] == 0.8 and (more["psnr_db"], more["other_ppm"]) == (None, 0) and sizes == {90, 360}
+    none = rods.throttle(rods.find_scene("trio"), 90, 70, 1000, launches=5, seed=1, large=360)
+    assert none["chosen"] is None and none["large"] is None and "none of 4" in rods_page.choice(none)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (1.01, 1.2, "gain"),
+        (0.98, 1.3, "cannot be told"),
+        (0.7, 0.99, "loss"),
+        (1.0, 1.2, "cannot be told"),
+        (None, None, "cannot be told"),
+        (math.nan, math.nan, "cannot be told"),
+    ],
+)
+def test_a_gain_is_one_where_its_interval_says_so(low, high, said):
+    row = {"gain": 1.05, "gain_low": low, "gain_high": high}
+    assert rods_page.verdict(row) == said
+    assert rods_page.verdict({"gain": None}) == rods_page.verdict(None) == show.NOTHING
+
+
+def test_the_hybrid_s_rows_have_their_verdicts():
+    one = {"ms": 8.0, "ms_low": 7.0, "ms_high": 9.0, "psnr_db": 41.0, "wrong_ppm": 250.0}
+    gain = {"gain": 1.25, "gain_low": 1.1, "gain_high": 1.4}
+    row = {"scene": "trio", "width": 160, "n": 90, "chosen": one, "plain": one, **gain}
+    large = {"width": 640, "n": 360, "chosen": one, "plain": one, "psnr_db": 50.0, "other_ppm": 12.0}
+    large |= {"gain": 1.0, "gain_low": 0.9, "gain_high": 1.1}
+    small, other = rods_page.hybrid_rows(row | {"large": large})
+    assert small["ratio"].startswith("1.25×") and small["ratio"].endswith("over packets alone: gain")
+    assert other["what"] == "trio 640×360, that choice, ms a frame" and other["ratio"].endswith(
+        "cannot be told"
+    )
+    assert other["error"] == "against packets alone: 50.0 dB, 12 ppm other hits"
+    assert len(rods_page.hybrid_rows(row)) == 1  # an older file
 
 
 def made_up() -> dict:
