@@ -25,11 +25,14 @@ SIZES = ((1000, 562), (1280, 720))
 # CPU-RTRM's own program, its own shading: ms by threads.
 PROGRAM = {"size": (1280, 720), "ms": {1: 57.7, 2: 33.1}, "machine": "a 2-core Zen 5 VM at 4.27 GHz"}
 PAPER = 14  # times as fast as CPU-RTRM with threads, as the paper has its own last step
-# Functions of normals, light and colours alone (phases/*/costs.def): what the march calls, too, is not theirs.
+# Functions of normals, light and colours alone (phases/*/costs.def), not what the march calls, too.
 SHADING = frozenset(
-    "normal_at normal_on near_hit gradient_of box_gradient difference scene_difference surface_at surface_of "
-    "stage_surface light_at light_from stage_light stage_end color_of color_all lit_color add_light "
-    "vec_reflect trace exp_of log_of power_of".split()
+    [
+        *("normal_at", "normal_on", "near_hit", "gradient_of", "box_gradient", "difference"),
+        *("scene_difference", "surface_at", "surface_of", "stage_surface", "light_at", "light_from"),
+        *("stage_light", "stage_end", "color_of", "color_all", "lit_color", "add_light", "vec_reflect"),
+        *("trace", "exp_of", "log_of", "power_of"),
+    ]
 )
 BEHIND = 1e4  # scene units ahead of the camera, whence light falls on what faces away from it
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from study import packets_rays, registry, rods, run, stats, store, truth
+from study import functions, packets_rays, registry, rods, run, stats, store, truth
 from study.packets_rays import KINDS, Rays
 from study.registry import Scene, find_phase, find_scene
 
@@ -33,6 +33,7 @@ VARIANTS = {
 MARCHED = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 HIT_DISTANCES = (None, 1e-5, 1e-4, 1e-3)  # None: the scene's own
 UNBOUND_STEPS = 3000  # no ray of these scenes needs as many; most of them have it as their own cap
+ENDS = {"": "value", "_low": "low", "_high": "high"}
 GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR
 ENOUGH_DB = 80.0  # an RMS error of 1/39 of a display level, which nobody sees: as in phase.json
 
@@ -203,6 +204,24 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
             ends = {"gain": gain.value, "gain_low": gain.low, "gain_high": gain.high}
             row["threads"].append({"threads": count, **rods.timed(mine), **ends})
     return {"scene": scene.name, "width": size[0], "n": n, "rows": rows}
+
+
+NORMALISE_ROUNDS = 6  # the fewest that have an interval
+
+
+def normalised(vectors: int, seed: int) -> list[Row]:
+    """The article's benchmark: ms to normalise so many vectors of three floats, error in ulp, and how many
+    times as fast as scalar code that is. All of it is in the function study. Raises StudyError.
+    """
+    rows = functions.normalise(vectors, NORMALISE_ROUNDS, seed, run.USABLE[-1])
+    largest = max(row["vectors"] for row in rows)
+    return [
+        {key: row[key] for key in ("vectors", "isa", "layout", "name", "max_ulp")}
+        | {f"ms{end}": row["ns"][key] * largest * 1e-6 for end, key in ENDS.items()}
+        | {f"gain{end}": row["speedup"][key] for end, key in ENDS.items()}
+        for row in rows
+        if row["vectors"] == largest
+    ]
 
 
 def study(folder: Path, ray_n: int, n: int, launches: int, reps: int, seed: int) -> Row:

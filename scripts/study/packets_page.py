@@ -8,6 +8,7 @@ from matplotlib.patches import Patch
 
 from study import show
 from study.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
+from study.functions import VECTORS as ARTICLE_VECTORS
 from study.packets import ENOUGH_DB, Row, reached, target_of
 from study.sections import Part, part
 from study.show import Column
@@ -172,9 +173,48 @@ def faults(result: Row) -> list[str]:
     ]
 
 
+ARTICLES_ROOT = "rsqrtps + 1"  # the approximate root and one Newton step
+
+
+def normalise_rows(result: Row) -> list[Row]:
+    """The article's only figures, of normalising vectors: scalar, by SSE, and the one over the other."""
+    rows = {(r["isa"], r["layout"], r["name"]): r for r in result.get("normalise", [])}
+    scalar = rows.get(("scalar", "AoS", "1/sqrt"))
+    if scalar is None:
+        return []
+    said, many = result["article"], f"normalising {scalar['vectors']:,} vectors"
+
+    def error(row: Row) -> str:
+        return f"≤ {show.number(row['max_ulp'], 2)} ulp"
+
+    def timed(row: Row, how: str, key: str) -> Row:
+        alike = scalar["vectors"] == ARTICLE_VECTORS
+        return {
+            "what": f"{many}, {how}, ms",
+            "article": f"{said[key]} ({said['cpu']})" if alike else show.NOTHING,
+            "ours": show.interval(row, "ms", 3),
+            "ratio": show.number(said[key] / row["ms"]) + "× its speed" if alike else show.NOTHING,
+            "error": error(row),
+        }
+
+    found = [timed(scalar, "scalar", "scalar_ms")]
+    for isa in dict.fromkeys(isa for isa, _, name in rows if name == ARTICLES_ROOT):
+        one = rows[isa, "SoA", ARTICLES_ROOT]
+        found.append(timed(one, f"{isa}, approximate root and a Newton step", "sse_ms"))
+        over = {
+            "what": f"{many}, {isa} over scalar",
+            "article": f"{said['speed_up']}×",
+            "ours": show.interval(one, "gain", 3, "×"),
+            "ratio": show.number(one["gain"] / said["speed_up"]) + "× of it",
+            "error": error(one),
+        }
+        found.append(over)
+    return [{"system": "packet ray tracer (P2)", **row} for row in found]
+
+
 def system_rows(result: Row) -> list[Row]:
     """Rows of the table of all systems. The article times the normalising of vectors, and no rays."""
-    found = []
+    found = normalise_rows(result)
     for row in result["rays"]:
         own = _variant(row, "own")
         if row["kind"] not in ("primary", "mirror"):

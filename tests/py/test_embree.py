@@ -136,7 +136,7 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(packets, "drawn_scenes", lambda _: [find_scene("spheres40")])
     monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
     words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
-    words += ["--frames", "3", "--frame-n", "16"]
+    words += ["--frames", "3", "--frame-n", "16", "--vectors", "4096"]
     monkeypatch.setattr(sys, "argv", ["packets.py", *words, "--run", str(tmp_path)])
     main = runpy.run_path(str(ROOT / "scripts" / "packets.py"))["main"]
     assert main() == 0
@@ -165,6 +165,8 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     trees = [(row["tree"], row["settings"].split()[0], row["threads"]) for row in result["animation"]]
     assert trees[0] == ("BVH", "tree=bvh", 1) and trees[-1][:2] == ("kd-tree", "tree=kd")
     assert all(len(row["all_ms"]) == 3 and row["update_ms"] > 0 for row in result["animation"])
+    isas = {row["isa"] for row in result["normalise"]}
+    assert isas >= {"scalar", "SSE"} and {row["vectors"] for row in result["normalise"]} == {4096}
     said = capsys.readouterr().out
     assert "balls, mirror:" in said and "spheres40" in said and "animation, packets, 1 threads" in said
     assert (tmp_path / "images" / "packets-pictures.png").exists()

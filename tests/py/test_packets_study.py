@@ -204,6 +204,34 @@ def test_the_sheet_shows_the_difference_to_truth(monkeypatch, tmp_path):
     assert np.isclose(shown[1].max(), 0.1) and np.sum(shown[1] > 1e-6) == 1 and shown[3].max() < 1e-6
 
 
+def test_the_article_s_own_figures_by_hand(monkeypatch):
+    """20 million vectors in 100 ns each are 2,000 ms, by SSE in 10 ns 200 ms."""
+    size, ends = 20_000_000, ("value", "low", "high")
+    kernels = [("scalar", "AoS", "1/sqrt", 100.0), ("SSE", "SoA", "rsqrtps + 1", 10.0)]
+
+    def normalise(vectors, rounds, seed, cpu):
+        base = {"max_ulp": 3.0, "rms_ulp": 1.0}
+        return [
+            base | {"vectors": many, "isa": isa, "layout": layout, "name": name}
+            | {"ns": dict.fromkeys(ends, ns), "speedup": dict.fromkeys(ends, 100 / ns)}
+            for many in (1024, vectors)
+            for isa, layout, name, ns in kernels
+        ]  # fmt: skip
+
+    monkeypatch.setattr(packets.functions, "normalise", normalise)
+    found = packets.normalised(size, 1)
+    assert len(found) == 2 and found[1]["ms"] == found[1]["ms_high"] == pytest.approx(200)
+    scalar, sse, over = packets_page.system_rows(made_up() | {"normalise": found})[:3]
+    assert scalar["what"] == "normalising 20,000,000 vectors, scalar, ms" and scalar["error"] == "≤ 3.0 ulp"
+    assert scalar["article"] == "3156 (Core 2 Duo, 1.6 GHz)" and scalar["ratio"] == "1.58× its speed"
+    assert sse["ours"].split()[0] == "200" and sse["ratio"] == "0.860× its speed"
+    assert (
+        over["ours"].startswith("10.0×") and over["ratio"] == "0.545× of it" and over["article"] == "18.35×"
+    )
+    less = packets_page.normalise_rows(made_up() | {"normalise": packets.normalised(4096, 1)})
+    assert less[0]["article"] == less[0]["ratio"] == show.NOTHING, "another size than the article's"
+
+
 def test_without_embree_the_page_says_so(tmp_path):
     (tmp_path / packets.FILE).write_text(json.dumps(made_up(embree=False)))
     section = systems.section(tmp_path)
