@@ -17,6 +17,7 @@ from study import (
     rods,
     rods_page,
     rods_pictures,
+    systems_pictures,
 )
 from study.sections import Section, part, reading
 from study.show import Column
@@ -78,6 +79,8 @@ def section(path: Path) -> Section:
         if traced["rays"]:
             pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
     if rows:
+        sheet = path / "images" / f"{systems_pictures.PICTURES}.png"
+        pictures = ({sheet: systems_pictures.CAPTION} if sheet.exists() else {}) | pictures
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {
         "file": file,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import started
 
-from study import rods, rods_page, rods_pictures, show, systems
+from study import rods, rods_page, rods_pictures, show, systems, systems_pictures
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -182,6 +182,37 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert coarse["ratio"] == "4.00× over per pixel"
     assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
+
+
+def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
+    """A column each, and one less where the CPU lacks what a phase needs; on the page once it is there."""
+    drawn, figures = [], []
+    made = planes() | {"G": np.array([[0.5, 0.5, 0.5, 0.6]], np.float32)}
+
+    def picture(phase, words, scene, size):
+        drawn.append((phase, scene.name, size[1]))
+        start = {"start": np.array([[1, 2, -1, -1]], np.float32)}
+        return made | (start if phase == "rods_simd" else {})
+
+    monkeypatch.setattr(systems_pictures.rods, "picture", picture)
+    monkeypatch.setattr(systems_pictures.truth, "picture", lambda scene, size: planes())
+    monkeypatch.setattr(systems_pictures.panels, "save", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(systems_pictures.registry, "cpu_supports", lambda phase: phase.name != "fixed")
+    (path,) = systems_pictures.write_pictures(tmp_path, 16)
+    assert drawn == [
+        ("opt9_convex", "lattice", 16),
+        ("rods_simd", "trio", 16),
+        ("fixed_float", "spheres40", 16),
+    ]
+    titles = [axes.get_title(loc="left") for axes in figures[0].axes]
+    psnr = 10 * math.log10(12 / 0.1**2)
+    assert f"to truth, 4×1: {psnr:.1f} dB, 0 ppm wrong hits" in titles and "fixed_float: spheres40" in titles
+    assert f"rods_simd: trio, {psnr:.1f} dB to truth" in titles and len(figures[0].axes) == 7
+    assert systems_pictures.start_map(np.array([-1.0, 3.0])).mask.tolist() == [True, False]
+    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    assert path not in systems.section(tmp_path).images
+    path.touch()
+    assert next(iter(systems.section(tmp_path).images)) == path
 
 
 def test_a_run_without_systems_says_what_makes_them(tmp_path):
