@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from study import functions, packets_rays, registry, rods, run, stats, store, truth
+from study import functions, moving, packets_rays, registry, rods, run, stats, store, truth
 from study.packets_rays import KINDS, Rays
 from study.registry import Scene, find_phase, find_scene
 
@@ -206,6 +206,36 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
     return {"scene": scene.name, "width": size[0], "n": n, "rows": rows}
 
 
+ROOTS = ("exact", "newton")
+
+
+def by_root(scene: Scene, n: int, launches: int, seed: int) -> list[Row]:
+    """Whole frames with the exact root and with the approximate one and a Newton step, one thread: times in
+    interleaved launches, errors to truth. Raises StudyError.
+    """
+    size = scene.size(n)
+    exact = truth.picture(scene, size)
+
+    def under(root: str, do: Callable[[], Any]) -> Any:
+        with moving.environment({packets_rays.SETTINGS: f"root={root}"}):
+            return do()
+
+    cases = {
+        root: lambda r=root: under(r, lambda: rods.milliseconds("packets", "", scene, size, 5))
+        for root in ROOTS
+    }
+    times = rods.interleaved(cases, launches, seed)
+    gain = stats.ratio_interval(times["exact"], times["newton"])
+    rows = []
+    for root in ROOTS:
+        found = rods.errors(exact, under(root, lambda: rods.picture("packets", "", scene, size)))
+        errors = {key: found[key] for key in ("psnr_db", "wrong_ppm", "non_finite")}
+        about = {"scene": scene.name, "width": size[0], "n": n, "root": root}
+        ends = {f"gain{end}": getattr(gain, key) if root == "newton" else None for end, key in ENDS.items()}
+        rows.append(about | rods.timed(times[root]) | ends | errors)
+    return rows
+
+
 NORMALISE_ROUNDS = 6  # the fewest that have an interval
 
 
@@ -232,7 +262,9 @@ def study(folder: Path, ray_n: int, n: int, launches: int, reps: int, seed: int)
         rows += [of_rays(scene, rays[kind], kind, launches, reps, seed) for kind in KINDS]
     threads = [1, 2] if len(run.USABLE) > 1 else [1]
     drawn = [equal_error(scene, n, threads, launches, seed) for scene in drawn_scenes(folder)]
-    return {"article": ARTICLE, "goals": GOALS, "ray_n": ray_n, "rays": rows, "drawn": drawn}
+    roots = by_root(find_scene("spheres40"), n, launches, seed)
+    found = {"article": ARTICLE, "goals": GOALS, "ray_n": ray_n, "rays": rows, "drawn": drawn}
+    return found | {"roots": roots}
 
 
 def read(file: Path) -> Row:

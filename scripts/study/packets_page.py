@@ -88,6 +88,16 @@ VARIANTS = [
 ]
 
 
+ROOTS = [
+    Column("", "scene", lambda r: f"{r['scene']}, {r['width']}×{r['n']}"),
+    Column("", "root", lambda r: {"newton": "approximate, one Newton step"}.get(r["root"], r["root"])),
+    Column("", "ms a frame, one thread [95 %]", lambda r: show.interval(r, "ms", 3)),
+    Column("", "gain [95 %]", lambda r: "base" if r["gain"] is None else show.interval(r, "gain", 3, "×")),
+    Column("to truth", "PSNR, dB", lambda r: show.number(r["psnr_db"])),
+    Column("to truth", "wrong hits, ppm", lambda r: show.number(r["wrong_ppm"])),
+]
+
+
 def drawn_rows(result: Row) -> list[Row]:
     """A row for each scene, phase and number of threads."""
     return [
@@ -164,6 +174,11 @@ def faults(result: Row) -> list[str]:
         f"{r['scene']}, {r['kind']}: {r['agreement']['other_shape']} hits are others than Embree's"
         for r in result["rays"]
         if r["agreement"] and not (r["agreement"]["other_shape"] <= 2 + MOST_OTHERS * r["rays"])
+    ]
+    found += [
+        f"{row['scene']}, root={row['root']}: {row['non_finite']} samples are not finite"
+        for row in result.get("roots", [])
+        if not (row["non_finite"] <= 0)
     ]
     return found + [
         f"{d['scene']}, {row['phase']}: {row['non_finite']} samples are not finite"
@@ -257,7 +272,9 @@ def parts(result: Row) -> list[Part]:
     caption = "Ray tracing against sphere tracing: time to equal error"
     found += part("packets-equal-error", caption, drawn_rows(result), DRAWN)
     caption = "Packet ray tracing: trees, lanes, roots"
-    return found + part("packets-variants", caption, result["rays"], VARIANTS, folded=True)
+    found += part("packets-variants", caption, result["rays"], VARIANTS, folded=True)
+    caption = "Packet ray tracing: the exact root and the approximate one in whole frames"
+    return found + part("packets-roots", caption, result.get("roots", []), ROOTS, folded=True)
 
 
 def remarks(result: Row) -> list[str]:

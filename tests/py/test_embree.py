@@ -255,6 +255,8 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     trees = [(row["tree"], row["settings"].split()[0], row["threads"]) for row in result["animation"]]
     assert trees[0] == ("BVH", "tree=bvh", 1) and trees[-1][:2] == ("kd-tree", "tree=kd")
     assert all(len(row["all_ms"]) == 3 and row["update_ms"] > 0 for row in result["animation"])
+    assert [row["root"] for row in result["roots"]] == ["exact", "newton"]
+    assert all(row["ms"] > 0 and row["psnr_db"] > 60 for row in result["roots"])
     isas = {row["isa"] for row in result["normalise"]}
     assert isas >= {"scalar", "SSE"} and {row["vectors"] for row in result["normalise"]} == {4096}
     said = capsys.readouterr().out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -230,6 +231,30 @@ def test_the_article_s_own_figures_by_hand(monkeypatch):
     )
     less = packets_page.normalise_rows(made_up() | {"normalise": packets.normalised(4096, 1)})
     assert less[0]["article"] == less[0]["ratio"] == show.NOTHING, "another size than the article's"
+
+
+def test_frames_by_root_by_hand(monkeypatch, tmp_path):
+    """Made-up: 4 ms with the exact root, 2 with the approximate, which is told by its setting alone."""
+    told = lambda: os.environ[packets_rays.SETTINGS].removeprefix("root=")  # noqa: E731
+    monkeypatch.setattr(packets.truth, "picture", lambda scene, size: None)
+    monkeypatch.setattr(packets.rods, "picture", lambda phase, words, scene, size: told())
+    monkeypatch.setattr(packets.rods, "milliseconds", lambda *_: {"exact": 4.0, "newton": 2.0}[told()])
+    error = {"exact": 131.0, "newton": 120.0}
+    made = lambda exact, made: {"psnr_db": error[made], "wrong_ppm": 0.0, "non_finite": 0}  # noqa: E731
+    monkeypatch.setattr(packets.rods, "errors", made)
+    rows = packets.by_root(find_scene("spheres40"), 90, 6, 1)
+    assert [(r["root"], r["ms"], r["gain"], r["psnr_db"]) for r in rows] == [
+        ("exact", 4.0, None, 131.0),
+        ("newton", 2.0, 2.0, 120.0),
+    ]
+    (tmp_path / packets.FILE).write_text(json.dumps(made_up() | {"roots": rows}))
+    (table,) = (p for p in systems.section(tmp_path).parts if p.name == "packets-roots")
+    lines = table.markdown.splitlines()
+    assert "| exact | 4.00" in lines[2] and "| base | 131 |" in lines[2] and "2.00× [2.00" in lines[3]
+    rows[1]["non_finite"] = math.nan
+    assert packets_page.faults(made_up() | {"roots": rows}) == [
+        "spheres40, root=newton: nan samples are not finite"
+    ]
 
 
 def test_without_embree_the_page_says_so(tmp_path):

@@ -6,13 +6,14 @@ import itertools
 import json
 import math
 import os
+import runpy
 import sys
 
 import numpy as np
 import pytest
 import started
 
-from study import rods, rods_page, rods_pictures, show, systems, systems_pictures
+from study import registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -234,6 +235,59 @@ def test_greys_by_hand():
     shown = rods_pictures.error_colours(exact, planes(id=[0, 0, 0, -1], Z=[1 + 1e-6, 2.1, 3, np.inf]))
     assert shown[0, 0].tolist() == [1, 1, 1] and shown[0, 1] == pytest.approx([0, 0, 0], abs=0.01)
     assert shown[0, 2].tolist() == [0.84, 0.15, 0.15] and shown[0, 3].tolist() == [1, 1, 1]
+
+
+def main_of(monkeypatch, script: str, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", [f"{script}.py", *words])
+    return runpy.run_path(str(ROOT / "scripts" / f"{script}.py"))["main"]()
+
+
+def test_rods_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
+    """Small, and with a corner of the trade-off: the rest is the script's own."""
+    monkeypatch.setattr(rods, "DOWN", (8, 16))
+    monkeypatch.setattr(rods, "CAPS", (20,))
+    words = ["--scene", "trio", "-n", "18", "--article-n", "32", "--launches", "2", "--seed", "1"]
+    assert main_of(monkeypatch, "rods", *words, "--run", str(tmp_path)) == 0
+    result = rods.read(tmp_path / rods.FILE)
+    assert (result["own"]["scene"], result["own"]["n"], result["own"]["width"]) == ("two_spheres", 32, 32)
+    assert [(row["scene"], row["n"]) for row in result["rows"]] == [("trio", 18)]
+    for row in (result["own"], *result["rows"]):
+        assert row["rods"]["evaluations"] < row["pixels"]["evaluations"] and row["fewer"] > 1
+        assert row["rods"]["ms"] > 0 and len(row["rods"]["launches"]) == 2
+    kinds = [(row["down"], row["least"], row["step"]) for row in result["trade"]]
+    assert kinds == [
+        (8, 1, "whole"),
+        (16, 1, "whole"),
+        *((16, k, "whole") for k in (2, 4, 8)),
+        (16, 1, "safe"),
+    ]
+    said = capsys.readouterr().out
+    assert "two_spheres, 32×32: per pixel" in said and "trio, 32×18" in said
+    assert (tmp_path / "images" / f"{rods_pictures.PICTURES}.png").exists()
+    assert (tmp_path / "figures" / f"{rods_page.TRADE}.svg").exists()
+    section = systems.section(tmp_path)
+    assert [p.name for p in section.parts] == ["systems", "rods", "rods-trade"]
+
+
+@pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()["rods_simd"])), reason="the CPU lacks what rods_simd needs"
+)
+def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
+    """Two settings: one that is the scene's own picture, one whose five steps leave holes."""
+    own, short = "march=rods size=16 least=4 steps=0 finish=0", "march=rods size=16 least=4 steps=1 finish=5"
+    monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short, own])
+    words = ["--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
+    assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 0
+    (row,) = rods.read(tmp_path / rods.THROTTLE)["rows"]
+    assert (row["tried"], row["within"], row["chosen"]["settings"]) == (3, 1, own)
+    assert list(row["finalists"]) == [own] and row["chosen"]["launches"] != row["finalists"][own]["launches"]
+    assert row["large"]["n"] == 36 and row["large"]["other_ppm"] == 0 and row["large"]["gain"] > 0
+    assert row["chosen"]["wrong_ppm"] == 0 and row["chosen"]["evaluations"] < row["plain"]["evaluations"]
+    said = capsys.readouterr().out
+    assert "trio, 32×18: rods of 16 to 4 pixels" in said and "cannot be told" in said, "of two launches"
+    monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short])
+    assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 1
+    assert "FAIL trio: no setting is within" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
