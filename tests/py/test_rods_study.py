@@ -8,6 +8,7 @@ import math
 import os
 import runpy
 import sys
+import types
 
 import numpy as np
 import pytest
@@ -183,6 +184,28 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert coarse["ratio"] == "4.00× over per pixel"
     assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
+
+
+def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
+    """Rows beside which an article has a figure, between the marks; what is around them stays."""
+    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    made = rods_page.system_rows(made_up(), {"rows": []})
+    assert systems.rows_of(tmp_path) == made == systems.few(made)
+    other = [{"article": text} for text in ("proposed, not measured", show.NOTHING, "no such comparison")]
+    rays = [{"article": "“millions of rays per second, per core”", "what": n} for n in range(3)]
+    assert systems.few([*other, *rays]) == rays[:2]
+    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
+    data = types.SimpleNamespace(path=tmp_path, context={})
+    monkeypatch.setitem(tables["readme_systems"].__globals__, "machine_line", lambda _: "a CPU")
+    text = tables["readme_systems"](f"before\n{begin}\nold\n{end}\nbehind\n", data)
+    assert text.startswith(f"before\n{begin}\n| system |") and text.endswith(f"{end}\nbehind\n")
+    assert "old" not in text and text.count("rod marching (P4)") == len(made) and "a CPU" in text
+    assert tables["readme_systems"](text, data) == text
+    with pytest.raises(StudyError, match="lacks the lines"):
+        tables["readme_systems"]("no marks", data)
+    with pytest.raises(StudyError, match="has no systems"):
+        tables["readme_systems"](text, types.SimpleNamespace(path=tmp_path / "none"))
 
 
 def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
