@@ -12,6 +12,7 @@ import pytest
 import started
 
 from study import lattice, lattice_page, registry, systems
+from study.build import build
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -146,6 +147,9 @@ def test_a_small_run(tmp_path):
         "--threads",
         "1",
     ]
+    for name in ("opt9_convex", "opt4"):  # they may take longer than what is asked here
+        build(name, "render")
+        build(name, "render-count")
     command = [sys.executable, str(ROOT / "scripts" / "lattice.py"), *words, "--run", str(tmp_path)]
     done = started.run(command, timeout=120)
     assert done.returncode == 0, done.stderr
