@@ -31,7 +31,7 @@ VARIANTS = {
     "root by Newton": ("root=newton", ""),
 }
 MARCHED = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
-HIT_DISTANCES = (None, 1e-5, 1e-4, 1e-3)  # None: the scene's own
+HIT_DISTANCES = (None, 1e-7, 1e-5, 1e-4, 1e-3)  # None: the scene's own
 UNBOUND_STEPS = 3000  # no ray of these scenes needs as many; most of them have it as their own cap
 ENDS = {"": "value", "_low": "low", "_high": "high"}
 GRANTED_DB = 0.1  # a tenth of the third digit of a PSNR
