@@ -84,7 +84,7 @@ drjit: setup ## our phases beside Dr.Jit (installed into build/drjit; needs LLVM
 toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
 	@$(PY) scripts/run_study.py --part toolchains $(ARGS)
 
-systems: setup ## what other articles built, beside the ladder: rod marching, packet ray tracing, rays in integers, CPU-RTRM's scene (20 minutes)
+systems: setup ## what other articles built, beside the ladder: rod marching, packet ray tracing, rays in integers, CPU-RTRM's scene (25 minutes)
 	@$(PY) scripts/run_study.py --part systems $(ARGS)
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone

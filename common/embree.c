@@ -1,4 +1,4 @@
-// Embree 3 beside a phase (hits.c): spheres as its points of a radius (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as
+// Embree (4, or 3: what a ray is asked with has other names) beside a phase (hits.c): spheres as its points of a radius (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as
 // squares of four times the bounds. Single-threaded, its best build quality, denormals as zeros (as its manual asks).
 #include "hits.h"
 
@@ -11,7 +11,11 @@
 #include "timer.h"
 
 #ifdef WITH_EMBREE
+#if WITH_EMBREE >= 4
+#include <embree4/rtcore.h>
+#else
 #include <embree3/rtcore.h>
+#endif
 
 // Rays in its own form at once: small enough to stay in the cache from being put to being traced.
 enum { CHUNK = 1024 };
@@ -193,27 +197,61 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
     return NULL;
 }
 
-static void trace_chunk(struct beside *b, struct RTCIntersectContext *context, size_t count,
-                        bool any, bool packets) {
+// What both kinds of questions are asked with. Embree 4 parted Embree 3's context into two structures of
+// arguments, behind the ray.
+#if WITH_EMBREE >= 4
+struct asking {
+    struct RTCIntersectArguments nearest;
+    struct RTCOccludedArguments any;
+};
+
+static void begin_asking(struct asking *asking, bool coherent) {
+    rtcInitIntersectArguments(&asking->nearest);
+    rtcInitOccludedArguments(&asking->any);
+    asking->nearest.flags = asking->any.flags =
+        coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+}
+
+#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, rays, &(a)->nearest)
+#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, rays, &(a)->any)
+#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, ray, &(a)->nearest)
+#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, ray, &(a)->any)
+#else
+struct asking {
+    struct RTCIntersectContext context;
+};
+
+static void begin_asking(struct asking *asking, bool coherent) {
+    rtcInitIntersectContext(&asking->context);
+    asking->context.flags =
+        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+}
+
+#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, &(a)->context, rays)
+#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, &(a)->context, rays)
+#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, &(a)->context, ray)
+#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, &(a)->context, ray)
+#endif
+
+static void trace_chunk(struct beside *b, struct asking *asking, size_t count, bool any,
+                        bool packets) {
     static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
                                                -1, -1, -1, -1, -1, -1, -1, -1};
     for (size_t i = 0; i < (packets ? (count + 15) / 16 : count); i++) {
         if (packets && any)
-            rtcOccluded16(valid, b->scene, context, (struct RTCRay16 *)&b->sixteen[i].ray);
+            OCCLUDED16(valid, b->scene, asking, (struct RTCRay16 *)&b->sixteen[i].ray);
         else if (packets)
-            rtcIntersect16(valid, b->scene, context, &b->sixteen[i]);
+            INTERSECT16(valid, b->scene, asking, &b->sixteen[i]);
         else if (any)
-            rtcOccluded1(b->scene, context, &b->one[i].ray);
+            OCCLUDED1(b->scene, asking, &b->one[i].ray);
         else
-            rtcIntersect1(b->scene, context, &b->one[i]);
+            INTERSECT1(b->scene, asking, &b->one[i]);
     }
 }
 
 uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
-    struct RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    context.flags =
-        b->coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+    struct asking asking;
+    begin_asking(&asking, b->coherent);
     unsigned before = _mm_getcsr();
     uint64_t took = 0;
     for (size_t first = 0; first < rays->count; first += CHUNK) {
@@ -221,7 +259,7 @@ uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool 
         put_rays(b, rays, first, any, packets);
         _mm_setcsr(before | DENORMALS_ARE_ZEROS);
         uint64_t begin = timer_ns();
-        trace_chunk(b, &context, left < CHUNK ? left : CHUNK, any, packets);
+        trace_chunk(b, &asking, left < CHUNK ? left : CHUNK, any, packets);
         took += timer_ns() - begin;
         _mm_setcsr(before);
         get_hits(b, rays, first, any, packets);

@@ -172,20 +172,24 @@ $(BUILD)/%/rays: $(BUILD)/common/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o 
 	$(CC) $(SANITIZERS) $^ $(LIBS) -o $@
 
 # What given rays meet, and the time of it: phases of closed forms only (phase.h). Embree where its header is; installed
-# later it builds anew.
-EMBREE := $(if $(SANITIZE),,$(wildcard /usr/include/embree3/rtcore.h /usr/local/include/embree3/rtcore.h))
+# later it builds anew. Debian's and Ubuntu's packages have no file for pkg-config, and CMake, which they have files for,
+# is nothing else's need here: header and library are where the compiler looks for both. 4 (Ubuntu 24.04, Debian 13)
+# goes before 3 (Debian 12).
+EMBREE_INCLUDE ?= /usr/include /usr/local/include
+EMBREE := $(if $(SANITIZE),,$(firstword $(foreach v,4 3,$(wildcard $(EMBREE_INCLUDE:%=%/embree$(v)/rtcore.h)))))
+EMBREE_VERSION := $(patsubst embree%,%,$(notdir $(patsubst %/,%,$(dir $(EMBREE)))))
 $(BUILD)/common/with_embree: FORCE
 	@mkdir -p $(@D)
 	@echo '$(EMBREE)' | cmp -s - $@ || echo '$(EMBREE)' >$@
 
-$(BUILD)/common/embree.o: COMMON_CFLAGS += $(if $(EMBREE),-DWITH_EMBREE)
+$(BUILD)/common/embree.o: COMMON_CFLAGS += $(if $(EMBREE),-DWITH_EMBREE=$(EMBREE_VERSION))
 $(BUILD)/common/embree.o: $(BUILD)/common/with_embree
 
 $(BUILD)/%/hits.o: common/hits.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -I$(@D) -c $< -o $@
 
 $(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(COMMON_OBJECTS)
-	$(CC) $(SANITIZERS) $^ $(LIBS) $(if $(EMBREE),-lembree3) -o $@
+	$(CC) $(SANITIZERS) $^ $(LIBS) $(if $(EMBREE),-lembree$(EMBREE_VERSION)) -o $@
 
 # The counting build: the same sources with the macros of flops.h switched on.
 $(BUILD)/%/count/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk

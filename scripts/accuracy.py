@@ -75,7 +75,9 @@ class Subject:
         gated = gate.by_truth(phase)
         granted = gate.margins(phase) if gated else gate.visible(self.base)
         as_many = accuracy.dt_p99_of(self.base_distances, self.truth, made)
-        worse = gate.inferior(found | {"dt_p99": as_many}, self.references, granted)
+        outlines = int(granted.get(gate.OUTLINE, 0))
+        beyond = accuracy.beyond_outlines(self.truth, made, outlines) if outlines else {}
+        worse = gate.inferior(found | beyond | {"dt_p99": as_many}, self.references, granted)
         wrong = where.bad(self.truth, made)
         gallery, size = self.gallery, self.size
         stem = f"{gallery.stem(spec, self.scene, size)}-against-truth.png"
@@ -87,6 +89,7 @@ class Subject:
             "precision": phase.precision,
             **found,
             "dt_p99_of_as_many": as_many,
+            "beyond_outlines": beyond or None,
             **where.shares(self.where, wrong),
             "gated": gated,
             "margins": granted,

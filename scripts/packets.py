@@ -14,6 +14,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 import matplotlib
 
 from study import (
+    functions,
     machine,
     packets,
     packets_moving,
@@ -28,8 +29,9 @@ from study.draw import STYLE, save
 DESCRIPTION = """\
 Rays a second of phase packets: of the camera, to the light, mirrored, in any direction; by tree, number of
 lanes and root; beside Embree, where it was there to build with, on the same rays by turns, hit by hit
-compared. Ray tracing against sphere tracing on the same scenes: time to equal error. Then frame times of an
-animation, the tree built anew for each frame, and the pictures beside their difference to truth."""
+compared. The article's own benchmark, normalising vectors. Ray tracing against sphere tracing on the same
+scenes: time to equal error. Then frame times of an animation, the tree built anew for each frame, and the
+pictures beside their difference to truth."""
 
 
 def arguments() -> argparse.Namespace:
@@ -41,6 +43,13 @@ def arguments() -> argparse.Namespace:
     add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--reps", type=cli.at_least(1), default=5, help="of the rays in each; default: 5")
+    add(
+        "--vectors",
+        type=cli.at_least(1024),
+        default=functions.VECTORS,
+        metavar="N",
+        help="that the article's own benchmark normalises; default: 20,000,000",
+    )
     add("--seed", type=int, help="of rays and order; default: random")
     add("--run", type=Path, metavar="DIR", help="for packets.json, images/, figures/; default: build/systems")
     args = parser.parse_args()
@@ -56,6 +65,7 @@ def main() -> int:
     animation = packets_moving.study(args.frames, args.frame_n)  # first: it is short, and may refuse a size
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
     found["animation"] = animation
+    found["normalise"] = packets.normalised(args.vectors, args.seed)
     about = {"launches": args.launches, "reps": args.reps, "seed": args.seed}
     about["took_s"] = time.monotonic() - begun
     result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})

@@ -236,7 +236,7 @@ def toolchains(run: Path, options: argparse.Namespace, height: int) -> bool:
 
 
 # What other articles built: each script writes its own file and judges it.
-SYSTEMS = ("rods", "throttle", "lattice", "fixed", "packets")
+SYSTEMS = ("rods", "throttle", "lattice", "fixed", "packets", "systems")
 
 
 def systems(run: Path, options: argparse.Namespace, height: int) -> bool:

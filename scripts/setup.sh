@@ -111,15 +111,21 @@ rm -f build/setup.probe
 
 # --- Optional ones. Ubuntu's perf comes with its kernel's tools, and is not there for WSL2's kernel.
 
-there() { # a command, or a library's header by its path
-    command -v "$1" >/dev/null || case "$1" in */*) [ -e "$1" ] ;; *) false ;; esac
+there() { # a command, or a library's header by its path, which may be a pattern
+    command -v "$1" >/dev/null && return
+    case "$1" in */*) ;; *) return 1 ;; esac
+    # shellcheck disable=SC2086 # a pattern
+    for path in $1; do
+        [ ! -e "$path" ] || return 0
+    done
+    return 1
 }
 
 optional() { # command or header, what it adds, packages of which the first that exists is taken
     there "$1" && return
     command=$1 adds=$2
     shift 2
-    grep -qsx "$command" build/setup.without && return
+    grep -qsxF "$command" build/setup.without && return
     sudo=
     [ "$(id -u)" = 0 ] || sudo='sudo -n'
     answered=
@@ -143,7 +149,7 @@ optional() { # command or header, what it adds, packages of which the first that
 }
 optional perf "table of hotspots" linux-perf linux-tools-generic
 optional llvm-mca "model of what bounds the hot loops by LLVM" llvm
-optional "${STEPWISE_INCLUDE:-/usr/include}/embree3/rtcore.h" "packet ray tracer beside Embree" libembree-dev
+optional "${STEPWISE_INCLUDE:-/usr/include}/embree[34]/rtcore.h" "packet ray tracer beside Embree" libembree-dev
 # Sixteen lanes in pairs of eight, where the CPU has no AVX-512 (tests/emulate).
 if [ "$purpose" = test ] && ! grep -qw avx512dq /proc/cpuinfo; then
     optional "${STEPWISE_INCLUDE:-/usr/include}/simde/x86/avx512.h" "test of 16 lanes on this CPU, which has no AVX-512" libsimde-dev

@@ -11,13 +11,14 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, claims, columns, ladder, machine, paper, show, store
+from study import analysis, chapters, claims, columns, ladder, machine, paper, show, store, systems
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
 
 README = ROOT / "README.md"
 BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
+SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
 
 # Name of a file → its data and, for people, the Markdown text.
 Made = dict[str, tuple[pd.DataFrame, str]]
@@ -105,6 +106,22 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     return f"{before}{BEGIN}\n{block}{END}{after}"
 
 
+def readme_systems(text: str, data: Data) -> str:
+    """README's text with the table of systems made anew from a run that has them: of each figure that an
+    article states, and of the others one. Raises StudyError without markers or systems.
+    """
+    before, begin, rest = text.partition(SYSTEMS_BEGIN)
+    _, end, after = rest.partition(SYSTEMS_END)
+    if not (begin and end):
+        raise StudyError(f"README.md: lacks the lines {SYSTEMS_BEGIN} and {SYSTEMS_END}")
+    rows = systems.few(systems.rows_of(data.path))
+    if not rows:
+        raise StudyError(f"{data.path}: has no systems; make systems")
+    block = show.markdown(show.table(rows, systems.ROWS))
+    note = f"Measured on {machine_line(data)}; all rows: `{data.path.name}/tables/systems.md`.\n"
+    return f"{before}{SYSTEMS_BEGIN}\n{block}\n{note}{SYSTEMS_END}{after}"
+
+
 def run() -> int:
     parser = cli.parser(__doc__)
     parser.add_argument("run", nargs="?", type=Path, metavar="RUN", help="folder of the run (the newest one)")
@@ -115,6 +132,9 @@ def run() -> int:
     parser.add_argument(
         "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
     )
+    parser.add_argument(
+        "--readme-systems", action="store_true", help="rewrite the systems between the marks in README.md"
+    )
     args = parser.parse_args()
     data = analysis.load(args.run)
     rows = ladder.rows(data, args.n)
@@ -122,9 +142,11 @@ def run() -> int:
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = make(data, rows)
     paths = write(made, args.out or data.path / "tables")
-    if args.readme:
+    if args.readme or args.readme_systems:
         try:
-            store.write_text(README, readme(README.read_text(encoding="utf-8"), data, rows))
+            text = README.read_text(encoding="utf-8")
+            text = readme(text, data, rows) if args.readme else text
+            store.write_text(README, readme_systems(text, data) if args.readme_systems else text)
         except OSError as error:
             raise StudyError(f"{README}: {error.strerror}") from None
         paths.append(README)

@@ -18,7 +18,8 @@ from study.run import USABLE
 DESCRIPTION = """\
 Phase rods_simd hands each pixel's ray over to packets where its rods end. Every choice of starting size,
 smallest size, rod steps and finishing steps is rendered and held against truth; of those within the error
-asked for, the fastest are timed again, interleaved with packets alone, and the best is the throttle's."""
+asked for, the fastest are timed again, interleaved, and the best is the throttle's; it and packets alone are
+then timed anew, here and in a larger picture."""
 
 
 def arguments() -> argparse.Namespace:
@@ -42,7 +43,8 @@ def arguments() -> argparse.Namespace:
         metavar="PPM",
         help="wrong hits, at most; default: 1000",
     )
-    add("--launches", type=cli.at_least(2), default=6, help="of the finalists; default: 6")
+    add("--large", type=cli.at_least(16), default=360, metavar="N", help="height of the larger; default: 360")
+    add("--launches", type=cli.at_least(2), default=6, help="of finalists and choice; default: 6")
     add("--seed", type=int, help="of the order; default: random")
     add("--run", type=Path, metavar="DIR", help="for throttle.json; default: build/systems")
     args = parser.parse_args()
@@ -59,7 +61,8 @@ def main() -> int:
     begun, rows = time.monotonic(), []
     for scene in scenes:
         cli.say(f"{scene.name}: {len(rods.choices())} settings")
-        rows.append(rods.throttle(scene, args.n, args.psnr, args.wrong, args.launches, args.seed))
+        how = (args.psnr, args.wrong, args.launches, args.seed)
+        rows.append(rods.throttle(scene, args.n, *how, large=args.large))
     about = {"cpus": len(USABLE), "launches": args.launches, "seed": args.seed}
     about["took_s"] = time.monotonic() - begun
     result = cli.plain({"schema": 1, **about, "context": machine.context(), "rows": rows})

@@ -58,6 +58,21 @@ def wrong_hits(truth: Picture, image: Picture) -> dict[str, np.ndarray]:
     }
 
 
+def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, float]:
+    """false_hits_ppm and wrong_shape_ppm of the proved pixels that have no pixel within so many, along rows
+    and columns, where truth sees the shape that the picture has: what fatter outlines do not explain.
+    """
+    near = np.zeros(truth["id"].shape, bool)
+    padded = np.pad(truth["id"], pixels, mode="edge")
+    for y, x in np.ndindex(2 * pixels + 1, 2 * pixels + 1):
+        near |= padded[y : y + near.shape[0], x : x + near.shape[1]] == image["id"]
+    count, masks = int((truth["status"] == PROVED).sum()), wrong_hits(truth, image)
+    return {
+        f"{name}_ppm": 1e6 * float((masks[name] & ~near).sum()) / count if count else math.nan
+        for name in ("false_hits", "wrong_shape")
+    }
+
+
 def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     """The errors below the picture, of the proved pixels; NaN where there is none."""
     known = truth["status"] == PROVED

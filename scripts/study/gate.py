@@ -48,6 +48,9 @@ LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is bas
 # declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
 NEAREST = 150.0
 ENOUGH = "enough_db"
+# Pixels: hits of a shape that truth sees so near by are granted to a phase that declares how far its rays'
+# footprint goes (accuracy.beyond_outlines), whatever their share of the picture: that falls with its size.
+OUTLINE = "outline_pixels"
 SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
 
 
@@ -67,7 +70,7 @@ def check(phase: Phase) -> None:
             raise StudyError(
                 f"{where}: no such scene or class; there are smooth, fractal, {TRUTH}, {', '.join(scenes())}"
             )
-        margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH))
+        margin_of = dict.fromkeys((*TRUTH_METRICS, *CONVERGED_METRICS, ENOUGH, OUTLINE))
         known = margin_of if name == TRUTH else METRICS
         if not isinstance(declared, Mapping):
             raise StudyError(f"{where}: should be an object of metric: bound")
@@ -83,6 +86,8 @@ def check(phase: Phase) -> None:
             if not (bound is True if key == "identical" else number):
                 wanted = "true" if key == "identical" else "a finite number"
                 raise StudyError(f"{where}.{key}: {bound!r} should be {wanted}")
+            if key == OUTLINE and not (isinstance(bound, int) and 1 <= bound <= 8):
+                raise StudyError(f"{where}.{key}: {bound!r} should be a whole number of pixels from 1 to 8")
             if name == TRUTH and bound < 0:
                 raise StudyError(f"{where}.{key}: {bound!r} should be 0 or more: by how much it may be worse")
 
@@ -128,7 +133,7 @@ def left_to_truth(phase: Phase) -> bool:
 def margins(phase: Phase) -> dict[str, float]:
     """Metric → by how much the phase may be worse than baseline; what is not named here, by nothing.
 
-    ENOUGH → the PSNR from which on a picture is near enough, in dB.
+    ENOUGH → the PSNR from which on a picture is near enough, in dB. OUTLINE → pixels.
     """
     declared = flatten(phase.tolerance.get(TRUTH) or {})
     return {name: bound for name, bound in declared.items() if name != "reason"}

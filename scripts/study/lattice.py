@@ -25,6 +25,15 @@ SIZES = ((1000, 562), (1280, 720))
 # CPU-RTRM's own program, its own shading: ms by threads.
 PROGRAM = {"size": (1280, 720), "ms": {1: 57.7, 2: 33.1}, "machine": "a 2-core Zen 5 VM at 4.27 GHz"}
 PAPER = 14  # times as fast as CPU-RTRM with threads, as the paper has its own last step
+# Functions of normals, light and colours alone (phases/*/costs.def), not what the march calls, too.
+SHADING = frozenset(
+    [
+        *("normal_at", "normal_on", "near_hit", "gradient_of", "box_gradient", "difference"),
+        *("scene_difference", "surface_at", "surface_of", "stage_surface", "light_at", "light_from"),
+        *("stage_light", "stage_end", "color_of", "color_all", "lit_color", "add_light", "vec_reflect"),
+        *("trace", "exp_of", "log_of", "power_of"),
+    ]
+)
 BEHIND = 1e4  # scene units ahead of the camera, whence light falls on what faces away from it
 
 
@@ -64,6 +73,21 @@ def still_lit(scene: Scene, exact: dict[str, np.ndarray]) -> float:
     ahead = np.array(camera["look_at"], float) - np.array(camera["position"], float)
     facing = sum(exact[f"N.{axis}"] * part for axis, part in zip("xyz", ahead, strict=True))
     return float((facing[exact["id"] >= 0] > 0).mean())
+
+
+def shading(name: str, scene: Scene, size: tuple[int, int]) -> float | None:
+    """Share of a frame's FLOPs (machine convention) in SHADING: a lower bound of what shading takes, exact
+    and the same on every machine. None for what cannot be counted here, and for baseline and opt1, whose
+    arithmetic is in functions of vectors that the march calls, too.
+    """
+    try:
+        said = run.render(name, scene.path, size[1], size[0], target="render-count", timed=False)
+    except run.DriverError:
+        return None
+    if "vec_dot" in said["by_function"]:
+        return None
+    own = sum(found["machine"] for function, found in said["by_function"].items() if function in SHADING)
+    return float(own / said["flops"]["machine"])
 
 
 def once(point: Point, padding: int, *, paths: dict[bool, Path], cpu: int) -> float:
@@ -129,6 +153,8 @@ def study(
     size = scene.size(error_n)
     exact = truth.picture(scene, size)
     errors = {name: rods.errors(exact, rods.picture(name, "", scene, size)) for name in names}
+    for name, row in errors.items():
+        row["shading"] = shading(name, scene, size)
     paths = {True: scene.path, False: unlit(scene, scratch)}
     timed = functools.partial(once, paths=paths, cpu=cpu)
     times = run.interleaved(points(names, sizes, threads), launches, seed, cpu, timed, "lattice")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -61,6 +62,24 @@ TRADES = [
 ]
 
 
+def verdict(row: Row | None) -> str:
+    """Whether a gain's interval has 1 outside; without an interval nothing can be told."""
+    if row is None or row["gain"] is None:
+        return show.NOTHING
+    low, high = (np.nan if row[f"gain_{end}"] is None else row[f"gain_{end}"] for end in ("low", "high"))
+    return "gain" if low > 1 else "loss" if high < 1 else "cannot be told"
+
+
+def _large(text):
+    return lambda row: show.NOTHING if row.get("large") is None else text(row["large"])
+
+
+def apart(row: Row) -> str:
+    """Two pictures of one scene."""
+    psnr = "identical" if row["psnr_db"] is None else f"{show.number(row['psnr_db'])} dB"
+    return f"{psnr}, {row['other_ppm']:,.0f} ppm other hits"
+
+
 def _chosen(key: str):
     return lambda row: show.NOTHING if row["chosen"] is None else show.number(row["chosen"][key])
 
@@ -73,6 +92,11 @@ THROTTLE = [
     Column("ms a frame [95 %]", "rods first", lambda r: _ms(r["chosen"]) if r["chosen"] else show.NOTHING),
     Column("ms a frame [95 %]", "packets alone", lambda r: _ms(r["plain"])),
     Column("", "gain [95 %]", lambda r: _gain(r) if r["chosen"] else show.NOTHING),
+    Column("", "verdict", verdict),
+    Column("larger", "size", _large(lambda r: f"{r['width']}×{r['n']}")),
+    Column("larger", "gain [95 %]", _large(lambda r: _gain(r))),
+    Column("larger", "verdict", _large(verdict)),
+    Column("larger", "against packets alone", _large(apart)),
     Column("evaluations a pixel", "rods first", _chosen("evaluations")),
     Column("evaluations a pixel", "packets alone", lambda r: show.number(r["plain"]["evaluations"])),
     Column("rods first, to truth", "PSNR, dB", _chosen("psnr_db")),
@@ -112,7 +136,8 @@ def choice(row: Row) -> str:
         return f"{row['scene']}: none of {others} settings is within the error"
     return (
         f"{row['scene']}, {row['width']}×{row['n']}: {words_of(best)}: {_ms(best)} ms against "
-        f"{_ms(row['plain'])} ms of packets alone, {_gain(row)}; {show.number(best['psnr_db'])} dB, "
+        f"{_ms(row['plain'])} ms of packets alone, {_gain(row)}: {verdict(row)}; "
+        f"{show.number(best['psnr_db'])} dB, "
         f"{best['wrong_ppm']:.4g} ppm wrong ({row['within']} of {others} settings within)"
     )
 
@@ -174,19 +199,33 @@ def system_rows(result: Row, throttled: Row) -> list[Row]:
         }
         for least, row in sorted(coarse.items())
     ]
-    return rows + [
-        {
-            "system": "rods, then packets (P4's hybrid)",
+    return rows + [one for row in throttled["rows"] if row["chosen"] for one in hybrid_rows(row)]
+
+
+def hybrid_rows(row: Row) -> list[Row]:
+    """The throttle's choice for a scene, in the size it was made for and in the larger one."""
+    base = {"system": "rods, then packets (P4's hybrid)", "article": "proposed, not measured"}
+    found = [
+        base
+        | {
             "what": f"{row['scene']} {row['width']}×{row['n']}, ms a frame",
-            "article": "proposed, not measured",
             "ours": _ms(row["chosen"]),
-            "ratio": f"{_gain(row)} over packets alone",
+            "ratio": f"{_gain(row)} over packets alone: {verdict(row)}",
             "error": f"{show.number(row['chosen']['psnr_db'])} dB, "
             f"{row['chosen']['wrong_ppm']:,.0f} ppm wrong hits",
         }
-        for row in throttled["rows"]
-        if row["chosen"]
     ]
+    if more := row.get("large"):
+        found.append(
+            base
+            | {
+                "what": f"{row['scene']} {more['width']}×{more['n']}, that choice, ms a frame",
+                "ours": _ms(more["chosen"]),
+                "ratio": f"{_gain(more)} over packets alone: {verdict(more)}",
+                "error": f"against packets alone: {apart(more)}",
+            }
+        )
+    return found
 
 
 NOTE = (

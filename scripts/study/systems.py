@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from study import (
@@ -17,6 +19,7 @@ from study import (
     rods,
     rods_page,
     rods_pictures,
+    systems_pictures,
 )
 from study.sections import Section, part, reading
 from study.show import Column
@@ -29,6 +32,30 @@ ROWS = [
     Column("", "ratio", lambda r: r["ratio"]),
     Column("", "error to truth", lambda r: r["error"]),
 ]
+
+
+FIGURE = re.compile(r"\d|two orders")
+
+
+def few(rows: Sequence[dict[str, str]]) -> list[dict[str, str]]:
+    """Of the rows of all systems those beside which an article states a figure, and P2's first two of rays,
+    of which it says millions.
+    """
+    rays = [row for row in rows if row["article"].startswith("“millions")][:2]
+    return [row for row in rows if row in rays or FIGURE.search(row["article"])]
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """The rows of the table of all systems that a run has files for. Raises StudyError for a broken one."""
+    latticed, integers = lattice.read(path / lattice.FILE), fixed.read(path / fixed.FILE)
+    traced = packets.read(path / packets.FILE)
+    return [
+        *rods_page.system_rows(rods.read(path / rods.FILE), rods.read(path / rods.THROTTLE)),
+        *(lattice_page.system_rows(latticed) if latticed["rows"] else []),
+        *fixed_page.system_rows(integers),
+        *packets_page.system_rows(traced),
+        *packets_moving.system_rows(traced),
+    ]
 
 
 def section(path: Path) -> Section:
@@ -78,6 +105,8 @@ def section(path: Path) -> Section:
         if traced["rays"]:
             pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
     if rows:
+        sheet = path / "images" / f"{systems_pictures.PICTURES}.png"
+        pictures = ({sheet: systems_pictures.CAPTION} if sheet.exists() else {}) | pictures
         parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
     about = {
         "file": file,

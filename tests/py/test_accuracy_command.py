@@ -116,6 +116,29 @@ def test_a_fractal_may_be_as_far_as_opt4_and_no_other_scene(command, house, disc
     assert status == 1 and "baseline has" in err
 
 
+def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
+    """And what lies beyond them is not: a false hit in the corner, far from the disc, and that one alone."""
+    granted = dict.fromkeys(gate.TRUTH_METRICS, 1e6) | {"false_hits_ppm": 0, "outline_pixels": 2}
+    tolerance = {gate.TRUTH: granted | {"reason": "rays as wide as a pixel"}}
+    house.known["opt5"] = dataclasses.replace(house.known["opt5"], tolerance=tolerance)
+    house.pictures["opt5"] = lambda: disc(1)
+    status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
+    row = json.loads(out)
+    assert status == 0 and row["false_hits_ppm"] > 0 and row["beyond_outlines"]["false_hits_ppm"] == 0, err
+    shutil.rmtree(house.run)
+
+    def spotted() -> dict[str, np.ndarray]:
+        made = disc(1)
+        for plane in made.values():
+            plane[0, 0] = plane[HEIGHT // 2, WIDTH // 2]
+        return made
+
+    house.pictures["opt5"] = spotted
+    status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
+    assert status == 1 and json.loads(out)["worse"] == ["false_hits_ppm"]
+    assert f"false_hits_ppm: {1e6 / (HEIGHT * WIDTH):.6g}, baseline has 0" in err
+
+
 def test_a_declared_margin_is_granted(command, house, disc):
     house.pictures["opt5"] = lambda: disc(1)
     reason = {"reason": "a test", **dict.fromkeys(gate.TRUTH_METRICS, 1e5)}

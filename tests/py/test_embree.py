@@ -18,7 +18,8 @@ from study import packets, packets_page, packets_rays, store
 from study.build import build
 from study.registry import ROOT, Scene, find_scene
 
-HEADERS = [Path(base) / "embree3" / "rtcore.h" for base in ("/usr/include", "/usr/local/include")]
+BASES = (Path("/usr/include"), Path("/usr/local/include"))
+HEADERS = [base / f"embree{version}" / "rtcore.h" for version in (4, 3) for base in BASES]
 EMBREE = pytest.mark.skipif(
     not any(h.exists() for h in HEADERS), reason="libembree-dev is not installed: nothing beside Embree"
 )
@@ -52,7 +53,7 @@ def test_embree_meets_what_we_meet(name, path):
     rays = rays_of(data)
     for reps in (1, 3):
         record, found = packets_rays.hits(path, rays, "primary", reps=reps, beside=True)
-        about = r"Embree 3\.\d+\.\d+, packets of 16 (native|emulated)(, a build with assertions)?"
+        about = r"Embree [34]\.\d+\.\d+, packets of 16 (native|emulated)(, a build with assertions)?"
         assert re.fullmatch(about, record["embree"])
         assert found.shape == (2, COUNT, 2) and set(np.unique(found[1, :, 1])) == there
         said = packets.agreement(data, "primary", rays, found)
@@ -64,21 +65,110 @@ def test_embree_meets_what_we_meet(name, path):
         assert other <= 1 and 50 < (blocked[1, :, 0] == -np.inf).sum() < 900
 
 
-def test_without_embree_it_says_so(tmp_path, path):
-    """embree.c as it is built where there is none."""
+def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
+    """The program hits with an embree.c compiled by those flags."""
     build("packets", "hits")
-    words = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-    stub, program = tmp_path / "stub.o", tmp_path / "hits"
+    words = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *flags]
+    stub, program = folder / "stub.o", folder / "hits"
     subprocess.run([*words, "-c", ROOT / "common" / "embree.c", "-o", stub], check=True)
     made = ROOT / "build"
     objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
     objects += [made / "common" / f"{name}.o" for name in ("frame", "present", "timer")]
     objects += [made / "common" / f"{path.stem}.o" for path in sorted((ROOT / "common").glob("scene*.c"))]
+    found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)
+    libraries = [*found.stdout.split(), *libraries, "-lpthread", "-lm"]
+    subprocess.run(["gcc", *objects, stub, *libraries, "-o", program], check=True)
+    return program
+
+
+# What Embree 4's manual declares of a ray's questions, answered by Embree 3: arguments behind the ray, a
+# structure for each kind of question, flags of another name. The rest that embree.c asks is the same.
+EMBREE_4 = """
+#define rtcIntersect1 three_intersect1
+#define rtcIntersect16 three_intersect16
+#define rtcOccluded1 three_occluded1
+#define rtcOccluded16 three_occluded16
+#include <embree3/rtcore.h>
+#undef rtcIntersect1
+#undef rtcIntersect16
+#undef rtcOccluded1
+#undef rtcOccluded16
+#undef RTC_INTERSECT_CONTEXT_FLAG_COHERENT
+enum RTCRayQueryFlags { RTC_RAY_QUERY_FLAG_INCOHERENT = 1, RTC_RAY_QUERY_FLAG_COHERENT };
+struct RTCIntersectArguments { enum RTCRayQueryFlags flags; };
+struct RTCOccludedArguments { enum RTCRayQueryFlags flags; };
+static inline void rtcInitIntersectArguments(struct RTCIntersectArguments *a) { a->flags = 0; }
+static inline void rtcInitOccludedArguments(struct RTCOccludedArguments *a) { a->flags = 0; }
+static inline struct RTCIntersectContext three(enum RTCRayQueryFlags flags) {
+    struct RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    context.flags = flags == RTC_RAY_QUERY_FLAG_COHERENT;
+    return context;
+}
+#define ASK(name, type, args) \\
+    extern void name(RTCScene, struct RTCIntersectContext *, struct type *); \\
+    static inline void four_##name(RTCScene s, struct type *r, struct args *a) { \\
+        struct RTCIntersectContext c = three(a->flags); \\
+        name(s, &c, r); \\
+    }
+#define ASK16(name, type, args) \\
+    extern void name(const int *, RTCScene, struct RTCIntersectContext *, struct type *); \\
+    static inline void four_##name(const int *v, RTCScene s, struct type *r, struct args *a) { \\
+        struct RTCIntersectContext c = three(a->flags); \\
+        name(v, s, &c, r); \\
+    }
+ASK(rtcIntersect1, RTCRayHit, RTCIntersectArguments)
+ASK(rtcOccluded1, RTCRay, RTCOccludedArguments)
+ASK16(rtcIntersect16, RTCRayHit16, RTCIntersectArguments)
+ASK16(rtcOccluded16, RTCRay16, RTCOccludedArguments)
+#define rtcIntersect1 four_rtcIntersect1
+#define rtcOccluded1 four_rtcOccluded1
+#define rtcIntersect16 four_rtcIntersect16
+#define rtcOccluded16 four_rtcOccluded16
+"""
+
+
+@pytest.mark.skipif(not any(h.exists() for h in HEADERS if "embree3" in str(h)), reason="no Embree 3")
+@pytest.mark.parametrize("kind", ["primary", "shadow"])
+def test_by_the_declarations_of_embree_4_it_meets_the_same(kind, tmp_path, path):
+    """Compiled by the other half of embree.c. Embree 4 itself was not at hand."""
+    (tmp_path / "embree4").mkdir()
+    (tmp_path / "embree4" / "rtcore.h").write_text(EMBREE_4)
+    four = hits_with(tmp_path, ["-DWITH_EMBREE=4", f"-I{tmp_path}"], ["-lembree3"])
     data = scene(BALLS, light={"shadows": "hard"})
     store.write_json(path, data)
-    found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)
-    libraries = [*found.stdout.split(), "-lpthread", "-lm"]
-    subprocess.run(["gcc", *objects, stub, *libraries, "-o", program], check=True)
+    rays, found = rays_of(data), []
+    rays[:, 6] = 20 if kind == "shadow" else np.inf
+    for program in (four, build("packets", "hits")):
+        out = tmp_path / "hits.out"
+        for reps in ("1", "3"):
+            words = [program, path, "--embree", "--reps", reps, *["--any"] * (kind == "shadow"), "-o", out]
+            done = subprocess.run(words, input=rays.tobytes(), capture_output=True)
+            assert done.returncode == 0 and json.loads(done.stdout)["embree"].startswith("Embree "), (
+                done.stderr
+            )
+            found.append(np.fromfile(out, "<f4").reshape(2, COUNT, 2)[1])
+    assert np.array_equal(found[0], found[2]) and np.array_equal(found[1], found[3])
+    assert 50 < (found[0][:, 0] == -np.inf).sum() < 1000 or kind == "primary"
+
+
+@pytest.mark.parametrize("there, version", [((3,), "3"), ((4,), "4"), ((3, 4), "4"), ((), "")])
+def test_the_newest_header_is_built_with(there, version, tmp_path):
+    for one in there:
+        (tmp_path / f"embree{one}").mkdir()
+        (tmp_path / f"embree{one}" / "rtcore.h").touch()
+    rule = "include common/rules.mk\nsay: ; @echo '$(EMBREE_VERSION)|$(EMBREE)'\n"
+    words = ["make", "-s", "-f", "-", f"EMBREE_INCLUDE={tmp_path}", f"BUILD={tmp_path}", "say"]
+    done = subprocess.run(words, input=rule, capture_output=True, text=True, cwd=ROOT)
+    header = tmp_path / f"embree{version}" / "rtcore.h" if version else ""
+    assert done.stdout.strip() == f"{version}|{header}", done.stderr
+
+
+def test_without_embree_it_says_so(tmp_path, path):
+    """embree.c as it is built where there is none."""
+    program = hits_with(tmp_path, [], [])
+    data = scene(BALLS, light={"shadows": "hard"})
+    store.write_json(path, data)
     out = tmp_path / "hits.out"
     done = subprocess.run(
         [program, path, "--embree", "-o", out], input=rays_of(data).tobytes(), capture_output=True
@@ -136,7 +226,7 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(packets, "drawn_scenes", lambda _: [find_scene("spheres40")])
     monkeypatch.setattr(packets, "MARCHED", ("opt8_streams",))
     words = ["--ray-n", "32", "-n", "16", "--launches", "2", "--reps", "1", "--seed", "1"]
-    words += ["--frames", "3", "--frame-n", "16"]
+    words += ["--frames", "3", "--frame-n", "16", "--vectors", "4096"]
     monkeypatch.setattr(sys, "argv", ["packets.py", *words, "--run", str(tmp_path)])
     main = runpy.run_path(str(ROOT / "scripts" / "packets.py"))["main"]
     assert main() == 0
@@ -165,6 +255,10 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     trees = [(row["tree"], row["settings"].split()[0], row["threads"]) for row in result["animation"]]
     assert trees[0] == ("BVH", "tree=bvh", 1) and trees[-1][:2] == ("kd-tree", "tree=kd")
     assert all(len(row["all_ms"]) == 3 and row["update_ms"] > 0 for row in result["animation"])
+    assert [row["root"] for row in result["roots"]] == ["exact", "newton"]
+    assert all(row["ms"] > 0 and row["psnr_db"] > 60 for row in result["roots"])
+    isas = {row["isa"] for row in result["normalise"]}
+    assert isas >= {"scalar", "SSE"} and {row["vectors"] for row in result["normalise"]} == {4096}
     said = capsys.readouterr().out
     assert "balls, mirror:" in said and "spheres40" in said and "animation, packets, 1 threads" in said
     assert (tmp_path / "images" / "packets-pictures.png").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import started
 
 from study import lattice, lattice_page, registry, systems
+from study.build import build
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -81,6 +83,35 @@ def test_the_table_of_systems(tmp_path):
         systems.section(tmp_path)
 
 
+def test_shading_s_share_is_of_its_functions_alone(monkeypatch):
+    scene, asked = registry.find_scene(lattice.SCENE), []
+    parts = {"light_at": 10, "normal_at": 15, "sdf": 75}
+
+    def render(name, path, height, width, **how):
+        asked.append((name, height, width, how["target"]))
+        found = {function: {"machine": flops} for function, flops in parts.items()}
+        return {"flops": {"machine": 100}, "by_function": found}
+
+    monkeypatch.setattr(lattice.run, "render", render)
+    assert lattice.shading("opt4", scene, (160, 90)) == 0.25
+    assert asked == [("opt4", 90, 160, "render-count")]
+    parts["vec_dot"] = 0
+    assert lattice.shading("baseline", scene, (160, 90)) is None
+    assert lattice_page.counted({"shading": 0.25}) == "≥ 25\u00a0%"
+    assert lattice_page.counted({}) == lattice_page.counted({"shading": None}) == "–"
+
+
+def test_every_rung_has_functions_of_shading():
+    """And no name of SHADING is of no function."""
+    there = set()
+    for name in registry.ladder():
+        text = (registry.find_phase(name).path / "costs.def").read_text()
+        mine = set(re.findall(r"^\w+\((\w+)", text, re.M)) & lattice.SHADING
+        assert {"light_at", "stage_light"} & mine and {"normal_at", "normal_on"} & mine, name
+        there |= mine
+    assert there == lattice.SHADING
+
+
 def test_few_launches_are_said_to_be(tmp_path):
     times = {lattice.Point("opt4", lattice.PROGRAM["size"], 1): [10e6]}
     (row,) = lattice.rows(times, {"opt4": ERROR})
@@ -116,6 +147,9 @@ def test_a_small_run(tmp_path):
         "--threads",
         "1",
     ]
+    for name in ("opt9_convex", "opt4"):  # they may take longer than what is asked here
+        build(name, "render")
+        build(name, "render-count")
     command = [sys.executable, str(ROOT / "scripts" / "lattice.py"), *words, "--run", str(tmp_path)]
     done = started.run(command, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -123,6 +157,7 @@ def test_a_small_run(tmp_path):
     assert [r["phase"] for r in result["rows"]] == ["opt9_convex", "opt4"] and result["known"] == 1
     exact, march = result["rows"]
     assert exact["wrong_ppm"] == 0 < march["wrong_ppm"] and exact["program"] is None
+    assert 0.01 < march["shading"] < exact["shading"] < 0.5
     assert 0 < result["still_lit"] < 0.2 and "opt9_convex 32×18" in done.stdout
 
 

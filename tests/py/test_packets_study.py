@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
 from study import packets, packets_moving, packets_page, packets_pictures, packets_rays, show, systems
 from study.cli import StudyError
-from study.registry import Scene
+from study.registry import Scene, find_scene
 
 DATA = scene([FLOOR, shape("sphere", radius=1, position=[0, 0, 4])], light={"shadows": "hard"})
 INF = np.inf
@@ -102,11 +103,55 @@ def test_the_page_by_hand(tmp_path):
     camera = said["spheres40, rays camera, million a second"]
     assert camera["error"].startswith("against Embree: 0 of 1,000 others")
     whole = said["spheres40 160×90, ms a frame, one thread"]
-    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams at equal error")
+    assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams, at equal error")
     assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
     assert packets_page.faults(made_up()) == []
     for name in packets_page.drawings(made_up()).values():
         assert name.make() is not None
+
+
+def test_equal_error_is_equal_or_says_it_is_not():
+    """Of knobs that reach packets' error the fastest; where none does the nearest."""
+    assert packets.target_of({"psnr_db": None}) == packets.target_of({"psnr_db": 142.0}) == 80
+    assert packets.target_of({"psnr_db": 61.5}) == 61.5
+    took = {28.8: 1.0, 42.7: 2.0, 90.7: 4.0, 110.4: 5.0, None: 9.0, math.nan: 0.1}
+    rows = [{"psnr_db": db} for db in took]
+
+    def best(tried: list[dict], target: float) -> float | None:
+        return packets.chosen(tried, target, lambda row: took[row["psnr_db"]])["psnr_db"]
+
+    assert best(rows, 80) == 90.7 and best(rows, 28.9) == 28.8 and best(rows, math.inf) is None
+    assert best(rows[:2], 80) == 42.7, "not the fastest: the nearest"
+    assert not packets.reached({"psnr_db": math.nan}, 80) and packets.reached({"psnr_db": None}, 80)
+    assert packets.reached({"psnr_db": 79.9}, 80) and not packets.reached({"psnr_db": 79.8}, 80)
+
+
+def test_a_cap_that_binds_is_taken_away_too():
+    caps = {
+        name: {k["max_steps"] for k in packets.knobs_of(find_scene(name))} for name in ("trio", "two_spheres")
+    }
+    assert caps == {"trio": {None}, "two_spheres": {None, packets.UNBOUND_STEPS}}
+    for cap in (None, packets.UNBOUND_STEPS):
+        hits = [
+            k["hit_distance"] for k in packets.knobs_of(find_scene("two_spheres")) if k["max_steps"] == cap
+        ]
+        assert tuple(hits) == packets.HIT_DISTANCES
+
+
+def test_a_row_that_is_not_equal_says_so(tmp_path):
+    """In its own table and in that of all systems, with its decibels."""
+    result = made_up()
+    result["drawn"][0]["rows"][2] |= {"psnr_db": 55.3, "reached": False, "max_steps": 3000}
+    (tmp_path / packets.FILE).write_text(json.dumps(result))
+    tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
+    for name, words in (("systems", "opt8_streams, equal error not reached: 55.3 dB"),
+                        ("packets-equal-error", "not reached: 55.3 dB")):  # fmt: skip
+        assert tables[name].count(words) == 1 and tables[name].count("not reached") == 1
+    assert (
+        "at equal error" not in tables["systems"]
+        and "| the scene's | 3000 |" in tables["packets-equal-error"]
+    )
+    assert "| reached |" in tables["packets-equal-error"]
 
 
 def animated() -> dict:
@@ -158,6 +203,58 @@ def test_the_sheet_shows_the_difference_to_truth(monkeypatch, tmp_path):
     assert titles[1] == f"to truth, 16×8: {psnr:.1f} dB, 0 ppm wrong hits" and "identical" in titles[3]
     shown = [p.images[0].get_array() for p in panels]
     assert np.isclose(shown[1].max(), 0.1) and np.sum(shown[1] > 1e-6) == 1 and shown[3].max() < 1e-6
+
+
+def test_the_article_s_own_figures_by_hand(monkeypatch):
+    """20 million vectors in 100 ns each are 2,000 ms, by SSE in 10 ns 200 ms."""
+    size, ends = 20_000_000, ("value", "low", "high")
+    kernels = [("scalar", "AoS", "1/sqrt", 100.0), ("SSE", "SoA", "rsqrtps + 1", 10.0)]
+
+    def normalise(vectors, rounds, seed, cpu):
+        base = {"max_ulp": 3.0, "rms_ulp": 1.0}
+        return [
+            base | {"vectors": many, "isa": isa, "layout": layout, "name": name}
+            | {"ns": dict.fromkeys(ends, ns), "speedup": dict.fromkeys(ends, 100 / ns)}
+            for many in (1024, vectors)
+            for isa, layout, name, ns in kernels
+        ]  # fmt: skip
+
+    monkeypatch.setattr(packets.functions, "normalise", normalise)
+    found = packets.normalised(size, 1)
+    assert len(found) == 2 and found[1]["ms"] == found[1]["ms_high"] == pytest.approx(200)
+    scalar, sse, over = packets_page.system_rows(made_up() | {"normalise": found})[:3]
+    assert scalar["what"] == "normalising 20,000,000 vectors, scalar, ms" and scalar["error"] == "≤ 3.0 ulp"
+    assert scalar["article"] == "3156 (Core 2 Duo, 1.6 GHz)" and scalar["ratio"] == "1.58× its speed"
+    assert sse["ours"].split()[0] == "200" and sse["ratio"] == "0.860× its speed"
+    assert (
+        over["ours"].startswith("10.0×") and over["ratio"] == "0.545× of it" and over["article"] == "18.35×"
+    )
+    less = packets_page.normalise_rows(made_up() | {"normalise": packets.normalised(4096, 1)})
+    assert less[0]["article"] == less[0]["ratio"] == show.NOTHING, "another size than the article's"
+
+
+def test_frames_by_root_by_hand(monkeypatch, tmp_path):
+    """Made-up: 4 ms with the exact root, 2 with the approximate, which is told by its setting alone."""
+    told = lambda: os.environ[packets_rays.SETTINGS].removeprefix("root=")  # noqa: E731
+    monkeypatch.setattr(packets.truth, "picture", lambda scene, size: None)
+    monkeypatch.setattr(packets.rods, "picture", lambda phase, words, scene, size: told())
+    monkeypatch.setattr(packets.rods, "milliseconds", lambda *_: {"exact": 4.0, "newton": 2.0}[told()])
+    error = {"exact": 131.0, "newton": 120.0}
+    made = lambda exact, made: {"psnr_db": error[made], "wrong_ppm": 0.0, "non_finite": 0}  # noqa: E731
+    monkeypatch.setattr(packets.rods, "errors", made)
+    rows = packets.by_root(find_scene("spheres40"), 90, 6, 1)
+    assert [(r["root"], r["ms"], r["gain"], r["psnr_db"]) for r in rows] == [
+        ("exact", 4.0, None, 131.0),
+        ("newton", 2.0, 2.0, 120.0),
+    ]
+    (tmp_path / packets.FILE).write_text(json.dumps(made_up() | {"roots": rows}))
+    (table,) = (p for p in systems.section(tmp_path).parts if p.name == "packets-roots")
+    lines = table.markdown.splitlines()
+    assert "| exact | 4.00" in lines[2] and "| base | 131 |" in lines[2] and "2.00× [2.00" in lines[3]
+    rows[1]["non_finite"] = math.nan
+    assert packets_page.faults(made_up() | {"roots": rows}) == [
+        "spheres40, root=newton: nan samples are not finite"
+    ]
 
 
 def test_without_embree_the_page_says_so(tmp_path):

@@ -299,6 +299,22 @@ def test_declared_costs_hold():
     }
 
 
+@pytest.mark.parametrize("name", ["lattice", "spheres40"])
+def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
+    """The gate of scripts/accuracy.py as declared: kept by rods down to the pixel, broken by coarse ones."""
+    words = [sys.executable, str(ROOT / "scripts" / "accuracy.py"), "--phase", "rods", "--scene", name]
+    words += ["-n", "64", "--json", "--jobs", "1", "--run"]
+    done = started.run([*words, str(tmp_path / "own")], timeout=300)
+    row = json.loads(done.stdout)
+    assert done.returncode == 0 and row["gated"] and row["worse"] == [], done.stderr
+    assert max(row["beyond_outlines"].values()) <= 2_000
+    assert row["false_hits_ppm"] + row["wrong_shape_ppm"] > 60_000, "nothing was granted: why declare it?"
+    env = os.environ | {"STEPWISE_RODS": "least=4"}
+    done = started.run([*words, str(tmp_path / "coarse")], timeout=300, env=env)
+    row = json.loads(done.stdout)
+    assert done.returncode == 1 and {"false_hits_ppm", "wrong_shape_ppm"} & set(row["worse"]), row["worse"]
+
+
 def test_they_stand_beside_the_ladder():
     assert not {"rods", "rods_simd"} & set(registry.ladder())
     for name in ("rods", "rods_simd"):

@@ -6,13 +6,15 @@ import itertools
 import json
 import math
 import os
+import runpy
 import sys
+import types
 
 import numpy as np
 import pytest
 import started
 
-from study import rods, rods_page, rods_pictures, show, systems
+from study import registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -74,28 +76,75 @@ def test_every_launch_comes_once_a_round():
 
 
 def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
-    """Made-up pictures and times: the fastest is outside, and a first look lies about the next two."""
+    """Made-up pictures and times: the fastest is outside, a first look lies about the next two, and the
+    choice's luck among the finalists is not its gain."""
     quick = ["march=pixels", "a", "b", "c", "d"]
     psnr = {"march=pixels": 60, "a": 30, "b": 45, "c": 41, "d": 50}
     first = {"march=pixels": 10.0, "a": 1.0, "b": 3.0, "c": 2.9, "d": 8.0}
-    later = first | {"b": 2.0, "c": 4.0}
+    final = first | {"b": 2.0, "c": 4.0}
+    anew = {"march=pixels": 12.0, "b": 6.0}
     looks: dict[str, int] = dict.fromkeys(quick, 0)
+    sizes = set()
 
     def milliseconds(phase, words, scene, size, reps, **more):
+        sizes.add(size[1])
         looks[words] += 1
-        return (first if looks[words] == 1 else later)[words]
+        if size[1] == 360:
+            return {"march=pixels": 100.0, "b": 125.0}[words]
+        if words == "march=pixels":
+            return anew[words] if looks[words] > 1 else first[words]
+        return first[words] if looks[words] == 1 else final[words] if looks[words] <= 6 else anew[words]
 
     monkeypatch.setattr(rods, "choices", lambda: quick)
     monkeypatch.setattr(rods.truth, "picture", lambda scene, size: None)
-    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: words)
+    made = planes()
+    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: words if size[1] == 90 else made)
     error = lambda exact, made: {"psnr_db": psnr[made], "wrong_ppm": 0, "non_finite": 0}  # noqa: E731
     monkeypatch.setattr(rods, "errors", error)
     monkeypatch.setattr(rods, "milliseconds", milliseconds)
-    found = rods.throttle(rods.find_scene("trio"), 90, 40, 1000, launches=5, seed=1)
-    assert found["chosen"]["settings"] == "b" and found["gain"] == 5 and found["within"] == 3
+    scene = rods.find_scene("trio")
+    found = rods.throttle(scene, 90, 40, 1000, launches=5, seed=1)
+    assert found["chosen"]["settings"] == "b" and found["within"] == 3 and found["large"] is None
+    assert found["finalists"]["b"]["ms"] == 2 and found["chosen"]["ms"] == 6 and found["plain"]["ms"] == 12
+    assert found["gain"] == 2, "of the launches behind the choice"
     assert looks["a"] == 0, "what is outside the error is not timed"
-    none = rods.throttle(rods.find_scene("trio"), 90, 70, 1000, launches=5, seed=1)
-    assert none["chosen"] is None and "none of 4" in rods_page.choice(none)
+    looks.update(dict.fromkeys(quick, 0))
+    more = rods.throttle(scene, 90, 40, 1000, launches=5, seed=1, large=360)["large"]
+    assert more["gain"] == 0.8 and (more["psnr_db"], more["other_ppm"]) == (None, 0) and sizes == {90, 360}
+    none = rods.throttle(rods.find_scene("trio"), 90, 70, 1000, launches=5, seed=1, large=360)
+    assert none["chosen"] is None and none["large"] is None and "none of 4" in rods_page.choice(none)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (1.01, 1.2, "gain"),
+        (0.98, 1.3, "cannot be told"),
+        (0.7, 0.99, "loss"),
+        (1.0, 1.2, "cannot be told"),
+        (None, None, "cannot be told"),
+        (math.nan, math.nan, "cannot be told"),
+    ],
+)
+def test_a_gain_is_one_where_its_interval_says_so(low, high, said):
+    row = {"gain": 1.05, "gain_low": low, "gain_high": high}
+    assert rods_page.verdict(row) == said
+    assert rods_page.verdict({"gain": None}) == rods_page.verdict(None) == show.NOTHING
+
+
+def test_the_hybrid_s_rows_have_their_verdicts():
+    one = {"ms": 8.0, "ms_low": 7.0, "ms_high": 9.0, "psnr_db": 41.0, "wrong_ppm": 250.0}
+    gain = {"gain": 1.25, "gain_low": 1.1, "gain_high": 1.4}
+    row = {"scene": "trio", "width": 160, "n": 90, "chosen": one, "plain": one, **gain}
+    large = {"width": 640, "n": 360, "chosen": one, "plain": one, "psnr_db": 50.0, "other_ppm": 12.0}
+    large |= {"gain": 1.0, "gain_low": 0.9, "gain_high": 1.1}
+    small, other = rods_page.hybrid_rows(row | {"large": large})
+    assert small["ratio"].startswith("1.25×") and small["ratio"].endswith("over packets alone: gain")
+    assert other["what"] == "trio 640×360, that choice, ms a frame" and other["ratio"].endswith(
+        "cannot be told"
+    )
+    assert other["error"] == "against packets alone: 50.0 dB, 12 ppm other hits"
+    assert len(rods_page.hybrid_rows(row)) == 1  # an older file
 
 
 def made_up() -> dict:
@@ -137,6 +186,59 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert show.NOTHING not in {row["error"] for row in said}
 
 
+def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
+    """Rows beside which an article has a figure, between the marks; what is around them stays."""
+    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    made = rods_page.system_rows(made_up(), {"rows": []})
+    assert systems.rows_of(tmp_path) == made == systems.few(made)
+    other = [{"article": text} for text in ("proposed, not measured", show.NOTHING, "no such comparison")]
+    rays = [{"article": "“millions of rays per second, per core”", "what": n} for n in range(3)]
+    assert systems.few([*other, *rays]) == rays[:2]
+    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
+    data = types.SimpleNamespace(path=tmp_path, context={})
+    monkeypatch.setitem(tables["readme_systems"].__globals__, "machine_line", lambda _: "a CPU")
+    text = tables["readme_systems"](f"before\n{begin}\nold\n{end}\nbehind\n", data)
+    assert text.startswith(f"before\n{begin}\n| system |") and text.endswith(f"{end}\nbehind\n")
+    assert "old" not in text and text.count("rod marching (P4)") == len(made) and "a CPU" in text
+    assert tables["readme_systems"](text, data) == text
+    with pytest.raises(StudyError, match="lacks the lines"):
+        tables["readme_systems"]("no marks", data)
+    with pytest.raises(StudyError, match="has no systems"):
+        tables["readme_systems"](text, types.SimpleNamespace(path=tmp_path / "none"))
+
+
+def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
+    """A column each, and one less where the CPU lacks what a phase needs; on the page once it is there."""
+    drawn, figures = [], []
+    made = planes() | {"G": np.array([[0.5, 0.5, 0.5, 0.6]], np.float32)}
+
+    def picture(phase, words, scene, size):
+        drawn.append((phase, scene.name, size[1]))
+        start = {"start": np.array([[1, 2, -1, -1]], np.float32)}
+        return made | (start if phase == "rods_simd" else {})
+
+    monkeypatch.setattr(systems_pictures.rods, "picture", picture)
+    monkeypatch.setattr(systems_pictures.truth, "picture", lambda scene, size: planes())
+    monkeypatch.setattr(systems_pictures.panels, "save", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(systems_pictures.registry, "cpu_supports", lambda phase: phase.name != "fixed")
+    (path,) = systems_pictures.write_pictures(tmp_path, 16)
+    assert drawn == [
+        ("opt9_convex", "lattice", 16),
+        ("rods_simd", "trio", 16),
+        ("fixed_float", "spheres40", 16),
+    ]
+    titles = [axes.get_title(loc="left") for axes in figures[0].axes]
+    psnr = 10 * math.log10(12 / 0.1**2)
+    assert f"to truth, 4×1: {psnr:.1f} dB, 0 ppm wrong hits" in titles and "fixed_float: spheres40" in titles
+    assert f"rods_simd: trio, {psnr:.1f} dB to truth" in titles and len(figures[0].axes) == 7
+    assert systems_pictures.start_map(np.array([-1.0, 3.0])).mask.tolist() == [True, False]
+    (tmp_path / rods.FILE).write_text(json.dumps(made_up()))
+    assert path not in systems.section(tmp_path).images
+    path.touch()
+    assert next(iter(systems.section(tmp_path).images)) == path
+
+
 def test_a_run_without_systems_says_what_makes_them(tmp_path):
     section = systems.section(tmp_path)
     assert section.parts == [] and section.lacking == "make systems"
@@ -156,6 +258,59 @@ def test_greys_by_hand():
     shown = rods_pictures.error_colours(exact, planes(id=[0, 0, 0, -1], Z=[1 + 1e-6, 2.1, 3, np.inf]))
     assert shown[0, 0].tolist() == [1, 1, 1] and shown[0, 1] == pytest.approx([0, 0, 0], abs=0.01)
     assert shown[0, 2].tolist() == [0.84, 0.15, 0.15] and shown[0, 3].tolist() == [1, 1, 1]
+
+
+def main_of(monkeypatch, script: str, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", [f"{script}.py", *words])
+    return runpy.run_path(str(ROOT / "scripts" / f"{script}.py"))["main"]()
+
+
+def test_rods_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
+    """Small, and with a corner of the trade-off: the rest is the script's own."""
+    monkeypatch.setattr(rods, "DOWN", (8, 16))
+    monkeypatch.setattr(rods, "CAPS", (20,))
+    words = ["--scene", "trio", "-n", "18", "--article-n", "32", "--launches", "2", "--seed", "1"]
+    assert main_of(monkeypatch, "rods", *words, "--run", str(tmp_path)) == 0
+    result = rods.read(tmp_path / rods.FILE)
+    assert (result["own"]["scene"], result["own"]["n"], result["own"]["width"]) == ("two_spheres", 32, 32)
+    assert [(row["scene"], row["n"]) for row in result["rows"]] == [("trio", 18)]
+    for row in (result["own"], *result["rows"]):
+        assert row["rods"]["evaluations"] < row["pixels"]["evaluations"] and row["fewer"] > 1
+        assert row["rods"]["ms"] > 0 and len(row["rods"]["launches"]) == 2
+    kinds = [(row["down"], row["least"], row["step"]) for row in result["trade"]]
+    assert kinds == [
+        (8, 1, "whole"),
+        (16, 1, "whole"),
+        *((16, k, "whole") for k in (2, 4, 8)),
+        (16, 1, "safe"),
+    ]
+    said = capsys.readouterr().out
+    assert "two_spheres, 32×32: per pixel" in said and "trio, 32×18" in said
+    assert (tmp_path / "images" / f"{rods_pictures.PICTURES}.png").exists()
+    assert (tmp_path / "figures" / f"{rods_page.TRADE}.svg").exists()
+    section = systems.section(tmp_path)
+    assert [p.name for p in section.parts] == ["systems", "rods", "rods-trade"]
+
+
+@pytest.mark.skipif(
+    bool(registry.missing_isa(registry.phases()["rods_simd"])), reason="the CPU lacks what rods_simd needs"
+)
+def test_throttle_from_pictures_to_its_file(monkeypatch, tmp_path, capsys):
+    """Two settings: one that is the scene's own picture, one whose five steps leave holes."""
+    own, short = "march=rods size=16 least=4 steps=0 finish=0", "march=rods size=16 least=4 steps=1 finish=5"
+    monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short, own])
+    words = ["--scene", "trio", "-n", "18", "--large", "36", "--launches", "2", "--seed", "1"]
+    assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 0
+    (row,) = rods.read(tmp_path / rods.THROTTLE)["rows"]
+    assert (row["tried"], row["within"], row["chosen"]["settings"]) == (3, 1, own)
+    assert list(row["finalists"]) == [own] and row["chosen"]["launches"] != row["finalists"][own]["launches"]
+    assert row["large"]["n"] == 36 and row["large"]["other_ppm"] == 0 and row["large"]["gain"] > 0
+    assert row["chosen"]["wrong_ppm"] == 0 and row["chosen"]["evaluations"] < row["plain"]["evaluations"]
+    said = capsys.readouterr().out
+    assert "trio, 32×18: rods of 16 to 4 pixels" in said and "cannot be told" in said, "of two launches"
+    monkeypatch.setattr(rods, "choices", lambda: ["march=pixels", short])
+    assert main_of(monkeypatch, "throttle", *words, "--run", str(tmp_path)) == 1
+    assert "FAIL trio: no setting is within" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,8 @@ def test_what_apt_does_not_have_is_asked_for_once(tree: Path) -> None:
     assert setup(tree) == ("", [], True)
 
 
-def test_a_library_is_known_by_its_header(tree: Path) -> None:
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_library_is_known_by_its_header(tree: Path, version: int) -> None:
     for name in ("perf", "llvm-mca"):
         command(tree, name, ":")
     header = tree / "include" / "embree3" / "rtcore.h"
@@ -82,7 +83,8 @@ def test_a_library_is_known_by_its_header(tree: Path) -> None:
     assert [line.split()[-1] for line in asked] == ["update", "libembree-dev"] or "-q" in asked[0]
     assert asked[-1].endswith("libembree-dev") and setup(tree) == ("", [], False)
     (tree / "build" / "setup.without").unlink()
-    said, _, _ = setup(tree, install=f"/bin/touch {header}")
+    header = tree / "include" / f"embree{version}" / "rtcore.h"
+    said, _, _ = setup(tree, install=f"/bin/mkdir -p {header.parent}; /bin/touch {header}")
     assert "could not" not in said and setup(tree) == ("", [], False)
 
 

@@ -120,6 +120,8 @@ def test_margins_are_declared_with_a_reason():
         ({"dt_p99": -1, "reason": "so"}, "should be 0 or more"),
         ({"mask_mismatch_ppm": 1, "reason": "so"}, "no such metric"),
         ({"dt_p99": math.inf, "reason": "so"}, "finite number"),
+        ({"outline_pixels": 1.5, "reason": "so"}, "whole number of pixels from 1 to 8"),
+        ({"outline_pixels": 9, "reason": "so"}, "whole number of pixels from 1 to 8"),
     ):
         with pytest.raises(StudyError, match=message):
             gate.check(rung(5, truth=wrong))
