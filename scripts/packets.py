@@ -16,6 +16,7 @@ import matplotlib
 from study import (
     functions,
     machine,
+    moving,
     packets,
     packets_moving,
     packets_page,
@@ -62,7 +63,7 @@ def main() -> int:
     folder = store.writable(args.run or registry.ROOT / "build" / "systems")
     begun = time.monotonic()
     made = store.writable(registry.ROOT / "build" / "systems" / "scenes")
-    animation = packets_moving.study(args.frames, args.frame_n)  # first: it is short, and may refuse a size
+    animation = packets_moving.study(args.frames, args.frame_n, folder)  # first: may refuse a size
     found = packets.study(made, args.ray_n, args.n, args.launches, args.reps, args.seed)
     found["animation"] = animation
     found["normalise"] = packets.normalised(args.vectors, args.seed)
@@ -70,6 +71,7 @@ def main() -> int:
     about["took_s"] = time.monotonic() - begun
     result = cli.plain({"schema": 1, **about, "context": machine.context(), **found})
     store.write_json(folder / packets.FILE, result)
+    moving.forget(folder, ["packets"])
     paths = packets_pictures.write_pictures(folder, packets_rays.scenes(made), args.n)
     with matplotlib.rc_context(STYLE):
         for name, drawing in packets_page.drawings(result).items():

@@ -11,7 +11,7 @@ import pytest
 
 from conformance import geometry
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import packets, packets_moving, packets_page, packets_pictures, packets_rays, show, systems
+from study import moving, packets, packets_moving, packets_page, packets_pictures, packets_rays, show, systems
 from study.cli import StudyError
 from study.registry import Scene, find_scene
 
@@ -288,3 +288,16 @@ def test_the_bars_are_of_the_lanes_that_ran(lanes: int, beside: bool) -> None:
     named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert ("here, 8 lanes (AVX2)" in named) == beside and f"here, BVH, {lanes} lanes" in named
     assert len(named) == len(figure.axes[0].patches) == len(ran) + 1
+
+
+def test_frames_of_its_animation_outlive_an_interruption(tmp_path, monkeypatch) -> None:
+    """Of the first tree on one thread all frames are there, of the next two: both are asked for 5."""
+    monkeypatch.setattr(moving, "thread_counts", lambda: [1])
+    first = packets_moving.study(2, 16, tmp_path)
+    kept = sorted((tmp_path / moving.FOLDER).glob("packets-*.jsonl"))
+    assert len(kept) == 2  # a file for each tree
+    again = packets_moving.study(5, 16, tmp_path)
+    for row, before in zip(again, first, strict=True):
+        assert row["resumed_at"] == [2] and row["all_ms"][:2] == before["all_ms"]
+        assert len(row["all_ms"]) == 5
+    assert sorted((tmp_path / moving.FOLDER).glob("packets-*.jsonl")) == kept
