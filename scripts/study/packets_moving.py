@@ -49,7 +49,8 @@ def system_rows(result: Row) -> list[Row]:
             f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}",
             "article": f"{said['ms']} ({said['cpu']}; P3's)",
             "ours": f"{show.number(row['ms'].get('mean', row['ms']['p50']))} "
-            f"(95 % of frames under {show.number(row['ms']['p95'])} ms; the tree {show.number(row['update_ms'], 2)})",
+            f"(95 % of frames under {show.number(row['ms']['p95'])} ms; "
+            f"the tree {show.number(row['update_ms'], 2)})",
             "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",
             "error": show.NOTHING,
         }
