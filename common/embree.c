@@ -1,5 +1,6 @@
-// Embree (4, or 3: what a ray is asked with has other names) beside a phase (hits.c): spheres as its points of a radius (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as
-// squares of four times the bounds. Single-threaded, its best build quality, denormals as zeros (as its manual asks).
+// Embree (4, or 3: what a ray is asked with has other names) beside a phase (hits.c): spheres as its points of a radius
+// (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as squares of four times the bounds. Single-threaded, its best build quality,
+// denormals as zeros (as its manual asks).
 #include "hits.h"
 
 #include <immintrin.h>

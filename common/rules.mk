@@ -92,7 +92,7 @@ variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(and 
 # Each of a phase's sources with its flags, those of "each_variant" once for each variant, as NAME-VARIANT.
 # $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made. Intrinsics are parsed once for all
 # that is compiled alike (the objects are the same): .2 of the .5 s of each source, two thousand times in the tests.
-# They are where a phase's variants are, or where a phase without variants includes them.
+# The header goes before each variant's sources, and before all of a phase without variants that includes it.
 # Sanitized, variants have -Og, a third less to compile than -O1 and as fast; what is built once would run 1.3 to 2 times
 # as long.
 define compile_each
@@ -115,8 +115,10 @@ endef
 # $parsed: a header with the intrinsics, parsed for the compiler's words $@ and those of $(1), but for the macros of
 # phases and their folders. Made once for all phases; two jobs may make it at once, and the header stays as it is.
 PARSED := $(BUILD)/common/parsed
+# What it is parsed from, as an upgrade of either changes it: clang refuses a header that is older, gcc would go on.
+HEADERS_ARE = $(shell stat -L -c '%Y %s' /usr/include/stdlib.h "$$($(CC) -print-file-name=include/immintrin.h)" 2>/dev/null)
 parse_once = set -f; words="$$(echo "$$* $(filter-out -c -S -fsyntax-only,$(1))" | sed 's/-iquote [^ ]*//g; s/-D\(LANES=\|VARIANT\|STEPWISE_\)[^ ]*//g')"; \
-parsed=$(PARSED)/$$(echo "$(TOOLCHAIN)$(if $(EMULATE), $(shell cksum <tests/emulate/immintrin.h)) $$words" | cksum | tr ' ' -).h; \
+parsed=$(PARSED)/$$(echo "$(HEADERS_ARE) $(TOOLCHAIN)$(if $(EMULATE), $(shell cksum <tests/emulate/immintrin.h)) $$words" | cksum | tr ' ' -).h; \
 test -e "$$parsed.gch" || { mkdir -p $(PARSED); echo '\#include <immintrin.h>' >"$$parsed.$$$$"; \
     ln "$$parsed.$$$$" "$$parsed" 2>/dev/null; rm "$$parsed.$$$$"; \
     $$words -x c-header "$$parsed" -o "$$parsed.$$$$" && mv "$$parsed.$$$$" "$$parsed.gch" || exit 1; }; set +f
@@ -138,11 +140,11 @@ done
 endef
 # A phase as one object. $(1): more compiler flags
 define compile_recipe
-@rm -rf $(@D)/objects && mkdir -p $(@D)/objects
+@rm -rf $(@D)/objects $(@D)/assembly && mkdir -p $(@D)/objects
 $(call compile_each,$(1) -c,$(@D)/objects/,o)
 $(call join_objects,$(@D)/objects)
 endef
-# The same by way of the assembly, which is what gcc does anyway: it stays, for blocks are counted in it.
+# The same by way of the assembly, which gcc makes anyway: it stays, for blocks are counted in it.
 define assemble_recipe
 @rm -rf $(@D)/objects $(@D)/assembly && mkdir -p $(@D)/objects $(@D)/assembly
 $(call compile_each,-S,$(@D)/assembly/,s)
@@ -201,15 +203,15 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 	@test -f $(call folder_of,$*)/costs.def || { echo "$(call folder_of,$*)/costs.def is missing: FLOPs per function, see common/flops.h" >&2; exit 1; }
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -DSTEPWISE_COUNT -iquote $(call folder_of,$*) -I$(BUILD)/$* -c $< -o $@
 
-# -O1: counts are of what the source says; a third less to compile (tests/py/test_variants_built.py has both).
+# -O1: counts are of what the source says, as no phase's flags change its arithmetic (-ffp-contract=off); a third less to compile (tests/py/test_variants_built.py has both).
 # local-exec: gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-O1 -DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
 # Sources read for the compiler's warnings alone. What clang would build of variants that this CPU does not run: all of
 # its work but the optimizer's, which warns of nothing that is asked here (no pragmas), and no program lacks it. The
-# counting sources: clang has all of its warnings without compiling, gcc has not; what gcc's optimizer tells besides, use
-# of what has no value yet, it tells of the timing build's variants and of the counting build's, and clang of all.
+# counting sources: clang has all of its warnings (not the errors of making code) without compiling, gcc has not. What
+# gcc's optimizer tells besides (no value yet, bounds, overflows) it tells of the timing build, and at -O1 of the counting.
 $(BUILD)/%/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@rm -f $(@D)/read-*
 	$(call compile_each,-O0 -S,$(@D)/read-,s)

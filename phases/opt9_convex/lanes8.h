@@ -229,7 +229,7 @@ static inline void pack_by(packing p, real a, float to[LANES]) {
     _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, p));
 }
 
-// The lanes of m in a row, from `to` on: at most LANES floats are written.
+// The lanes of m in a row, from `to` on: LANES floats are written.
 static inline void pack(mask m, real a, float to[LANES]) {
     pack_by(packing_of(m), a, to);
 }

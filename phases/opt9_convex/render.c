@@ -401,7 +401,8 @@ static bool set_eyes(const struct prepared *prepared, const struct view *view) {
 }
 
 // A camera within a Mandelbulb sees what its march leaves there: normals from estimates of -0.2, where 14 bits of one
-// are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). march.c has all bits.
+// are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). march.c has all bits. That a nearer
+// shape is no other one is set_eyes' to say, before.
 static bool within_a_bulb(const struct prepared *prepared, const struct view *view) {
     if (!prepared->bulbs)
         return false;

@@ -547,23 +547,23 @@ def test_declared_costs_hold_against_the_blocks_that_ran(phase):
 
 
 @pytest.mark.parametrize(
-    ("phase", "scene", "there"),
+    ("phase", "scene", "there", "least"),
     [
-        ("fixed_float", "spheres40", {"next_hit", "blocked", "light_at", "get_direction"}),
-        ("packets", "spheres40", {"meet_sphere", "frustum_of", "get_rays", "root_of", "light_on"}),
-        ("rods_simd", "trio", {"packet_distance", "march_step", "sdf_torus", "calls of rod_step"}),
+        ("fixed_float", "spheres40", {"next_hit", "blocked", "light_at", "get_direction"}, 1e-3),
+        ("packets", "spheres40", {"meet_sphere", "frustum_of", "get_rays", "root_of", "light_on"}, 2e-3),
+        ("rods_simd", "trio", {"packet_distance", "march_step", "sdf_torus", "calls of rod_step"}, 2e-3),
     ],
 )
-def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there):
-    """Forty mirrors, and a torus among balls: masked sums are explained, nothing else is off by 2 FLOPs in
-    a thousand."""
+def test_a_systems_costs_hold_where_its_scenes_are(phase, scene, there, least):
+    """Forty mirrors, and a torus among balls: masked sums are explained, nothing else is off by one or
+    two FLOPs in a thousand."""
     if not registry.cpu_supports(registry.find_phase(phase)):
         pytest.skip("the CPU lacks what it needs")
     done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
     rows = [row for row in json.loads(done.stdout)["rows"] if row["judged"]]
     assert done.returncode == 0, done.stderr
     assert there <= {row["scope"] for row in rows}
-    assert all(row["unexplained"] < 2e-3 for row in rows if row["unexplained"] is not None)
+    assert all(row["unexplained"] < least for row in rows), [(r["scope"], r["unexplained"]) for r in rows]
 
 
 def test_opt2s_branches_are_explained_to_less_than_one_percent():
@@ -584,7 +584,8 @@ def test_a_wrong_cost_is_found(tmp_path):
     for target in ("render-count", *blocks.TARGETS.values()):
         build("baseline", target)
     for built in ("common", "baseline", "calibration"):  # what costs.def has no part in is not made again
-        shutil.copytree(ROOT / "build" / built, copy / "build" / built)
+        parsed = shutil.ignore_patterns("parsed")  # headers that another make may be writing
+        shutil.copytree(ROOT / "build" / built, copy / "build" / built, ignore=parsed)
     path = copy / "phases" / "baseline" / "costs.def"
     text = path.read_text()
     assert "COST(sdf_sphere, call,               1,  1," in text

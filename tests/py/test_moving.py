@@ -14,7 +14,7 @@ import pytest
 from study import moving, registry, run
 from study.cli import StudyError
 
-FRAMES, HEIGHT = 400, 48  # about a millisecond each: enough to be killed among them
+FRAMES, HEIGHT = 2000, 48  # about a millisecond each: enough to be killed among them
 
 
 def begun(keep: Path, least: int) -> tuple[Path, bytes]:
@@ -22,8 +22,10 @@ def begun(keep: Path, least: int) -> tuple[Path, bytes]:
     file = moving.file_of(keep, "fixed", scene := registry.animated()[moving.MOVING], scene.size(HEIGHT), 1)
     child = os.fork()
     if child == 0:
-        moving.animation("fixed", FRAMES, HEIGHT, 1, keep)
-        os._exit(0)
+        try:  # whatever comes of it, no second pytest
+            moving.animation("fixed", FRAMES, HEIGHT, 1, keep)
+        finally:
+            os._exit(0)
     for _ in range(30_000):
         if file.exists() and file.read_bytes().count(b"\n") >= least:
             break
