@@ -183,7 +183,7 @@ def record(
             capture_output=True,
             text=True,
             stdin=subprocess.DEVNULL,
-            env=os.environ | run.GENERAL,
+            env=run.environment(more=run.GENERAL),
             preexec_fn=functools.partial(os.sched_setaffinity, 0, pin) if pin else None,
         )
         if done.returncode:

@@ -107,21 +107,24 @@ def _lines(
     The child dies with its reader: killed when the generator is closed, and by the kernel's
     parent-death signal when this process is killed outright.
     """
-    with _child(arguments, cpus, _environment(env_bytes, timed, more), subprocess.PIPE) as child:
+    with _child(arguments, cpus, environment(env_bytes, timed, more), subprocess.PIPE) as child:
         assert child.stdout
         for line in child.stdout:
             if line.endswith("\n"):
                 yield line
 
 
-def _environment(env_bytes: int, timed: bool, more: Mapping[str, str] | None) -> dict[str, str]:
-    environment = {key: value for key, value in os.environ.items() if key != UNTIMED}
+def environment(
+    env_bytes: int = 0, timed: bool = True, more: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Of a driver: as this process's, but whether clocks are measured is `timed`'s to say alone."""
+    found = {key: value for key, value in os.environ.items() if key != UNTIMED}
     if not timed:
-        environment[UNTIMED] = "1"
-    environment |= more or {}
+        found[UNTIMED] = "1"
+    found |= more or {}
     if env_bytes:
-        environment["STEPWISE_PADDING"] = "x" * env_bytes
-    return environment
+        found["STEPWISE_PADDING"] = "x" * env_bytes
+    return found
 
 
 @contextlib.contextmanager
@@ -225,7 +228,7 @@ def frames_into(
     """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
     no reader takes time from the threads, and what was written stays if this process is killed."""
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    with _child(arguments, None, _environment(0, timed, None), file):
+    with _child(arguments, None, environment(0, timed), file):
         pass
 
 
