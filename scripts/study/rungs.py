@@ -32,7 +32,8 @@ NOTE = (
     "one Mandelbulb and entries in closed form of all rays over pixels; a plane's is counted in none. Lane "
     "efficiency: FLOPs of lanes whose result is used over FLOPs executed, of the whole phase. Share of the "
     "roof of its own operations: as in the roofline. “"
-    f"{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations."
+    f"{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations. "
+    "“counted at n = …”: of a picture of that height, the nearest counted, not of the row's."
 )
 Row = dict[str, Any]
 
@@ -91,12 +92,17 @@ def rows(
     return made
 
 
-def _work(name: str, text: Any) -> Any:
+def _work(name: str, text: Any, counted: bool = True) -> Any:
+    """A cell, with what it was counted of where that is another code or (`counted`) another height."""
+
     def shown(row: Row) -> str:
         value = row.get(name)
         if value is None or math.isnan(value):
             return show.NOTHING
-        return text(value) + (f" ({GENERAL})" if row.get("counts_of") else "")
+        of = [GENERAL] if row.get("counts_of") else []
+        if counted and row.get("counted_at", row["height"]) != row["height"]:
+            of.append(f"counted at n = {row['counted_at']}")
+        return text(value) + (f" ({'; '.join(of)})" if of else "")
 
     return shown
 
@@ -123,7 +129,7 @@ COLUMNS = [
     Column(
         "",
         "share of the roof of its own operations",
-        _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %"),
+        _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %", counted=False),
     ),
     Column("to truth", "PSNR, dB", _plain("truth_psnr_db")),
     Column("to truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),
