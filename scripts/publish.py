@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import gzip
+import os
 import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +24,9 @@ DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
 without `all`, the thousands of settings that were tried and are in no table), frames.jsonl packed, the
 pictures that chapters show, scaled down until each is under 300 kB, and the tables made from these copies,
-those over 60 kB left out. Then every chapter is read from FOLDER and must have the parts, figures and
-pictures that it has in the run."""
+those over 60 kB left out. Then every chapter is read from the copies and must have the parts, figures and
+pictures that it has in the run; only then is there a FOLDER. A run that is being measured is refused; of
+one that was interrupted, a last line of frames.jsonl that was cut off is dropped."""
 PICTURE_BYTES, TABLE_BYTES = 300_000, 60_000
 SMALLER = 0.85  # each time a picture is still too large
 
@@ -43,7 +46,11 @@ def copy_files(run: Path, folder: Path) -> None:
             shutil.copyfile(file, folder / file.name)
     packed, plain = (run / name for name in ("frames.jsonl.gz", "frames.jsonl"))
     if plain.exists():
-        (folder / packed.name).write_bytes(gzip.compress(plain.read_bytes(), mtime=0))
+        data = plain.read_bytes()
+        whole = store.whole_lines(data)
+        if whole < len(data):
+            cli.say(f"{plain}: last line is cut off ({len(data) - whole} bytes dropped)")
+        (folder / packed.name).write_bytes(gzip.compress(data[:whole], mtime=0))
     elif packed.exists():
         shutil.copyfile(packed, folder / packed.name)
 
@@ -112,6 +119,25 @@ def check(run: Path, folder: Path) -> None:
         raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
 
 
+def publish(run: Path, folder: Path) -> tuple[list[str], list[str]]:
+    """Makes `folder` whole or not at all: names of its pictures, and of tables that are too large for it.
+    Raises StudyError."""
+    beside = store.writable(folder.parent)
+    try:
+        # Of the same name, in a folder of its own beside it: renaming is one step.
+        with tempfile.TemporaryDirectory(dir=beside, prefix=".publish.") as apart:
+            made = Path(apart) / folder.name
+            made.mkdir()
+            copy_files(run, made)
+            names = copy_pictures(run, made)
+            large = make_tables(made)
+            check(run, made)
+            os.rename(made, folder)
+    except OSError as error:
+        raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
+    return names, large
+
+
 def main() -> int:
     parser = cli.parser(DESCRIPTION)
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
@@ -119,20 +145,18 @@ def main() -> int:
         "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
     )
     args = parser.parse_args()
-    run = store.Run.open(args.run).path
+    run = store.Run.open(args.run)
     if args.folder.exists() and any(args.folder.iterdir()):
         raise StudyError(f"{args.folder}: is there already and not empty")
-    folder = store.writable(args.folder)
-    copy_files(run, folder)
-    names = copy_pictures(run, folder)
-    large = make_tables(folder)
-    check(run, folder)
+    folder = args.folder.absolute()
+    with run.still():
+        names, large = publish(run.path, folder)
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
-    said = {"folder": folder, "bytes": size, "pictures": names, "tables_left_out": large}
+    said = {"folder": args.folder, "bytes": size, "pictures": names, "tables_left_out": large}
     if args.json:
         cli.emit(said)
     else:
-        print(f"{folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
+        print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
         print(f"tables over {TABLE_BYTES // 1000} kB, left out: {', '.join(large) or 'none'}")
     return cli.OK
 

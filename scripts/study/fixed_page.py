@@ -79,11 +79,19 @@ def _per_article(row: Row) -> str:
     return f"{show.number(row['per_article'])}×"
 
 
+def _common(row: Row) -> str:
+    if row.get("common_ms") is None:
+        return show.NOTHING
+    return f"{show.number(row['common_ms'], 4)} (first {row['common_frames']:,})"
+
+
 ANIMATION = [
     Column("", "program", _who),
     Column("", "shadows", lambda r: "none" if r.get("shadows") is False else "hard"),
     Column("", "cores", lambda r: str(r["threads"])),
-    *moving.COLUMNS[2:],
+    *moving.COLUMNS[2:4],
+    Column("ms a frame, update and all", "mean of the frames that all rows have", _common),
+    *moving.COLUMNS[4:],
     Column("", "pixels per core and second, × the article's", _per_article),
 ]
 CLEARING = [
@@ -100,7 +108,10 @@ NOTE = (
     "spheres otherwise; here is this house's shading, so that truth can judge it, and once without shadows. "
     "Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are the mean "
     "of a frame's time, times cores, over pixels. On one core, by the article's program and without "
-    "shadows fewer frames are timed, from the first on; the table has how many."
+    "shadows fewer frames are timed, from the first on; the table has how many. What the frames show drifts "
+    "along the animation: compare programs by the mean of the frames that all rows have. They are measured "
+    "one after the other here, not interleaved, and a mean of frames has no interval: what the machine did "
+    "meanwhile is in the quotients."
 )
 
 
@@ -115,7 +126,8 @@ def animation_rows(result: Row) -> list[Row]:
     own = {"phase": f"the article, {said['cpu']}", "shadows": False, "threads": said["cores"]}
     own |= {"ms": {"mean": said["ms"]}, "update_ms": None, "core_ns_per_pixel": theirs}
     own |= {"frames": said["frames"], "width": said["width"], "n": said["height"]}
-    return [row | {"per_article": theirs / row["core_ns_per_pixel"]} for row in (own, *result["animation"])]
+    rows = fixed.with_common(result["animation"])
+    return [row | {"per_article": theirs / row["core_ns_per_pixel"]} for row in (own, *rows)]
 
 
 def sentence(row: Row) -> str:

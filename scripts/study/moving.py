@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from study import cli, registry, run, show
+from study import cli, machine, registry, run, show
 from study.build import build
 from study.cli import StudyError
 from study.gallery import sha256
@@ -48,10 +48,17 @@ def environment(wanted: Mapping[str, str]) -> Iterator[None]:
 
 
 def file_of(keep: Path, phase: str, scene: Scene, size: tuple[int, int], threads: int) -> Path:
-    """Where the frames of this are kept: by program, scene, settings, size and threads, not their number."""
+    """Where the frames of this are kept: by program, scene, settings, size, threads and CPU, not their
+    number."""
     said = {k: v for k, v in sorted(os.environ.items()) if k.startswith(OURS) and k != run.UNTIMED}
     about = {"program": sha256(build(phase)), "scene": sha256(scene.path), "said": said}
-    made_of = json.dumps(about | {"size": size, "threads": threads, "cpus": run.USABLE}, sort_keys=True)
+    about |= {
+        "size": size,
+        "threads": threads,
+        "cpus": run.USABLE,
+        "cpu": machine.name({"cpu": machine.cpu()}),
+    }
+    made_of = json.dumps(about, sort_keys=True)
     return keep / FOLDER / f"{phase}-{hashlib.sha256(made_of.encode()).hexdigest()[:12]}.jsonl"
 
 
@@ -76,17 +83,34 @@ def lines_of(file: Path) -> list[Row]:
 @contextlib.contextmanager
 def _appended(file: Path) -> Iterator[int]:
     """It, open for appending, of this process alone, a last line that was cut off dropped."""
+    end = _opened(file)
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        end = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-    except OSError as error:
-        raise StudyError(f"{file}: {error.strerror or error}") from None
-    try:
-        _lock(end, file)
         os.ftruncate(end, file.read_bytes().rfind(b"\n") + 1)
         yield end
     finally:
         os.close(end)
+
+
+def _opened(file: Path) -> int:
+    """It, open and locked. What another process's forget() removes meanwhile is made anew, a few times."""
+    for attempt in range(11):
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            end = os.open(file, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        except OSError as error:
+            if isinstance(error, FileNotFoundError) and attempt < 10:
+                continue  # the folder
+            raise StudyError(f"{file}: {error.strerror or error}") from None
+        try:
+            _lock(end, file)
+            with contextlib.suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(end), file.stat()):
+                    return end
+        except BaseException:
+            os.close(end)
+            raise
+        os.close(end)
+    raise StudyError(f"{file}: another process removes it again and again")
 
 
 def _lock(end: int, file: Path) -> None:
@@ -102,8 +126,8 @@ def _lock(end: int, file: Path) -> None:
 
 def _measured(
     phase: str, scene: Scene, size: tuple[int, int], frames: int, threads: int, keep: Path
-) -> list[Row]:
-    """The lines of the first `frames` frames: those that are kept, and the others measured now."""
+) -> tuple[list[Row], int]:
+    """The lines of the first `frames` frames: those that are kept, how many, and the others measured now."""
     file = file_of(keep, phase, scene, size, threads)
     with _appended(file) as end:
         done = sum(not line["warmup"] for line in lines_of(file))
@@ -114,14 +138,17 @@ def _measured(
             first = {"first_frame": done} if done else {}
             about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}
             run.frames_into(end, phase, scene.path, size[1], size[0], **about, **first)
-        return [line for line in lines_of(file) if line["frame"] < frames]
+        return [line for line in lines_of(file) if line["frame"] < frames], min(done, frames)
 
 
 def forget(keep: Path, phases: Iterable[str]) -> None:
-    """Removes the frames kept of these: what they were for is written, the next run measures anew."""
+    """Removes the frames kept of these: what they were for is written, the next run measures anew. A file
+    into which another process is measuring stays."""
     for phase in phases:
         for file in (keep / FOLDER).glob(f"{phase}-{'[0-9a-f]' * 12}.jsonl"):
-            file.unlink(missing_ok=True)
+            with contextlib.suppress(FileNotFoundError, BlockingIOError), file.open("rb") as kept:
+                fcntl.flock(kept, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                file.unlink()
     with contextlib.suppress(OSError):  # others' are in it, or it is not there
         (keep / FOLDER).rmdir()
 
@@ -144,7 +171,7 @@ def animation(
     size = scene.size(n)
     with contextlib.ExitStack() as stack:
         folder = keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        lines = _measured(phase, scene, size, frames, threads, folder)
+        lines, reused = _measured(phase, scene, size, frames, threads, folder)
     timed = [line for line in lines if not line["warmup"]]
     ms = np.array([line["ns"] for line in timed]) / 1e6
     update = np.array([line["update_ns"] for line in timed]) / 1e6
@@ -153,7 +180,7 @@ def animation(
     per = {"core_ns_per_pixel": found["mean"] * 1e6 * threads / (size[0] * n)}
     about = {"phase": phase, "settings": timed[0]["settings"], "threads": threads, "frames": frames}
     return about | {"width": size[0], "n": n, "ms": found, "update_ms": float(np.median(update)), **per,
-                    "resumed_at": resumed(lines), "all_ms": ms.tolist()}  # fmt: skip
+                    "resumed_at": resumed(lines), "reused": reused, "all_ms": ms.tolist()}  # fmt: skip
 
 
 def thread_counts() -> Sequence[int]:
@@ -162,8 +189,9 @@ def thread_counts() -> Sequence[int]:
 
 
 def frames_said(row: Row) -> str:
-    """How many, of which size; where it was interrupted."""
-    rest = "".join(f", resumed at {frame:,}" for frame in row.get("resumed_at", []))
+    """How many, of which size; how many an earlier start had measured; where it was interrupted."""
+    rest = f", {row['reused']:,} of an earlier start" if row.get("reused") else ""
+    rest += "".join(f", resumed at {frame:,}" for frame in row.get("resumed_at", []))
     return f"{row['frames']:,} at {row['width']}×{row['n']}{rest}"
 
 

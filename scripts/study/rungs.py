@@ -32,7 +32,8 @@ NOTE = (
     "one Mandelbulb and entries in closed form of all rays over pixels; a plane's is counted in none. Lane "
     "efficiency: FLOPs of lanes whose result is used over FLOPs executed, of the whole phase. Share of the "
     "roof of its own operations: as in the roofline. “"
-    f"{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations."
+    f"{GENERAL}”: a counting build generates no kernel; the kernel does the same on fewer operations. "
+    "“counted at n = …”: of a picture of that height, the nearest counted, not of the row's."
 )
 Row = dict[str, Any]
 
@@ -61,6 +62,11 @@ def counted(declared: Sequence[Mapping[str, Any]], phase: str, scene: str, heigh
     }
 
 
+def _height(scaled_from: float | None) -> int | None:
+    """Of a picture whose counts the roofline scaled; None where they are the row's own."""
+    return None if scaled_from is None or math.isnan(scaled_from) else int(scaled_from)
+
+
 def rows(
     table: pd.DataFrame, declared: Sequence[Mapping[str, Any]], roofs: pd.DataFrame, names: Sequence[str]
 ) -> list[Row]:
@@ -85,18 +91,24 @@ def rows(
                 **{key: one[key] for key in ("speedup", "speedup_low", "speedup_high", "ns_per_pixel")},
                 **{"truth_psnr_db": one.get("truth_psnr_db"), "truth_wrong_ppm": one.get("truth_wrong_ppm")},
                 "share_of_mix_roof": math.nan if near.empty else float(near.iloc[0]["share_of_mix_roof"]),
+                "roof_counted_at": None if near.empty else _height(near.iloc[0].get("scaled_from_n")),
                 **counted(declared, one["phase"], one["scene"], one["height"]),
             }
         )
     return made
 
 
-def _work(name: str, text: Any) -> Any:
+def _work(name: str, text: Any, height: str = "counted_at") -> Any:
+    """A cell, with what it was counted of where that is another code or (key `height`) another size."""
+
     def shown(row: Row) -> str:
         value = row.get(name)
         if value is None or math.isnan(value):
             return show.NOTHING
-        return text(value) + (f" ({GENERAL})" if row.get("counts_of") else "")
+        of = [GENERAL] if row.get("counts_of") else []
+        if (row.get(height) or row["height"]) != row["height"]:
+            of.append(f"counted at n = {row[height]}")
+        return text(value) + (f" ({'; '.join(of)})" if of else "")
 
     return shown
 
@@ -123,7 +135,7 @@ COLUMNS = [
     Column(
         "",
         "share of the roof of its own operations",
-        _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %"),
+        _work("share_of_mix_roof", lambda v: f"{100 * v:.1f} %", "roof_counted_at"),
     ),
     Column("to truth", "PSNR, dB", _plain("truth_psnr_db")),
     Column("to truth", "wrong hits, ppm", _plain("truth_wrong_ppm")),

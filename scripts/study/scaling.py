@@ -78,7 +78,8 @@ def choose(
     first: Callable[[Point], First],
     refused: type[Exception] = DriverError,
 ) -> Plan:
-    """Takes points from the cheapest on, while `seconds` last. `first` renders one, or raises `refused`."""
+    """Takes points by their worth (the module's head), while `seconds` last. `first` renders one, or raises
+    `refused`: that point alone is left out, and what the refusal took is spent."""
     plan, order, fast = Plan(), series.order, newest(specs)
     first_ones = len(series.first) or EARLY
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
@@ -132,8 +133,10 @@ def choose(
             found = first(point)
         except refused as error:
             leave(point, getattr(error, "message", None) or str(error))
+            push(number, step + 1)  # what comes later in the order may be smaller
             continue
-        plan.spent += time.monotonic() - begun
+        finally:
+            plan.spent += time.monotonic() - begun
         known[spec].append((point.x, found.seconds))
         launching = cost(found.seconds, launches)
         if plan.spent + launching > seconds and plan.taken:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import errno
 import fcntl
@@ -12,6 +13,7 @@ import os
 import subprocess
 import tempfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,13 +183,27 @@ class Run:
             file = os.open(self.frames_path, os.O_RDWR | os.O_CREAT, 0o644)
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                os.ftruncate(file, _whole_lines(self.frames_path.read_bytes()))
+                os.ftruncate(file, whole_lines(self.frames_path.read_bytes()))
             except BlockingIOError:
                 os.close(file)
                 raise StudyError(f"{self.path}: another process is measuring into this run") from None
         except OSError as error:
             raise _problem(self.frames_path, error) from None
         self._file = file
+
+    @contextlib.contextmanager
+    def still(self) -> Iterator[None]:
+        """Within, no process measures into it: StudyError if one does. Changes nothing in the folder."""
+        with contextlib.ExitStack() as stack:
+            if self.frames_path.exists():
+                try:
+                    file = stack.enter_context(self.frames_path.open("rb"))
+                    fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise StudyError(f"{self.path}: another process is measuring into this run") from None
+                except OSError as error:
+                    raise _problem(self.frames_path, error) from None
+            yield
 
     def append_frame(self, frame: dict[str, Any]) -> None:
         """Append one line: one write, then fsync. A full disk leaves only whole lines behind."""
@@ -228,7 +244,7 @@ class Run:
             raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
         except OSError as error:
             raise _problem(self.frames_path, error) from None
-        whole = _whole_lines(data)
+        whole = whole_lines(data)
         if whole < len(data):
             cli.say(f"{self.frames_path}: last line is cut off ({len(data) - whole} bytes dropped)")
         rows = []
@@ -245,7 +261,7 @@ class Run:
         return pd.DataFrame(rows)
 
 
-def _whole_lines(data: bytes) -> int:
+def whole_lines(data: bytes) -> int:
     """Length of the part of `data` that ends with its last newline."""
     return data.rfind(b"\n") + 1
 

@@ -115,10 +115,26 @@ def test_the_animations_table_by_hand():
         "35",
         "900 at 1920×1080",
     ]
-    assert article[4] == "14.29" and article[5:10] == ["–"] * 5 and article[10:] == ["241", "1.00×"]
+    assert article[4] == "14.29" and article[5:11] == ["–"] * 6 and article[11:] == ["241", "1.00×"]
     assert ours[0] == "the article's roots and corners, one lane (fixed)" and ours[1] == "hard"
-    assert two[3] == "2 at 1920×1080, resumed at 1" and two[2] == "2" and two[11] == "2.50×"
-    assert bare[1] == "none" and bare[10:] == ["241", "1.00×"]
+    assert two[3] == "2 at 1920×1080, resumed at 1" and two[2] == "2" and two[12] == "2.50×"
+    assert bare[1] == "none" and bare[11:] == ["241", "1.00×"]
+
+
+def test_rows_of_more_frames_have_the_mean_of_those_that_all_have():
+    """Later frames are slower: over all of them 3 is no mean of the same thing as 1.5."""
+    rows = [{"all_ms": [1.0, 2.0], "frames": 2}, {"all_ms": [3.0, 4.0, 50.0], "frames": 3}]
+    found = fixed.with_common(rows)
+    assert [(row["common_frames"], row["common_ms"]) for row in found] == [(2, 1.5), (2, 3.5)]
+    assert fixed.with_common([{"all_ms": []}, rows[1]]) == [{"all_ms": []}, rows[1] | {
+        "common_frames": 3, "common_ms": 19.0}]  # fmt: skip
+    assert fixed.with_common([]) == []
+    result = made_up()  # written before there were such keys
+    result["animation"][1] |= {"all_ms": [400.0, 600.3, 9000.0], "frames": 3}
+    (column,) = [c for c in fixed_page.ANIMATION if c.name == "mean of the frames that all rows have"]
+    cells = [column.text(row) for row in fixed_page.animation_rows(result)]
+    assert cells == ["–", *["500.1 (first 2)"] * 4]
+    assert "not interleaved" in fixed_page.NOTE and "no interval" in fixed_page.NOTE
 
 
 def test_the_frames_figure_has_every_program_on_every_core():
@@ -268,7 +284,7 @@ def test_all_of_it_small(tmp_path):
     assert [row["case"] for row in result["rows"]] == IN_LANES[most]
     assert len(result["sweep"]) == 3 * len(fixed.BITS) and any("refused" in row for row in result["sweep"])
     assert result["clearing"][0]["wrongly_cleared_ppm"] == 0 < result["clearing"][1]["wrongly_cleared_ppm"]
-    assert all(len(row["all_ms"]) == 2 for row in result["animation"])
+    assert all(len(row["all_ms"]) == row["common_frames"] == 2 for row in result["animation"])
     cores = len({1, len(run.USABLE)})
     programs = ["article"] * cores + (["lanes"] * cores + ["floats"] * cores if most > 1 else [])
     programs += ["article", "lanes"] if most > 1 else ["article"]

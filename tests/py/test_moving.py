@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from study import moving, registry, run
+from study import machine, moving, registry, run
 from study.cli import StudyError
 
 FRAMES, HEIGHT = 2000, 48  # about a millisecond each: enough to be killed among them
@@ -50,6 +50,7 @@ def test_a_killed_animation_goes_on_where_it_ended(tmp_path, capsys):
     assert [line["frame"] for line in timed] == list(range(FRAMES))
     assert [line["scene_time"] for line in timed] == pytest.approx([i / 60 for i in range(FRAMES)])
     assert row["all_ms"] == [line["ns"] / 1e6 for line in timed] and row["frames"] == FRAMES
+    assert row["reused"] == done and f", {done} of an earlier start" in moving.frames_said(row)
     assert row["resumed_at"] == [done] and f"resumed at {done}" in moving.frames_said(row)
     assert row["ms"]["mean"] == pytest.approx(sum(row["all_ms"]) / FRAMES)
     pixels = row["width"] * HEIGHT
@@ -58,12 +59,12 @@ def test_a_killed_animation_goes_on_where_it_ended(tmp_path, capsys):
 
 def test_what_is_whole_is_not_measured_again_until_it_is_forgotten(tmp_path, monkeypatch):
     first = moving.animation("fixed", 4, 16, 1, tmp_path)
-    assert first["resumed_at"] == []
+    assert first["resumed_at"] == [] and first["reused"] == 0 and "earlier" not in moving.frames_said(first)
     with monkeypatch.context() as patch:
         patch.setattr(run, "frames_into", lambda *_, **__: pytest.fail("measured again"))
-        assert moving.animation("fixed", 4, 16, 1, tmp_path) == first
+        assert moving.animation("fixed", 4, 16, 1, tmp_path) == first | {"reused": 4}
         fewer = moving.animation("fixed", 2, 16, 1, tmp_path)
-        assert fewer["all_ms"] == first["all_ms"][:2]
+        assert fewer["all_ms"] == first["all_ms"][:2] and fewer["reused"] == 2
     more = moving.animation("fixed", 6, 16, 1, tmp_path)
     assert more["all_ms"][:4] == first["all_ms"] and more["resumed_at"] == [4]
     moving.forget(tmp_path, ["fixed_simd"])
@@ -90,6 +91,9 @@ def test_what_makes_another_time_makes_another_file(tmp_path, monkeypatch):
     program.write_bytes(program.read_bytes() + b"another commit's")
     with monkeypatch.context() as patch:
         patch.setattr(moving, "build", lambda _: program)
+        found.append(file())
+    with monkeypatch.context() as patch:
+        patch.setattr(machine, "cpu", lambda: {"model": "another", "family": 6, "model_number": 1})
         found.append(file())
     assert len(set(found)) == len(found)
     with moving.environment({run.UNTIMED: "1"}):
@@ -123,6 +127,31 @@ def test_two_at_once_are_refused(tmp_path):
         pass
     with moving._appended(file):
         pass
+
+
+def test_what_is_being_measured_into_is_not_forgotten(tmp_path):
+    file = tmp_path / moving.FOLDER / "fixed-0123456789ab.jsonl"
+    with moving._appended(file):
+        moving.forget(tmp_path, ["fixed"])
+        assert file.exists()
+    moving.forget(tmp_path, ["fixed"])
+    assert not file.parent.exists()
+
+
+def test_a_file_that_is_forgotten_before_it_is_locked_is_made_anew(tmp_path, monkeypatch):
+    file, lock, removed = tmp_path / moving.FOLDER / "fixed-0123456789ab.jsonl", moving._lock, []
+
+    def late(end: int, named: Path) -> None:
+        if not removed:
+            removed.append(named)
+            moving.forget(tmp_path, ["fixed"])
+            assert not file.parent.exists()
+        lock(end, named)
+
+    monkeypatch.setattr(moving, "_lock", late)
+    with moving._appended(file) as end:
+        os.write(end, b"{}\n")
+        assert file.read_bytes() == b"{}\n"
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -34,7 +35,7 @@ def throttled() -> dict:
     tried = [one | {"first_ms": i / 7} for i in range(3000)]
     row = {"scene": "trio", "width": 160, "n": 90, "psnr_db": 60.0, "wrong_ppm": 10.0, "tried": 3000}
     row |= {"within": 3000, "all": tried, "chosen": one, "plain": one, "gain": 2.0}
-    row |= {"gain_low": 1.0, "gain_high": 3.0, "own_limits": False, "large": None}
+    row |= {"gain_low": 1.0, "gain_high": 3.0, "large": None}
     return {"rows": [row, row | {"scene": "scene0", "chosen": None, "gain": None}]}
 
 
@@ -87,6 +88,51 @@ def test_what_is_there_is_not_written_over(made, tmp_path):
     assert done.returncode == 2 and "not empty" in done.stderr
     done = publish(tmp_path / "there", tmp_path / "new")
     assert done.returncode == 2 and "plan.json" in done.stderr
+
+
+def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import publish as script
+
+    folder = tmp_path / "new" / "published"
+    for step in ("copy_files", "copy_pictures", "make_tables", "check"):
+        for error in (script.StudyError("lost"), OSError(28, "No space left on device")):
+            with monkeypatch.context() as patch:
+
+                def fail(*_, error=error):
+                    raise error
+
+                patch.setattr(script, step, fail)
+                with pytest.raises(script.StudyError, match=r"lost|No space left"):
+                    script.publish(FIXTURE, folder)
+            assert list(folder.parent.iterdir()) == []
+    folder.mkdir()  # an empty one is made use of
+    script.publish(FIXTURE, folder)
+    assert [path.name for path in folder.parent.iterdir()] == ["published"]
+    assert (folder / "plan.json").exists() and folder.stat().st_mode & 0o777 == 0o777 & ~umask()
+
+
+def umask() -> int:
+    os.umask(now := os.umask(0o022))
+    return now
+
+
+def test_a_run_that_is_measured_is_refused_and_a_torn_line_dropped(tmp_path):
+    run, folder = tmp_path / "run", tmp_path / "published"
+    shutil.copytree(FIXTURE, run)
+    whole = (run / "frames.jsonl").read_bytes()
+    measuring = store.Run(run)
+    measuring.lock()
+    done = publish(run, folder)
+    assert done.returncode == 2 and "another process is measuring into this run" in done.stderr
+    assert not folder.exists()
+    measuring.close()
+    torn = whole + b'{"phase": "bas'
+    (run / "frames.jsonl").write_bytes(torn)
+    done = publish(run, folder)
+    assert done.returncode == 0 and "last line is cut off (14 bytes dropped)" in done.stderr, done.stderr
+    assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == whole
+    assert (run / "frames.jsonl").read_bytes() == torn, "the run stays as it is"
 
 
 def test_a_chapter_that_is_lost_is_an_error(made, tmp_path, monkeypatch):

@@ -67,6 +67,18 @@ def test_a_row_says_of_which_code_its_counts_are_and_what_is_lacking() -> None:
     assert cells[:2] == ["scene0, 20×10", "opt10_scene"] and "1,728× [1,434" in cells[2]
     assert cells[4:7] == [f"{text} (of its general code)" for text in ("2.12", "75.0 %", "22.7 %")]
     assert cells[7:] == ["96.0", "0"]
+    smaller = [
+        {**declared[0], "width": 2, "height": 1},
+        {**declared[0], "width": 8, "height": 4, "kernel": None},
+    ]
+    for height, text in ((1, "212 (of its general code; counted at n = 1)"), (4, "13.2 (counted at n = 4)")):
+        (row, _) = rungs.rows(table, [one for one in smaller if one["height"] == height], roofs, names)
+        assert rungs.COLUMNS[4].text(row) == text and text[text.index("(") :] in rungs.COLUMNS[5].text(row)
+        assert "counted at" not in rungs.COLUMNS[6].text(row), "the roofline says of which height its are"
+    (row, _) = rungs.rows(table, declared, roofs.assign(scaled_from_n=90.0), names)
+    assert rungs.COLUMNS[6].text(row) == "22.7 % (of its general code; counted at n = 90)"
+    (row, _) = rungs.rows(table, declared, roofs.assign(scaled_from_n=math.nan), names)
+    assert rungs.COLUMNS[6].text(row) == "22.7 % (of its general code)"
     lacking = [column.text(other) for column in rungs.COLUMNS]
     assert lacking[4:8] == ["–"] * 4 and lacking[1] == "opt9_convex"
     assert rungs.rows(pd.DataFrame(), declared, roofs, names) == []

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import itertools
 import json
 import math
 import sys
+import time
 from pathlib import Path
 from types import MappingProxyType
 
@@ -260,7 +262,7 @@ def test_with_time_for_all_nothing_is_left_out() -> None:
     assert len(plan.taken) == 8 and not plan.left_out
 
 
-def test_a_refused_point_ends_its_program_and_no_other() -> None:
+def test_a_refused_point_is_left_out_alone() -> None:
     def first(point: Point) -> First:
         if point.spec == BASE and point.x == 4:
             raise DriverError(4, "too many shapes")
@@ -269,6 +271,22 @@ def test_a_refused_point_ends_its_program_and_no_other() -> None:
     plan = scaling.choose(line(), [BASE, OPT4], 1e9, 6, first)
     assert [(r["phase"], r["x"], r["reason"]) for r in plan.left_out] == [("baseline", 4, "too many shapes")]
     assert sum(p.spec == OPT4 for p in plan.taken) == 4
+    assert [p.x for p in plan.taken if p.spec == BASE] == [1, 16, 64]
+
+
+def test_a_large_point_that_is_asked_first_and_refused_drops_no_smaller_one() -> None:
+    """As 4,096 of 16, 4,096, 256: each x is taken or left out, and what the refusal took is of the time."""
+
+    def first(point: Point) -> First:
+        if point.x == 64:
+            time.sleep(0.05)
+            raise DriverError(4, "too many shapes")
+        return First(0.001, 0, None)
+
+    some = dataclasses.replace(line(), first=(64, 1, 16))
+    plan = scaling.choose(some, [OPT4], 1e9, 6, first)
+    assert {p.x for p in plan.taken} == {1, 4, 16} and [r["x"] for r in plan.left_out] == [64]
+    assert plan.spent >= 0.05 + 3 * scaling.cost(0.001, 6)
 
 
 def test_a_frame_is_foreseen_from_those_before_never_flatter_than_the_series() -> None:
