@@ -68,6 +68,11 @@ def picture(phase: str, words: str, scene: Scene, size: tuple[int, int], **more:
         return images.read(out)
 
 
+def decibels(square: float) -> float | None:
+    """PSNR in dB of a mean squared error of colours in [0, 1]; None: identical. NaN is NaN."""
+    return None if square == 0 else float(-10 * np.log10(square))
+
+
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
     """How far a picture is from truth: wrong hits in ppm of its pixels, |Δt| in scene units where the shape
     is right, PSNR in dB of linear colours in [0, 1]. `known`: share of the pixels that truth knows.
@@ -94,7 +99,7 @@ def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
         a, b = (images.clamped(images.rgb(p)).astype(float) for p in (exact, made))
         finite = np.isfinite(a).all(axis=-1) & (exact["status.all"] >= truth.CONVERGED)
         square = float(np.mean((a[finite] - b[finite]) ** 2)) if finite.any() else np.nan
-        found["psnr_db"] = float(-10 * np.log10(square)) if square > 0 else None
+        found["psnr_db"] = decibels(square)
     return found
 
 
@@ -232,8 +237,9 @@ def larger(scene: Scene, n: int, words: str, plain: str, launches: int, seed: in
         "chosen": timed(times[words]),
         **gain_of(times[plain], times[words]),
         # of the pictures, the one against the other
-        "psnr_db": float(-10 * np.log10(square)) if square > 0 else None,
+        "psnr_db": decibels(square),
         "other_ppm": float((bare["id"] != made["id"]).mean() * 1e6),
+        "non_finite": images.non_finite(bare) + images.non_finite(made),
     }
 
 

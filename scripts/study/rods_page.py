@@ -77,6 +77,8 @@ def _large(text):
 def apart(row: Row) -> str:
     """Two pictures of one scene."""
     psnr = "identical" if row["psnr_db"] is None else f"{show.number(row['psnr_db'])} dB"
+    if row.get("non_finite", 0) != 0:  # a file has no NaN: null again. Older ones lack the number
+        psnr = "not finite"
     return f"{psnr}, {row['other_ppm']:,.0f} ppm other hits"
 
 

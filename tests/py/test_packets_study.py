@@ -115,15 +115,18 @@ def test_equal_error_is_equal_or_says_it_is_not():
     assert packets.target_of({"psnr_db": None}) == packets.target_of({"psnr_db": 142.0}) == 80
     assert packets.target_of({"psnr_db": 61.5}) == 61.5
     took = {28.8: 1.0, 42.7: 2.0, 90.7: 4.0, 110.4: 5.0, None: 9.0, math.nan: 0.1}
-    rows = [{"psnr_db": db} for db in took]
+    rows = [{"psnr_db": db, "non_finite": 0} for db in took]
 
     def best(tried: list[dict], target: float) -> float | None:
         return packets.chosen(tried, target, lambda row: took[row["psnr_db"]])["psnr_db"]
 
     assert best(rows, 80) == 90.7 and best(rows, 28.9) == 28.8 and best(rows, math.inf) is None
     assert best(rows[:2], 80) == 42.7, "not the fastest: the nearest"
-    assert not packets.reached({"psnr_db": math.nan}, 80) and packets.reached({"psnr_db": None}, 80)
-    assert packets.reached({"psnr_db": 79.9}, 80) and not packets.reached({"psnr_db": 79.8}, 80)
+    reached = [packets.reached({"psnr_db": db, "non_finite": 0}, 80) for db in (math.nan, None, 79.9, 79.8)]
+    assert reached == [False, True, True, False]
+    for count in (1, math.nan, None):  # a file's null may be of NaN
+        assert not packets.reached({"psnr_db": None, "non_finite": count}, 80)
+    assert best([*rows[:2], {"psnr_db": None, "non_finite": 1}], 80) == 42.7
 
 
 def test_a_cap_that_binds_is_taken_away_too():

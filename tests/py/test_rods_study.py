@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import started
 
-from study import registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
+from study import cli, registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -36,7 +36,20 @@ def test_errors_by_hand():
     assert found["psnr_db"] == pytest.approx(-10 * math.log10(0.25 / 12))
     unknown = planes(status=[2, 2, 2, 0])
     assert rods.errors(unknown, made)["false_hits_ppm"] == 0 and rods.errors(unknown, made)["known"] == 0.75
-    assert rods.errors(exact, planes(R=[0, 0, 0, np.nan]))["non_finite"] == 1
+    found = rods.errors(exact, planes(R=[0, 0, 0, np.nan]))
+    assert found["non_finite"] == 1 and math.isnan(found["psnr_db"]), "NaN is not identical"
+
+
+def test_a_picture_with_nan_is_not_identical_to_another(monkeypatch):
+    made = {"a": planes(), "b": planes(R=[0.5, 0.5, 0.5, np.nan])}
+    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: made[words])
+    monkeypatch.setattr(rods, "milliseconds", lambda *_: 1.0)
+    same, other = (rods.larger(rods.find_scene("trio"), 16, words, "a", 6, 1) for words in "ab")
+    assert (same["psnr_db"], same["non_finite"]) == (None, 0)
+    assert math.isnan(other["psnr_db"]) and other["non_finite"] == 1
+    kept = json.loads(json.dumps(cli.plain(other)))
+    assert kept["psnr_db"] is None and rods_page.apart(kept) == "not finite, 0 ppm other hits"
+    assert rods_page.apart(same) == "identical, 0 ppm other hits"
 
 
 @pytest.mark.parametrize(
