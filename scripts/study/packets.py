@@ -268,4 +268,7 @@ def study(folder: Path, ray_n: int, n: int, launches: int, reps: int, seed: int)
 
 def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
-    return store.read_json(file) if file.exists() else {"rays": [], "drawn": []}
+    if not file.exists():
+        return {"rays": [], "drawn": []}
+    result = store.read_json(file)
+    return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}

@@ -234,8 +234,6 @@ def system_rows(result: Row) -> list[Row]:
     found = normalise_rows(result)
     for row in result["rays"]:
         own = _variant(row, "own")
-        if row["kind"] not in ("primary", "mirror"):
-            continue
         found.append(
             {
                 "system": "packet ray tracer (P2)",

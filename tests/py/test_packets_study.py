@@ -159,7 +159,7 @@ def test_a_row_that_is_not_equal_says_so(tmp_path):
 
 def animated() -> dict:
     """Made up, and of one row: 20 ms a frame at 1000×500, so 40 ns a pixel and core, on two 80."""
-    ms = {"p5": 18.0, "p50": 20.0, "p95": 25.0, "most": 40.0}
+    ms = {"p5": 18.0, "p50": 20.0, "p95": 25.0, "most": 40.0, "mean": 20.0}
     row = {"tree": "BVH", "phase": "packets", "settings": "tree=bvh", "frames": 9, "width": 1000, "n": 500}
     row |= {"ms": ms, "update_ms": 0.25, "all_ms": [20.0] * 9}
     return made_up() | {
@@ -177,9 +177,9 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     section = systems.section(tmp_path)
     (table,) = (p for p in section.parts if p.name == "packets-animation")
     first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
-    assert "| 9 at 1000×500 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
+    assert "| 9 at 1000×500 | 20.00 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
     one, two = packets_moving.system_rows(animated())  # of its own tree alone
-    assert one["what"] == "spheres40_animated 1000×500, ms a frame, the BVH rebuilt, 1 thread"
+    assert one["what"] == "spheres40_animated 1000×500, 9 frames, ms a frame, the BVH rebuilt, 1 thread"
     assert one["ratio"] == "6.03× its pixels per core and second" and two["ratio"].startswith("3.01×")
     assert "95 % of frames under 25.0 ms; the tree 0.25" in one["ours"]
     assert packets_moving.sentences(animated())[2].endswith("building the kd-tree 0.25 ms of it")

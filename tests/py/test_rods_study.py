@@ -205,8 +205,12 @@ def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
     made = rods_page.system_rows(made_up(), {"rows": []})
     assert systems.rows_of(tmp_path) == made == systems.few(made)
     other = [{"article": text} for text in ("proposed, not measured", show.NOTHING, "no such comparison")]
-    rays = [{"article": "“millions of rays per second, per core”", "what": n} for n in range(3)]
-    assert systems.few([*other, *rays]) == rays[:2]
+    said = "“millions of rays per second, per core”"
+    ratios = ("17.2× [14, 20] over E", "4.55× [3, 5] over E", "0.787× [0.7, 0.9] over E", "1,020× [9, 10]")
+    rays = [{"article": said, "what": n, "ratio": ratio} for n, ratio in enumerate(ratios)]
+    assert systems.few([*other, *rays]) == rays[2:], "the one below 1 among them"
+    alone = [row | {"ratio": "– over none"} for row in rays]
+    assert systems.few([*other, *alone]) == alone, "without Embree none is the best"
     tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=tmp_path, context={})
