@@ -151,7 +151,9 @@ def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 7) -> Row
 
 
 def trade(n: int, launches: int, seed: int) -> list[Row]:
-    """The article's open question: starting rods × step cap, its step, the smallest rod → time, error."""
+    """The article's open question: starting rods × step cap, its step, the smallest rod → time, error; and
+    `gain` over the march per pixel, of the same interleaved run.
+    """
     scene = find_scene(SCENE)
     size = scene.size(n)
     exact = truth.picture(scene, size)
@@ -172,8 +174,11 @@ def trade(n: int, launches: int, seed: int) -> list[Row]:
         name = f"{words} {cap}"
         rows[-1]["name"] = name
         cases[name] = lambda w=words, m=more: milliseconds("rods", f"{w} picture=map", scene, size, 5, **m)
+    plain = MARCHES["pixels"]  # by the scene's own cap: what all of them are compared with
+    cases[plain] = lambda: milliseconds("rods", f"{plain} picture=map", scene, size, 5)
     times = interleaved(cases, launches, seed)
-    return [row | timed(times[row.pop("name")]) for row in rows]
+    by_row = [(row, times[row.pop("name")]) for row in rows]
+    return [row | timed(mine) | gain_of(times[plain], mine) for row, mine in by_row]
 
 
 def study(scenes: Sequence[Scene], n: int, article_n: int, launches: int, seed: int) -> Row:
@@ -215,7 +220,7 @@ def enough(found: Row, psnr_db: float, wrong_ppm: float) -> bool:
 
 
 def gain_of(plain: Sequence[float], chosen: Sequence[float]) -> Row:
-    """`gain` with its interval: how many times as fast a setting is as packets alone."""
+    """`gain` with its interval: how many times as fast a setting is as the plain march."""
     ratio = stats.ratio_interval(plain, chosen)
     return {"gain": ratio.value, "gain_low": ratio.low, "gain_high": ratio.high}
 

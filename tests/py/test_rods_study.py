@@ -160,6 +160,26 @@ def test_the_hybrid_s_rows_have_their_verdicts():
     assert len(rods_page.hybrid_rows(row)) == 1  # an older file
 
 
+def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
+    """Made up: 30 ms per pixel, rods that end at 4×4 pixels 2, all others 10; launches interleaved."""
+    asked = []
+
+    def milliseconds(phase, words, scene, size, reps, **more):
+        asked.append((words, more))
+        return 30.0 if "march=pixels" in words else 2.0 if "least=4" in words else 10.0
+
+    monkeypatch.setattr(rods, "milliseconds", milliseconds)
+    monkeypatch.setattr(rods, "picture", lambda *_, **__: planes())
+    monkeypatch.setattr(rods.truth, "picture", lambda scene, size: planes())
+    rows = rods.trade(16, 6, 1)
+    assert {row["gain"] for row in rows if row["least"] != 4} == {3.0}
+    (coarse,) = (row for row in rows if row["least"] == 4)
+    assert (coarse["gain"], coarse["gain_low"], coarse["gain_high"]) == (15.0, 15.0, 15.0)
+    plain = [i for i, (words, _) in enumerate(asked) if words == "march=pixels picture=map"]
+    assert len(plain) == 6 and len(asked) == 6 * (len(rows) + 1) and not any(asked[i][1] for i in plain)
+    assert [i // (len(rows) + 1) for i in plain] == list(range(6)), "once a round"
+
+
 def made_up() -> dict:
     error = {f"{k}_ppm": 100 for k in ("false_hits", "false_misses", "wrong_shape")}
     error |= {
@@ -194,7 +214,11 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert by_what["evaluations, per pixel over rods"]["ratio"] == "0.120× of it"  # 12 over 100
     coarse = by_what["rods that end at 4×4 pixels: ms; evaluations, per pixel over rods"]
     assert coarse["ours"].split() == ["25.0", "[24.0,", "26.0];", "120×"]
-    assert coarse["ratio"] == "4.00× over per pixel"
+    assert coarse["ratio"] == "4.00× over per pixel (of another run: no interval)", "an older file"
+    newer = made_up()
+    newer["trade"][-1] |= {"gain": 3.5, "gain_low": 3.0, "gain_high": 4.5}
+    (coarse,) = (r for r in rods_page.system_rows(newer, {"rows": []}) if "4×4" in r["what"])
+    assert coarse["ratio"].split() == ["3.50×", "[3.00,", "4.50]", "over", "per", "pixel"]
     assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
 
