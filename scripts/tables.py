@@ -118,7 +118,8 @@ def readme_systems(text: str, data: Data) -> str:
     if not rows:
         raise StudyError(f"{data.path}: has no systems; make systems")
     block = show.markdown(show.table(rows, systems.ROWS))
-    note = f"Measured on {machine_line(data)}; all rows: `{data.path.name}/tables/systems.md`.\n"
+    note = f"Measured on {machine_line(data)}; all rows: `{data.path.name}/tables/` (systems.md and, "
+    note += "of P2's rays, packets.md: here are the best and the worst ratio of all scenes and kinds).\n"
     return f"{before}{SYSTEMS_BEGIN}\n{block}\n{note}{SYSTEMS_END}{after}"
 
 

@@ -60,12 +60,15 @@ def wrong_hits(truth: Picture, image: Picture) -> dict[str, np.ndarray]:
 
 def beyond_outlines(truth: Picture, image: Picture, pixels: int) -> dict[str, float]:
     """false_hits_ppm and wrong_shape_ppm of the proved pixels that have no pixel within so many, along rows
-    and columns, where truth sees the shape that the picture has: what fatter outlines do not explain.
+    and columns, where truth sees the shape that the picture has, or that are farther than truth's hit of the
+    pixel itself (a miss is infinitely far): a fatter outline lies in front of what is there, and explains
+    neither. Both depths are rounded to the planes' floats, so the next float behind truth's is not farther.
     """
     near = np.zeros(truth["id"].shape, bool)
     padded = np.pad(truth["id"], pixels, mode="edge")
     for y, x in np.ndindex(2 * pixels + 1, 2 * pixels + 1):
         near |= padded[y : y + near.shape[0], x : x + near.shape[1]] == image["id"]
+    near &= image["Z"] <= np.nextafter(truth["Z"].astype(np.float32), np.float32(np.inf))
     count, masks = int((truth["status"] == PROVED).sum()), wrong_hits(truth, image)
     return {
         f"{name}_ppm": 1e6 * float((masks[name] & ~near).sum()) / count if count else math.nan

@@ -240,4 +240,7 @@ def study(
 
 def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
-    return store.read_json(file) if file.exists() else {"rows": []}
+    if not file.exists():
+        return {"rows": []}
+    result = store.read_json(file)
+    return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}

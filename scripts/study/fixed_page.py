@@ -162,8 +162,8 @@ def system_rows(result: Row) -> list[Row]:
             "what": f"{_who(row)}, {fixed.MOVING} {row['width']}×{row['n']}, {row['frames']:,} frames, ms a "
             f"frame, {row['threads']} thread{'s' if row['threads'] > 1 else ''}"
             + (", no shadows" if row.get("shadows") is False else ""),
-            "article": f"{said['ms']} ({said['cpu']}; no shadows)",
-            "ours": f"{show.number(row['ms'].get('mean', row['ms']['p50']))} "
+            "article": f"{said['ms']} (mean of {said['frames']} frames, no shadows; {said['cpu']})",
+            "ours": f"mean {show.number(row['ms'].get('mean'))} "
             f"(95 % of frames under {show.number(row['ms']['p95'])} ms)",
             "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",
             "error": errors.get(row["phase"], show.NOTHING) if row.get("shadows", True) else show.NOTHING,

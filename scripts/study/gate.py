@@ -48,8 +48,8 @@ LAST_AGAINST_BASELINE = 4  # rung of the ladder up to which the reference is bas
 # declare less with its margins, as ENOUGH, where it is beyond what anybody can see.
 NEAREST = 150.0
 ENOUGH = "enough_db"
-# Pixels: hits of a shape that truth sees so near by are granted to a phase that declares how far its rays'
-# footprint goes (accuracy.beyond_outlines), whatever their share of the picture: that falls with its size.
+# Pixels: hits in front of truth's, of a shape that truth sees so near by, are granted to a phase that says
+# how far its rays' footprint goes (accuracy.beyond_outlines), whatever their share: that falls with its size.
 OUTLINE = "outline_pixels"
 SHOWN = {"db": 0.05, "share": 0.005}  # what three digits can show: less is not called worse where no gate is
 

@@ -151,15 +151,14 @@ def target_of(traced: Row) -> float:
 
 
 def reached(row: Row, target: float) -> bool:
-    """Whether a picture is as near to truth; NaN is not."""
-    return better(row["psnr_db"]) >= target - GRANTED_DB
+    """Whether a picture is as near to truth; one with NaN is not, whose PSNR a file has as null."""
+    return row["non_finite"] == 0 and better(row["psnr_db"]) >= target - GRANTED_DB
 
 
 def chosen(tried: Sequence[Row], target: float, milliseconds: Callable[[Row], float]) -> Row:
     """The fastest of those that reach the target; where none does, of those that come nearest to it."""
-    nearest = max(
-        (better(row["psnr_db"]) for row in tried if not np.isnan(better(row["psnr_db"]))), default=0
-    )
+    whole = [row for row in tried if row["non_finite"] == 0 and not np.isnan(better(row["psnr_db"]))]
+    nearest = max((better(row["psnr_db"]) for row in whole), default=0)
     able = [row for row in tried if reached(row, min(target, nearest))] or list(tried)
     return min(able, key=milliseconds) if len(able) > 1 else able[0]
 
@@ -269,4 +268,7 @@ def study(folder: Path, ray_n: int, n: int, launches: int, reps: int, seed: int)
 
 def read(file: Path) -> Row:
     """The file, or one with no rows. Raises StudyError."""
-    return store.read_json(file) if file.exists() else {"rays": [], "drawn": []}
+    if not file.exists():
+        return {"rays": [], "drawn": []}
+    result = store.read_json(file)
+    return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}

@@ -45,10 +45,11 @@ def system_rows(result: Row) -> list[Row]:
     return [
         {
             "system": "packet ray tracer (P2)",
-            "what": f"{moving.MOVING} {row['width']}×{row['n']}, ms a frame, the {row['tree']} rebuilt, "
+            "what": f"{moving.MOVING} {row['width']}×{row['n']}, {row['frames']:,} frames, ms a frame, "
+            f"the {row['tree']} rebuilt, "
             f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}",
-            "article": f"{said['ms']} ({said['cpu']}; P3's)",
-            "ours": f"{show.number(row['ms'].get('mean', row['ms']['p50']))} "
+            "article": f"{said['ms']} (P3's: mean of {said['frames']} frames, no shadows; {said['cpu']})",
+            "ours": f"mean {show.number(row['ms'].get('mean'))} "
             f"(95 % of frames under {show.number(row['ms']['p95'])} ms; "
             f"the tree {show.number(row['update_ms'], 2)})",
             "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",

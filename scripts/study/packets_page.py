@@ -113,7 +113,9 @@ def equal(drawn: Row, row: Row) -> str:
     traced = next(one for one in drawn["rows"] if one["phase"] == "packets")
     if row is traced:
         return show.NOTHING
-    return "reached" if reached(row, target_of(traced)) else f"not reached: {show.number(row['psnr_db'])} dB"
+    if reached(row, target_of(traced)):
+        return "reached"
+    return f"not reached: {show.number(row['psnr_db'])} dB" if row["non_finite"] == 0 else "not finite"
 
 
 def _own(key: str):
@@ -232,8 +234,6 @@ def system_rows(result: Row) -> list[Row]:
     found = normalise_rows(result)
     for row in result["rays"]:
         own = _variant(row, "own")
-        if row["kind"] not in ("primary", "mirror"):
-            continue
         found.append(
             {
                 "system": "packet ray tracer (P2)",

@@ -68,6 +68,11 @@ def picture(phase: str, words: str, scene: Scene, size: tuple[int, int], **more:
         return images.read(out)
 
 
+def decibels(square: float) -> float | None:
+    """PSNR in dB of a mean squared error of colours in [0, 1]; None: identical. NaN is NaN."""
+    return None if square == 0 else float(-10 * np.log10(square))
+
+
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
     """How far a picture is from truth: wrong hits in ppm of its pixels, |Δt| in scene units where the shape
     is right, PSNR in dB of linear colours in [0, 1]. `known`: share of the pixels that truth knows.
@@ -94,7 +99,7 @@ def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
         a, b = (images.clamped(images.rgb(p)).astype(float) for p in (exact, made))
         finite = np.isfinite(a).all(axis=-1) & (exact["status.all"] >= truth.CONVERGED)
         square = float(np.mean((a[finite] - b[finite]) ** 2)) if finite.any() else np.nan
-        found["psnr_db"] = float(-10 * np.log10(square)) if square > 0 else None
+        found["psnr_db"] = decibels(square)
     return found
 
 
@@ -146,7 +151,9 @@ def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 7) -> Row
 
 
 def trade(n: int, launches: int, seed: int) -> list[Row]:
-    """The article's open question: starting rods × step cap, its step, the smallest rod → time, error."""
+    """The article's open question: starting rods × step cap, its step, the smallest rod → time, error; and
+    `gain` over the march per pixel, of the same interleaved run.
+    """
     scene = find_scene(SCENE)
     size = scene.size(n)
     exact = truth.picture(scene, size)
@@ -167,8 +174,11 @@ def trade(n: int, launches: int, seed: int) -> list[Row]:
         name = f"{words} {cap}"
         rows[-1]["name"] = name
         cases[name] = lambda w=words, m=more: milliseconds("rods", f"{w} picture=map", scene, size, 5, **m)
+    plain = MARCHES["pixels"]  # by the scene's own cap: what all of them are compared with
+    cases[plain] = lambda: milliseconds("rods", f"{plain} picture=map", scene, size, 5)
     times = interleaved(cases, launches, seed)
-    return [row | timed(times[row.pop("name")]) for row in rows]
+    by_row = [(row, times[row.pop("name")]) for row in rows]
+    return [row | timed(mine) | gain_of(times[plain], mine) for row, mine in by_row]
 
 
 def study(scenes: Sequence[Scene], n: int, article_n: int, launches: int, seed: int) -> Row:
@@ -210,7 +220,7 @@ def enough(found: Row, psnr_db: float, wrong_ppm: float) -> bool:
 
 
 def gain_of(plain: Sequence[float], chosen: Sequence[float]) -> Row:
-    """`gain` with its interval: how many times as fast a setting is as packets alone."""
+    """`gain` with its interval: how many times as fast a setting is as the plain march."""
     ratio = stats.ratio_interval(plain, chosen)
     return {"gain": ratio.value, "gain_low": ratio.low, "gain_high": ratio.high}
 
@@ -232,8 +242,9 @@ def larger(scene: Scene, n: int, words: str, plain: str, launches: int, seed: in
         "chosen": timed(times[words]),
         **gain_of(times[plain], times[words]),
         # of the pictures, the one against the other
-        "psnr_db": float(-10 * np.log10(square)) if square > 0 else None,
+        "psnr_db": decibels(square),
         "other_ppm": float((bare["id"] != made["id"]).mean() * 1e6),
+        "non_finite": images.non_finite(bare) + images.non_finite(made),
     }
 
 

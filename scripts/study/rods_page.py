@@ -55,6 +55,7 @@ TRADES = [
     Column("", "smallest rod, pixels", lambda r: str(r["least"])),
     Column("", "step", lambda r: "distance" if r["step"] == "whole" else "distance − radius"),
     Column("", "ms [95 %]", _ms),
+    Column("", "over per pixel [95 %]", lambda r: _gain(r) if "gain" in r else show.NOTHING),
     Column("", "evaluations a pixel", show.plain("evaluations")),
     Column("to truth", "wrong hits, ppm", show.plain("wrong_ppm")),
     Column("to truth", "|Δt| 50 %", show.plain("dt_p50", 2)),
@@ -77,6 +78,8 @@ def _large(text):
 def apart(row: Row) -> str:
     """Two pictures of one scene."""
     psnr = "identical" if row["psnr_db"] is None else f"{show.number(row['psnr_db'])} dB"
+    if row.get("non_finite", 0) != 0:  # a file has no NaN: null again. Older ones lack the number
+        psnr = "not finite"
     return f"{psnr}, {row['other_ppm']:,.0f} ppm other hits"
 
 
@@ -142,6 +145,13 @@ def choice(row: Row) -> str:
     )
 
 
+def over_pixels(row: Row, pixels: Row) -> str:
+    """How many times as fast as the march per pixel; an older file timed that in another run."""
+    if "gain" in row:
+        return f"{_gain(row)} over per pixel"
+    return show.number(pixels["ms"] / row["ms"]) + "× over per pixel (of another run: no interval)"
+
+
 def system_rows(result: Row, throttled: Row) -> list[Row]:
     """Rows of the table of all systems: what the article says, what we measure, the ratio, the error."""
     if not result["rows"]:
@@ -194,7 +204,7 @@ def system_rows(result: Row, throttled: Row) -> list[Row]:
             "what": f"rods that end at {least}×{least} pixels: ms; evaluations, per pixel over rods",
             "article": f"under {said['rods_ms']}; two orders of magnitude",
             "ours": f"{_ms(row)}; {show.number(pixels['evaluations'] / row['evaluations'])}×",
-            "ratio": show.number(pixels["ms"] / row["ms"]) + "× over per pixel",
+            "ratio": over_pixels(row, pixels),
             "error": error(row),
         }
         for least, row in sorted(coarse.items())

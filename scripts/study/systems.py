@@ -35,14 +35,18 @@ ROWS = [
 
 
 FIGURE = re.compile(r"\d|two orders")
+RATIO = re.compile(r"([\d.,]+)×")
 
 
 def few(rows: Sequence[dict[str, str]]) -> list[dict[str, str]]:
-    """Of the rows of all systems those beside which an article states a figure, and P2's first two of rays,
-    of which it says millions.
+    """Of the rows of all systems those beside which an article states a figure; of P2's rays, of which it
+    says millions, the best ratio and the worst, and those without any: no reader shall miss where we lose.
     """
-    rays = [row for row in rows if row["article"].startswith("“millions")][:2]
-    return [row for row in rows if row in rays or FIGURE.search(row["article"])]
+    rays = [(RATIO.match(row["ratio"]), row) for row in rows if row["article"].startswith("“millions")]
+    ratios = [float(found[1].replace(",", "")) for found, _ in rays if found]
+    ends = (min(ratios), max(ratios)) if ratios else ()
+    kept = [row for found, row in rays if not found or float(found[1].replace(",", "")) in ends]
+    return [row for row in rows if row in kept or FIGURE.search(row["article"])]
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -49,6 +49,24 @@ def test_nothing_proved_has_no_hit_metric(disc):
     assert found["converged_pixels"] == HEIGHT * WIDTH and found["undecided_pixels"] == 0
 
 
+def test_a_fatter_outline_lies_in_front():
+    """A row of two shapes and the sky: hits one pixel beside their own, in front of truth's and behind it."""
+    row = {"id": [0, 0, 1, 1, -1, -1], "Z": [1, 1, 5, 5, np.inf, np.inf], "status": [2] * 6}
+    exact = {name: np.array([values], np.float32) for name, values in row.items()}
+
+    def beyond(pixel: int, shape: int, z: float) -> list[float]:
+        made = {name: plane.copy() for name, plane in exact.items()}
+        made["id"][0, pixel], made["Z"][0, pixel] = shape, z
+        found = accuracy.beyond_outlines(exact, made, 1)
+        return [round(6 * found[f"{name}_ppm"] / 1e6) for name in ("false_hits", "wrong_shape")]
+
+    assert beyond(2, 0, 1) == beyond(4, 1, 5) == [0, 0]  # fatter
+    assert beyond(2, 0, np.nextafter(np.float32(5), np.float32(6))) == [0, 0]  # as far, rounded
+    assert beyond(1, 1, 5) == beyond(2, 0, 5.00001) == [0, 1]  # a hole in what is in front
+    assert beyond(3, 0, 1) == [0, 1] and beyond(5, 1, 5) == [1, 0]  # not beside it
+    assert beyond(4, 1, np.nan) == [1, 0] and beyond(2, 0, np.nan) == [0, 0]  # the latter a false miss
+
+
 def test_another_shape_is_neither_a_false_hit_nor_a_miss(disc):
     image = disc()
     image["id"][20, 20:25] = 3

@@ -137,6 +137,11 @@ def test_outlines_as_fat_as_declared_are_granted(command, house, disc):
     status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
     assert status == 1 and json.loads(out)["worse"] == ["false_hits_ppm"]
     assert f"false_hits_ppm: {1e6 / (HEIGHT * WIDTH):.6g}, baseline has 0" in err
+    shutil.rmtree(house.run)
+    house.pictures["baseline"] = lambda: disc(1)  # whose 23 false hits are at the outline
+    status, out, err = command("--phase", "opt5", "--scene", "trio", "--json")
+    assert status == 1 and json.loads(out)["worse"] == ["false_hits_ppm"], "allowed what baseline is granted"
+    assert f"false_hits_ppm: {1e6 / (HEIGHT * WIDTH):.6g}, baseline has 0" in err
 
 
 def test_a_declared_margin_is_granted(command, house, disc):

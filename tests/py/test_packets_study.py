@@ -115,15 +115,18 @@ def test_equal_error_is_equal_or_says_it_is_not():
     assert packets.target_of({"psnr_db": None}) == packets.target_of({"psnr_db": 142.0}) == 80
     assert packets.target_of({"psnr_db": 61.5}) == 61.5
     took = {28.8: 1.0, 42.7: 2.0, 90.7: 4.0, 110.4: 5.0, None: 9.0, math.nan: 0.1}
-    rows = [{"psnr_db": db} for db in took]
+    rows = [{"psnr_db": db, "non_finite": 0} for db in took]
 
     def best(tried: list[dict], target: float) -> float | None:
         return packets.chosen(tried, target, lambda row: took[row["psnr_db"]])["psnr_db"]
 
     assert best(rows, 80) == 90.7 and best(rows, 28.9) == 28.8 and best(rows, math.inf) is None
     assert best(rows[:2], 80) == 42.7, "not the fastest: the nearest"
-    assert not packets.reached({"psnr_db": math.nan}, 80) and packets.reached({"psnr_db": None}, 80)
-    assert packets.reached({"psnr_db": 79.9}, 80) and not packets.reached({"psnr_db": 79.8}, 80)
+    reached = [packets.reached({"psnr_db": db, "non_finite": 0}, 80) for db in (math.nan, None, 79.9, 79.8)]
+    assert reached == [False, True, True, False]
+    for count in (1, math.nan, None):  # a file's null may be of NaN
+        assert not packets.reached({"psnr_db": None, "non_finite": count}, 80)
+    assert best([*rows[:2], {"psnr_db": None, "non_finite": 1}], 80) == 42.7
 
 
 def test_a_cap_that_binds_is_taken_away_too():
@@ -156,7 +159,7 @@ def test_a_row_that_is_not_equal_says_so(tmp_path):
 
 def animated() -> dict:
     """Made up, and of one row: 20 ms a frame at 1000×500, so 40 ns a pixel and core, on two 80."""
-    ms = {"p5": 18.0, "p50": 20.0, "p95": 25.0, "most": 40.0}
+    ms = {"p5": 18.0, "p50": 20.0, "p95": 25.0, "most": 40.0, "mean": 20.0}
     row = {"tree": "BVH", "phase": "packets", "settings": "tree=bvh", "frames": 9, "width": 1000, "n": 500}
     row |= {"ms": ms, "update_ms": 0.25, "all_ms": [20.0] * 9}
     return made_up() | {
@@ -174,9 +177,9 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     section = systems.section(tmp_path)
     (table,) = (p for p in section.parts if p.name == "packets-animation")
     first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
-    assert "| 9 at 1000×500 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
+    assert "| 9 at 1000×500 | 20.00 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
     one, two = packets_moving.system_rows(animated())  # of its own tree alone
-    assert one["what"] == "spheres40_animated 1000×500, ms a frame, the BVH rebuilt, 1 thread"
+    assert one["what"] == "spheres40_animated 1000×500, 9 frames, ms a frame, the BVH rebuilt, 1 thread"
     assert one["ratio"] == "6.03× its pixels per core and second" and two["ratio"].startswith("3.01×")
     assert "95 % of frames under 25.0 ms; the tree 0.25" in one["ours"]
     assert packets_moving.sentences(animated())[2].endswith("building the kd-tree 0.25 ms of it")

@@ -19,7 +19,7 @@ import pytest
 import started
 
 from conformance.feature_scenes import FEATURES, ROOM, scene
-from study import images, registry, store
+from study import accuracy, gate, images, registry, store, truth
 from study.build import build
 from study.registry import ROOT
 
@@ -313,6 +313,19 @@ def test_their_hits_are_what_is_seen_within_the_footprint(name, tmp_path):
     done = started.run([*words, str(tmp_path / "coarse")], timeout=300, env=env)
     row = json.loads(done.stdout)
     assert done.returncode == 1 and {"false_hits_ppm", "wrong_shape_ppm"} & set(row["worse"]), row["worse"]
+
+
+@pytest.mark.parametrize("name", ["lattice", "scene0", "trio"])
+def test_a_picture_one_pixel_aside_is_not_rods(name):
+    """Truth's own, rolled by a pixel: every hit has its shape beside it, but where it uncovers what is behind
+    it lies farther than truth's.
+    """
+    scene = registry.find_scene(name)
+    exact = truth.picture(scene, scene.size(64))
+    granted = gate.margins(registry.find_phase("rods"))
+    rolled = {plane: np.roll(values, 1, axis=1) for plane, values in exact.items()}
+    beyond = accuracy.beyond_outlines(exact, rolled, granted[gate.OUTLINE])
+    assert beyond["wrong_shape_ppm"] > granted["wrong_shape_ppm"], beyond
 
 
 def test_they_stand_beside_the_ladder():

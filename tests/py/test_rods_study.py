@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import started
 
-from study import registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
+from study import cli, registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -36,7 +36,20 @@ def test_errors_by_hand():
     assert found["psnr_db"] == pytest.approx(-10 * math.log10(0.25 / 12))
     unknown = planes(status=[2, 2, 2, 0])
     assert rods.errors(unknown, made)["false_hits_ppm"] == 0 and rods.errors(unknown, made)["known"] == 0.75
-    assert rods.errors(exact, planes(R=[0, 0, 0, np.nan]))["non_finite"] == 1
+    found = rods.errors(exact, planes(R=[0, 0, 0, np.nan]))
+    assert found["non_finite"] == 1 and math.isnan(found["psnr_db"]), "NaN is not identical"
+
+
+def test_a_picture_with_nan_is_not_identical_to_another(monkeypatch):
+    made = {"a": planes(), "b": planes(R=[0.5, 0.5, 0.5, np.nan])}
+    monkeypatch.setattr(rods, "picture", lambda phase, words, scene, size: made[words])
+    monkeypatch.setattr(rods, "milliseconds", lambda *_: 1.0)
+    same, other = (rods.larger(rods.find_scene("trio"), 16, words, "a", 6, 1) for words in "ab")
+    assert (same["psnr_db"], same["non_finite"]) == (None, 0)
+    assert math.isnan(other["psnr_db"]) and other["non_finite"] == 1
+    kept = json.loads(json.dumps(cli.plain(other)))
+    assert kept["psnr_db"] is None and rods_page.apart(kept) == "not finite, 0 ppm other hits"
+    assert rods_page.apart(same) == "identical, 0 ppm other hits"
 
 
 @pytest.mark.parametrize(
@@ -147,6 +160,26 @@ def test_the_hybrid_s_rows_have_their_verdicts():
     assert len(rods_page.hybrid_rows(row)) == 1  # an older file
 
 
+def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
+    """Made up: 30 ms per pixel, rods that end at 4×4 pixels 2, all others 10; launches interleaved."""
+    asked = []
+
+    def milliseconds(phase, words, scene, size, reps, **more):
+        asked.append((words, more))
+        return 30.0 if "march=pixels" in words else 2.0 if "least=4" in words else 10.0
+
+    monkeypatch.setattr(rods, "milliseconds", milliseconds)
+    monkeypatch.setattr(rods, "picture", lambda *_, **__: planes())
+    monkeypatch.setattr(rods.truth, "picture", lambda scene, size: planes())
+    rows = rods.trade(16, 6, 1)
+    assert {row["gain"] for row in rows if row["least"] != 4} == {3.0}
+    (coarse,) = (row for row in rows if row["least"] == 4)
+    assert (coarse["gain"], coarse["gain_low"], coarse["gain_high"]) == (15.0, 15.0, 15.0)
+    plain = [i for i, (words, _) in enumerate(asked) if words == "march=pixels picture=map"]
+    assert len(plain) == 6 and len(asked) == 6 * (len(rows) + 1) and not any(asked[i][1] for i in plain)
+    assert [i // (len(rows) + 1) for i in plain] == list(range(6)), "once a round"
+
+
 def made_up() -> dict:
     error = {f"{k}_ppm": 100 for k in ("false_hits", "false_misses", "wrong_shape")}
     error |= {
@@ -181,7 +214,11 @@ def test_the_table_of_systems_by_hand(tmp_path):
     assert by_what["evaluations, per pixel over rods"]["ratio"] == "0.120× of it"  # 12 over 100
     coarse = by_what["rods that end at 4×4 pixels: ms; evaluations, per pixel over rods"]
     assert coarse["ours"].split() == ["25.0", "[24.0,", "26.0];", "120×"]
-    assert coarse["ratio"] == "4.00× over per pixel"
+    assert coarse["ratio"] == "4.00× over per pixel (of another run: no interval)", "an older file"
+    newer = made_up()
+    newer["trade"][-1] |= {"gain": 3.5, "gain_low": 3.0, "gain_high": 4.5}
+    (coarse,) = (r for r in rods_page.system_rows(newer, {"rows": []}) if "4×4" in r["what"])
+    assert coarse["ratio"].split() == ["3.50×", "[3.00,", "4.50]", "over", "per", "pixel"]
     assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
 
@@ -192,8 +229,12 @@ def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
     made = rods_page.system_rows(made_up(), {"rows": []})
     assert systems.rows_of(tmp_path) == made == systems.few(made)
     other = [{"article": text} for text in ("proposed, not measured", show.NOTHING, "no such comparison")]
-    rays = [{"article": "“millions of rays per second, per core”", "what": n} for n in range(3)]
-    assert systems.few([*other, *rays]) == rays[:2]
+    said = "“millions of rays per second, per core”"
+    ratios = ("17.2× [14, 20] over E", "4.55× [3, 5] over E", "0.787× [0.7, 0.9] over E", "1,020× [9, 10]")
+    rays = [{"article": said, "what": n, "ratio": ratio} for n, ratio in enumerate(ratios)]
+    assert systems.few([*other, *rays]) == rays[2:], "the one below 1 among them"
+    alone = [row | {"ratio": "– over none"} for row in rays]
+    assert systems.few([*other, *alone]) == alone, "without Embree none is the best"
     tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=tmp_path, context={})
