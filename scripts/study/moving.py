@@ -146,7 +146,7 @@ def forget(keep: Path, phases: Iterable[str]) -> None:
     into which another process is measuring stays."""
     for phase in phases:
         for file in (keep / FOLDER).glob(f"{phase}-{'[0-9a-f]' * 12}.jsonl"):
-            with contextlib.suppress(FileNotFoundError, BlockingIOError), file.open("rb") as kept:
+            with contextlib.suppress(OSError), file.open("rb+") as kept:  # what stays does no harm
                 fcntl.flock(kept, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 file.unlink()
     with contextlib.suppress(OSError):  # others' are in it, or it is not there

@@ -355,6 +355,8 @@ def draw_equal(result: Row) -> Figure:
     }
     for panel, drawn in zip(panels, result["drawn"], strict=True):
         for row in drawn["rows"]:
+            if row["non_finite"]:  # no PSNR for another reason than 160 dB's
+                continue
             shown = 160 if row["psnr_db"] is None else row["psnr_db"]
             panel.plot([row["threads"][0]["ms"]], [shown], **looks[row["phase"]])
         panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
