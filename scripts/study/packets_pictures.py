@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from study import images, panels, rods, truth
 from study.registry import Scene
 
@@ -26,14 +24,8 @@ def title_of(made: images.Picture, exact: images.Picture) -> str:
 
 def write_pictures(folder: Path, scenes: Sequence[Scene], n: int) -> list[Path]:
     """The sheet: pictures of `n` lines, differences of n // 2. Raises StudyError."""
-    count = len(scenes)
-    figure = Figure(figsize=(6 * count + 1, 7.9), dpi=100, facecolor="white")
     title = "The packet ray tracer; below, its difference to truth (black: less than 10⁻⁶)"
-    figure.suptitle(title, x=0.01, y=0.985, ha="left", va="top", fontsize=16)
-    edges = {"left": 0.01, "right": 1 - 1.1 / (6 * count + 1), "top": 0.88, "bottom": 0.02}
-    ratios = (*[1] * count, 0.04)
-    spots = figure.add_gridspec(2, count + 1, wspace=0.03, hspace=0.12, width_ratios=ratios, **edges)
-    bar = figure.add_subplot(spots[1, count])
+    figure, spots, bar = panels.two_rows(len(scenes), (6, 7.9), title, 0.88)
     for column, scene in enumerate(scenes):
         above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))
         large, small = scene.size(n), scene.size(n // 2)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
 from matplotlib.ticker import LogFormatter, LogLocator
 
 from study import images
@@ -27,6 +28,22 @@ def save(figure: Figure, path: Path) -> Path:
     canvas.draw()
     images.write_png(path, np.asarray(canvas.buffer_rgba())[..., :3])
     return path
+
+
+def two_rows(
+    columns: int, size: tuple[float, float], title: str, top: float
+) -> tuple[Figure, GridSpec, Axes]:
+    """A sheet of two rows of pictures, a colour bar right of the lower one: figure, grid, the bar's axes.
+
+    `size`: a column's width and the sheet's height, inches; `top`: where pictures end, of the height.
+    """
+    width = size[0] * columns + 1.1
+    figure = Figure(figsize=(width, size[1]), dpi=100, facecolor="white")
+    figure.suptitle(title, x=0.01, y=0.985, ha="left", va="top", fontsize=16)
+    edges = {"left": 0.01, "right": 1 - 1.1 / width, "top": top, "bottom": 0.02}
+    ratios = (*[1] * columns, 0.04)
+    spots = figure.add_gridspec(2, columns + 1, wspace=0.03, hspace=0.12, width_ratios=ratios, **edges)
+    return figure, spots, figure.add_subplot(spots[1, columns])
 
 
 def show(axes: Axes, pixels: np.ndarray, **options):

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from study import images, lattice, panels, registry, rods, truth
 from study.images import Picture
@@ -49,14 +48,8 @@ def write_pictures(folder: Path, n: int = HEIGHT) -> list[Path]:
         ("fixed_float", SPHERES),
     )
     columns = [one for one in wanted if registry.cpu_supports(registry.find_phase(one[0]))]
-    count = len(columns)
-    figure = Figure(figsize=(5 * count + 1.1, 6.9), dpi=100, facecolor="white")
     title = "Systems beside the ladder; below, the difference to truth (black: less than 10⁻⁶), and rods' map"
-    figure.suptitle(title, x=0.01, y=0.985, ha="left", va="top", fontsize=16)
-    edges = {"left": 0.01, "right": 1 - 1.1 / (5 * count + 1.1), "top": 0.87, "bottom": 0.02}
-    ratios = (*[1] * count, 0.04)
-    spots = figure.add_gridspec(2, count + 1, wspace=0.03, hspace=0.12, width_ratios=ratios, **edges)
-    bar = figure.add_subplot(spots[1, count])
+    figure, spots, bar = panels.two_rows(len(columns), (5, 6.9), title, 0.87)
     for column, (phase, name) in enumerate(columns):
         above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))
         scene = registry.find_scene(name)
