@@ -99,6 +99,10 @@ def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
     return made
 
 
+def _over_one_thread(row: Row) -> str:
+    return NOTHING if row["threads"] == 1 else interval(row, "over_one_thread", 3, "×")
+
+
 LADDER = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
@@ -185,6 +189,7 @@ RUNTIME = [
     Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
     Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
     Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
+    Column("", "over its one thread [95\u00a0%]", _over_one_thread),
     Column("", "PSNR linear, dB", lambda r: psnr(r, "psnr_db")),
     Column("", "tolerance", gate, gate_mark),
 ]

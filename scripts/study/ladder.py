@@ -116,6 +116,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         ),
         None,
     )
+    one = data.cell(cell.scene, cell.spec, cell.height, cell.width) if cell.threads > 1 else None
     ns = cell.median("ns")
     return {
         "scene": cell.scene,
@@ -136,6 +137,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "core_hz_load": cell.median("core_hz_load").value if "core_hz_load" in cell.values else math.nan,
         "speedup_base": base.spec if base else None,
         **_spread("speedup", base and cell.over(base)),
+        **_spread("over_one_thread", one and cell.over(one)),
         "same_flags_base": same.spec if same else None,
         **_spread("speedup_same_flags", same and cell.over(same)),
         "setup_ms": cell.median("prepare_ns").value / 1e6,

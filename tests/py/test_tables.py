@@ -102,6 +102,18 @@ def test_a_threaded_phase_is_compared_with_one_thread(run: Path) -> None:
     assert math.isnan(opt4["implied"])  # the paper's value is of one thread
 
 
+def test_two_threads_are_beside_one_of_the_same_phase(run: Path) -> None:
+    file = run / "frames.jsonl"
+    frames = [json.loads(line) for line in file.read_text().splitlines()]
+    both = [f | {"threads": 2, "ns": f["ns"] / 1.6} for f in frames if f["phase"] == "opt4"]
+    file.write_text("".join(json.dumps(f) + "\n" for f in frames + both))
+    rows = rows_of(run)
+    opt4 = rows[(rows["phase"] == "opt4") & (rows["height"] == 180)].set_index("threads")
+    assert opt4.loc[2, "over_one_thread"] == pytest.approx(1.6) and math.isnan(opt4.loc[1, "over_one_thread"])
+    text = tables.make(analysis.load(run), rows)["runtime"][1]
+    assert text.count("| 1.60×") == len(opt4.loc[[2]]) * text.count("| opt4 | 2 |") > 0
+
+
 def test_without_a_base_the_speedup_is_not_measured(run: Path) -> None:
     edit(run, lambda f: f["phase"] != "baseline" and f["flags_from"] != "opt3")
     opt3 = row(run, "scene0", "opt4", 180)
