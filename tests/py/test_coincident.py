@@ -1,4 +1,4 @@
-"""4,096 spheres in one place: the systems' picture is that of one sphere, of the first; what loses it."""
+"""4,096 spheres in one place: every picture is that of one sphere, of the first; what loses it."""
 
 from __future__ import annotations
 
@@ -23,6 +23,16 @@ AWAKE = {
     "rods_simd": (rods.SETTINGS, ""),
     "packets": (packets_rays.SETTINGS, ""),
 }
+LADDER = (
+    "baseline",
+    "opt4",
+    "opt5_threads",
+    "opt6_wide",
+    "opt7_tiles",
+    "opt8_streams",
+    "opt9_convex",
+    "opt10_scene",
+)
 
 
 def expected() -> np.ndarray:
@@ -39,7 +49,7 @@ def expected() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def draw(tmp_path_factory):
-    """The picture of so many of them by a phase, in the words of its variable."""
+    """The picture of so many of them by a phase, in the words of its variable, if it has one."""
     folder = tmp_path_factory.mktemp("coincident")
 
     @functools.cache
@@ -51,7 +61,7 @@ def draw(tmp_path_factory):
         )
         path: Path = folder / f"{count}.json"
         store.write_json(path, data)
-        with environment({variable: words}):
+        with environment({variable: words} if variable else {}):
             return rods.picture(phase, "", Scene(path.stem, path, data, False), SIZE)
 
     return one
@@ -62,12 +72,12 @@ def needed(phase: str) -> None:
         pytest.skip(f"the CPU lacks {', '.join(lacking)}")
 
 
-@pytest.mark.parametrize("phase", AWAKE)
+@pytest.mark.parametrize("phase", [*AWAKE, *LADDER])
 def test_they_are_one_sphere_and_the_first(draw, phase):
     needed(phase)
     there = expected()
     assert there.sum() == 8
-    many, alone = (draw(phase, count, *AWAKE[phase]) for count in (COUNT, 1))
+    many, alone = (draw(phase, count, *AWAKE.get(phase, ("", ""))) for count in (COUNT, 1))
     assert np.array_equal(many["id"] >= 0, there), f"{(many['id'] >= 0).sum()} pixels"
     assert set(np.unique(many["id"])) == {-1.0, 0.0}, "the first in the scene has it"
     for plane in ("R", "G", "B", "Z"):
