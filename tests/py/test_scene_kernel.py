@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from emulated import TRUE, needs_sixteen, sixteen
 
+from conformance.feature_scenes import FEATURES
 from study import images, registry
 from study.build import build
 
@@ -96,7 +97,11 @@ def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0
 
 
 def scene_of(name: str, shop: Workshop) -> str | Path:
-    """A scene's path; twenty: spheres40's first ones, more than are written out and fewer than a crowd."""
+    """A scene or its path; twenty: of spheres40, more than are written out and fewer than a crowd."""
+    if name in FEATURES:
+        path = shop.folder / f"{name}.json"
+        path.write_text(json.dumps(FEATURES[name]))
+        return path
     if name != "twenty":
         return name
     scene = json.loads(registry.scenes()["spheres40"].path.read_text())
@@ -115,6 +120,9 @@ def scene_of(name: str, shop: Workshop) -> str | Path:
         ("mandelbulb", 4e-6),
         ("cubes", 4e-6),
         ("lattice", 4e-6),
+        ("mirrors_facing_6", 4e-6),
+        ("torus_turned_repeated", 4e-6),
+        ("shapes_one_of_each", 4e-6),
     ],
 )
 def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop) -> None:
