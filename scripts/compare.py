@@ -18,7 +18,8 @@ from study.store import Run
 DESCRIPTION = """\
 Compares the times of two runs, configuration by configuration: ratio of the medians A / B (over 1: B is
 faster) with a 95 % bootstrap interval over launches. Slower or faster means that the interval excludes 1; of
-forty configurations that did not change, two will by chance. Scenes and limits must be the same."""
+forty configurations that did not change, two will by chance, and more where the machine's hour changed
+between the runs, which no interval of launches knows. Scenes and limits must be the same."""
 KEY = ["scene", "width", "height", "threads", "spec"]
 LIMITS = ["hit_distance", "max_steps"]
 COLUMNS = [("spec", "phase"), ("scene", "scene"), ("size", "size"), ("threads", "threads")]

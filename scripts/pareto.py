@@ -27,7 +27,8 @@ Every program is rendered for each hit distance and step cap, its picture held a
 these points is launched once, and those are timed in full that may be on a front: a point is left at its one
 launch if by every measure (PSNR to either truth, false hits and misses, |Δt|) another point of at most its
 error took less than half its time; with the scene's own parameters every program is timed in full. Launches
-are in random order, one frame each, on one thread, whatever the phase could use: equal resources. The front:
+are in random order, one frame each (behind a warm-up one where that takes under 0.25 s), on one thread,
+whatever the phase could use: equal resources. The front:
 no other point is both faster and nearer to truth."""
 
 

@@ -95,11 +95,12 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
         title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
         parts += [title, show.markdown(show.table(records, columns.sized(columns.README, records)))]
     at = columns.truth_height(rows.to_dict("records"))
-    truth = f", or to truth where the head says so: of pictures{at}, whatever size was timed" if at else ""
+    truth = f", or to truth where the head says so: of pictures{at} (4×4: their means)" if at else ""
     note = (
         f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
         "speed-ups are ratios of medians of one interleaved run on one thread; errors are in linear RGB, "
-        f"against baseline{truth}. "
+        f"against baseline{truth}. 4×4 averaged: means of scripts/verify.py's larger pictures (360 rows), "
+        f"against baseline. > {show.MOST_DB} dB: below a float's rounding. "
         "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
     )
     block = "\n".join([*parts, note])

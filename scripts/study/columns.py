@@ -133,6 +133,7 @@ README = [
     Column("", "PSNR to baseline, dB", lambda r: psnr(r, "psnr_db")),
     Column("", "4×4 averaged, dB", lambda r: psnr(r, "antialiased_psnr_db")),
     Column("", "pixels off > 1/255", lambda r: percent(r.get("fraction_over_1_255"))),
+    Column("", "of display values", lambda r: percent(r.get("fraction_over_1_255_display"))),
     Column("", "tolerance", gate, gate_mark),
 ]
 BESIDE = [
@@ -186,6 +187,7 @@ RUNTIME = [
     Column("", "threads", whole("threads")),
     Column("", "launches", whole("launches")),
     Column("", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("", "least launch, ms", plain("ms_least", 4)),
     Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),
     Column("", "core cycles/pixel", plain("core_cycles_per_pixel", 4)),
     Column("", "speed-up over baseline [95\u00a0%]", speedup("speedup", "speedup_base")),

@@ -241,7 +241,8 @@ def rows(times: dict[Point, list[float]], errors: dict[Point, Row], published: b
                 **{"program": point.program, "scene": point.scene, "limits": point.limits},
                 **{"threads": point.threads, "ns": ns, "ms": stats.median_interval(np.array(ns) * 1e-6)},
                 **{"ratio": ratio, "goal": None if rival else goal, "published_ms": theirs},
-                "verdict": None if ratio is None else verdict(ratio, goal),
+                # What Dr.Jit's own limits make of a picture is no goal of ours.
+                "verdict": verdict(ratio, goal) if ratio and point.limits == OWN else None,
                 **errors[Point(point.program, point.scene, point.limits, 1)],
             }
         )

@@ -67,10 +67,12 @@ def box_average(linear: np.ndarray, factor: int) -> np.ndarray:
     """Mean of the clamped colours of factor × factor blocks; a remainder at the right and bottom is cut off.
 
     Each sample is clamped before the mean: it is what the eye makes of the large picture on a screen,
-    factor times as far away. A single bright sample cannot outweigh its block.
+    factor times as far away. A single bright sample cannot outweigh its block. Of a block with a sample that
+    is not finite the mean is NaN.
     """
     height, width = (size // factor for size in linear.shape[:2])
-    blocks = clamped(linear[: height * factor, : width * factor]).astype(np.float64)
+    used = linear[: height * factor, : width * factor]
+    blocks = np.where(np.isfinite(used), clamped(used), np.nan).astype(np.float64)
     return blocks.reshape(height, factor, width, factor, 3).mean(axis=(1, 3)).astype(np.float32)
 
 

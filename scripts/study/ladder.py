@@ -129,6 +129,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "launches": ns.launches,
         "interval": "95 %" if ns.sufficient else "insufficient",
         **_spread("ms", ns, 1e6),
+        "ms_least": cell.values["ns"].min() / 1e6,
         **_spread("ns_per_pixel", ns, cell.pixels),
         "tsc_cycles": cell.median("tsc_cycles").value,
         **_spread("core_cycles_per_pixel", cell.median("core_cycles"), cell.pixels),

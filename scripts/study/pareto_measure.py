@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,8 @@ from study import accuracy, images, run, stats, truth
 from study.pareto import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
 from study.registry import Scene, Spec
 from study.run import DriverError
+
+LONG = 0.25  # s; a frame longer than that warms itself up (scripts/sweep.py --long)
 
 HIT_DISTANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 STEPS = (64, 256, 3000)
@@ -149,15 +151,25 @@ def count(points: Sequence[Point], scene: Scene, height: int) -> dict[Point, flo
 
 
 def measure(
-    points: Sequence[Point], scene: Scene, height: int, launches: int, seed: int, cpu: int
+    points: Sequence[Point],
+    scene: Scene,
+    height: int,
+    launches: int,
+    seed: int,
+    cpu: int,
+    warm: Collection[Point] = (),
 ) -> dict[Point, list[float]]:
-    """Nanoseconds of one frame per process launch, every point once a round in random order; one thread."""
+    """Nanoseconds of one frame per process launch, every point once a round in random order; one thread.
+
+    Points of `warm` draw a frame before it.
+    """
     width, _ = scene.size(height)
 
     def once(point: Point, padding: int) -> float:
-        made = run.frames(point.spec, scene.path, height, width, cpu=cpu, env_bytes=padding, **point.march)
+        how = {"cpu": cpu, "env_bytes": padding, "warmup": int(point in warm)}
+        made = run.frames(point.spec, scene.path, height, width, **how, **point.march)
         with contextlib.closing(made):
-            (frame,) = made
+            (frame,) = (one for one in made if not one["warmup"])
         return float(frame["ns"])
 
     return run.interleaved(points, launches, seed, cpu, once, f"time {scene.name}")
@@ -202,7 +214,9 @@ def study_scene(
     out = beaten(found, {point: times[0] for point, times in once.items()})
     # The scene's own parameters are what every phase is compared at: always timed in full.
     chosen = [p for p in found if p not in out or (p.hit_distance, p.max_steps) == own(scene)]
-    times = once | measure(chosen, scene, height, launches, seed + 1, cpu)
+    # A first frame is up to 1.6 times a steady one, where that is short.
+    warm = {point for point in chosen if once[point][0] < LONG * 1e9}
+    times = once | measure(chosen, scene, height, launches, seed + 1, cpu, warm)
     counted = count(chosen, scene, height)
     base = times.get(Point(scene.name, Spec.parse(BASE), *own(scene)))
     width, _ = scene.size(height)

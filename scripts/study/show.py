@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 NOTHING = "–"
+MOST_DB = 150  # of a PSNR: floats in [0, 1] are rounded at 2^-25 of themselves, 150 dB
 Row = Mapping[str, Any]
 
 
@@ -93,7 +94,9 @@ def psnr(row: Row, name: str) -> str:
     value = row.get(name)
     if value is None or pd.isna(value):
         return NOTHING
-    return "identical" if yes(row.get("identical")) and math.isinf(value) else number(value)
+    if value > MOST_DB and not (math.isinf(value) and yes(row.get("identical"))):
+        return f"> {MOST_DB}"
+    return "identical" if math.isinf(value) else number(value)
 
 
 def gate(row: Row) -> str:

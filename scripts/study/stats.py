@@ -1,10 +1,12 @@
-"""Medians and ratios of medians with bootstrap intervals. The sample is the process launch.
+"""Medians and ratios of medians with 95 % intervals. The sample is the process launch.
 
-Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
+Median: order statistics, W. J. Conover, Practical Nonparametric Statistics, 3rd ed. (1999), section 3.2.
+Ratio: percentile bootstrap of pairs, Efron & Tibshirani, An Introduction to the Bootstrap (1993), ch. 9, 13.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -14,7 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 RESAMPLES = 10_000
-ENOUGH = 6  # launches; the interval holds the true median in 88 % of cases at 6, 93 % at 10, 96 % at 25
+ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
 PREEMPTIONS = 20  # per second; a quiet machine has a few
 CONFIG = ["config", "spec", "phase", "flags_from", "scene", "scene_hash", "width", "height", "threads"]
 
@@ -38,34 +40,47 @@ class Interval:
         return f"{self.value:{form}} {ends}"
 
 
-def _resampled_medians(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Medians of RESAMPLES draws with replacement, shape (RESAMPLES,)."""
-    return np.median(values[random.integers(len(values), size=(RESAMPLES, len(values)))], axis=1)
+def rank(count: int, cover: float = 0.95) -> int:
+    """The greatest k for which the k-th least and the k-th greatest of `count` values hold the true median
+
+    with probability `cover` or more, whatever their distribution; 0: there is none. At 6 launches that is
+    96.9 %, at 7 98.4, at 8 99.2 (least and greatest of all), at 9 96.1, at 10 97.9, at 25 95.7.
+    """
+    outside, k = 2.0**-count, 0  # P(Binomial(count, 1/2) <= k)
+    while 2 * outside <= 1 - cover and 2 * k < count:
+        k += 1
+        outside += math.comb(count, k) * 2.0**-count
+    return k
 
 
-def _interval(value: float, resampled: np.ndarray, launches: int) -> Interval:
-    low, high = np.percentile(resampled, [2.5, 97.5])
-    return Interval(float(value), float(low), float(high), launches, True)
-
-
-def median_interval(values: ArrayLike, seed: int = 1) -> Interval:
-    """Median over launches. `values`: shape (launches,), any unit. NaN for no launch at all."""
-    values = np.asarray(values, float).ravel()
+def median_interval(values: ArrayLike) -> Interval:
+    """Median over launches, between two of them. `values`: shape (launches,), any unit. NaN: no launch."""
+    values = np.sort(np.asarray(values, float).ravel())
     value = float(np.median(values)) if len(values) else np.nan
     if len(values) < ENOUGH:
         return Interval(value, np.nan, np.nan, len(values), False)
-    return _interval(value, _resampled_medians(values, np.random.default_rng(seed)), len(values))
+    k = rank(len(values))
+    return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
 def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1) -> Interval:
-    """median(base) / median(other): the speed-up of `other` when both are times. Both resampled."""
+    """median(base) / median(other): the speed-up of `other` when both are times.
+
+    Launch k of both is of one round of an interleaved run, and what slows a round slows both: they are drawn
+    together. As many launches of both that are of no common round may be paired in any way; other counts are
+    drawn apart, which is wider than need be where rounds were common.
+    """
     base, other = np.asarray(base, float).ravel(), np.asarray(other, float).ravel()
     launches = min(len(base), len(other))
     value = float(np.median(base) / np.median(other)) if launches else np.nan
     if launches < ENOUGH:
         return Interval(value, np.nan, np.nan, launches, False)
     random = np.random.default_rng(seed)
-    return _interval(value, _resampled_medians(base, random) / _resampled_medians(other, random), launches)
+    drawn = random.integers(len(base), size=(RESAMPLES, len(base)))
+    again = drawn if len(base) == len(other) else random.integers(len(other), size=(RESAMPLES, len(other)))
+    resampled = np.median(base[drawn], axis=1) / np.median(other[again], axis=1)
+    low, high = np.percentile(resampled, [2.5, 97.5])
+    return Interval(value, float(low), float(high), launches, True)
 
 
 def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:

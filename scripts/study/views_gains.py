@@ -13,6 +13,7 @@ from study.views import OWN
 from study.views_measure import BASE, Row
 
 NO_KERNEL = "no kernel: its parent's code"
+EVERYWHERE, MEDIAN = "wins on every view", "wins in the median"
 ALONE, SCENE_ALONE = "wins on the tuned views alone", "wins on its own view alone"
 FEW = "too few launches"
 RESAMPLES = 2000
@@ -45,7 +46,7 @@ def loses(row: Row) -> bool:
 
 
 def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed: int = 1) -> Interval:
-    """Median over views of median(parent) / median(rung), launches of each view resampled. NaN of none."""
+    """Median over views of median(parent) / median(rung), each view's rounds resampled. NaN of none."""
     if not pairs:
         return Interval(math.nan, math.nan, math.nan, 0, False)
     value = float(np.median([np.median(base) / np.median(own) for base, own in pairs]))
@@ -54,11 +55,15 @@ def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed:
         return Interval(value, math.nan, math.nan, launches, False)
     random = np.random.default_rng(seed)
 
-    def medians(values: Sequence[float]) -> np.ndarray:
-        some = np.asarray(values, float)
-        return np.median(some[random.integers(len(some), size=(RESAMPLES, len(some)))], axis=1)
+    def ratios(base: Sequence[float], own: Sequence[float]) -> np.ndarray:
+        """Launch k of both is of one round: they are drawn together (stats.ratio_interval)."""
+        some, other = np.asarray(base, float), np.asarray(own, float)
+        drawn = random.integers(len(some), size=(RESAMPLES, len(some)))
+        alike = len(some) == len(other)
+        again = drawn if alike else random.integers(len(other), size=(RESAMPLES, len(other)))
+        return np.median(some[drawn], axis=1) / np.median(other[again], axis=1)
 
-    drawn = np.median([medians(base) / medians(own) for base, own in pairs], axis=0)
+    drawn = np.median([ratios(base, own) for base, own in pairs], axis=0)
     return Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
 
 
@@ -73,10 +78,10 @@ def verdict(tuned: Sequence[Row], others: Sequence[Row], median: Interval, slowe
         return FEW
     slower = sum(map(loses, others)) if slower is None else slower
     if median.low > 1:
-        if slower:
-            return f"wins in the median, slower on {slower} of {len(others)}"
-        everywhere = all(map(wins, [*tuned, *others]))
-        return "wins on every view" if everywhere else "wins, slower on none"
+        if all(map(wins, [*tuned, *others])):
+            return EVERYWHERE
+        faster = f"{MEDIAN}: faster on {sum(map(wins, others))} of {len(others)}"
+        return f"{faster}, slower on {slower}" if slower else f"{faster}, shown slower on none"
     if any(map(wins, tuned)):
         return ALONE
     return "slower in the median" if median.high < 1 else "no gain"

@@ -10,7 +10,7 @@ from study import show
 from study.show import Column
 from study.stats import Interval
 from study.views import OWN
-from study.views_gains import ALONE, SCENE_ALONE, by_scene, level
+from study.views_gains import ALONE, EVERYWHERE, MEDIAN, SCENE_ALONE, by_scene, level
 from study.views_measure import BASE, Row
 
 
@@ -61,7 +61,7 @@ def _mark(row: Row) -> str:
     text = row["verdict"]
     if text == ALONE or text.startswith((SCENE_ALONE, "slower")):
         return "bad"
-    return "good" if text in ("wins on every view", "wins, slower on none") else ""
+    return "good" if text == EVERYWHERE or (text.startswith(MEDIAN) and text.endswith("none")) else ""
 
 
 RUNGS = [

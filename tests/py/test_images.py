@@ -378,4 +378,4 @@ def test_large_pictures_must_be_finite_too(blank, value):
     found = images.compare(blank(), blank(), (blank(40, 40), broken))
     assert found["non_finite"] == 0
     assert found["antialiased"]["non_finite"] == 1
-    assert math.isnan(value) == math.isnan(found["antialiased"]["psnr_db"])
+    assert math.isnan(found["antialiased"]["psnr_db"])

@@ -209,7 +209,7 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
         arguments: list[str], cpus: set[int] | None, env_bytes: int, more: object = None
     ) -> Iterator[str]:
         asked.append((arguments, cpus))
-        return iter(['{"ns": 1, "frames": [{"ns": 1}]}'])
+        return iter(['{"ns": 1, "warmup": false, "frames": [{"ns": 1}]}'])
 
     monkeypatch.setattr(run, "_lines", fake)
     scene, cpu = registry.find_scene("scene0"), run.USABLE[-1]
@@ -218,6 +218,19 @@ def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pyt
     measuring.measure(points("a"), scene, 8, 1, 1, cpu)
     assert len(asked) == 3
     assert all("--threads" not in arguments and cpus == {cpu} for arguments, cpus in asked)
+
+
+def test_a_short_frame_is_timed_behind_a_warm_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fake(*_: object, warmup: int, **__: object) -> Iterator[dict]:
+        yield from [{"ns": 9, "warmup": True}] * warmup
+        yield {"ns": 2 if warmup else 9, "warmup": False}
+
+    cold, warm = points("ab")
+    scene, cpu = registry.find_scene("scene0"), run.USABLE[-1]
+    asked: list[int] = []
+    monkeypatch.setattr(run, "frames", lambda *a, **more: (asked.append(more["warmup"]), fake(*a, **more))[1])
+    assert measuring.measure([cold, warm], scene, 8, 1, 1, cpu, {warm}) == {cold: [9.0], warm: [2.0]}
+    assert sorted(asked) == [0, 1]
 
 
 def test_the_height_is_what_the_budget_allows(monkeypatch: pytest.MonkeyPatch, capsys) -> None:

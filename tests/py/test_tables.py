@@ -177,7 +177,7 @@ def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Pa
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
     assert "| PSNR to truth at n = 64, dB |" in made and "54.5" in made
-    assert "to truth where the head says so: of pictures at n = 64, whatever size was timed" in made
+    assert "to truth where the head says so: of pictures at n = 64 (4×4: their means)" in made
     assert "error to truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
 
 

@@ -199,8 +199,8 @@ def rung(*ratios: float, names: tuple = ("left", "right", "near")) -> dict:
     ("ratios", "median", "worst", "verdict"),
     [
         ((2, 1.5, 3, 2), 2, ("left", 1.5), "wins on every view"),
-        ((2, 1, 3, 2), 2, ("left", 1), "wins, slower on none"),
-        ((2, 0.5, 3, 2), 2, ("left", 0.5), "wins in the median, slower on 1 of 3"),
+        ((2, 1, 3, 2), 2, ("left", 1), "wins in the median: faster on 2 of 3, shown slower on none"),
+        ((2, 0.5, 3, 2), 2, ("left", 0.5), "wins in the median: faster on 2 of 3, slower on 1"),
         ((2, 1, 0.9, 0.8), 0.9, ("near", 0.8), "wins on the tuned views alone"),
         ((2, 1, 1, 1), 1, ("left", 1), "wins on the tuned views alone"),
         ((1, 0.9, 0.5, 0.8), 0.8, ("right", 0.5), "slower in the median"),
