@@ -126,12 +126,16 @@ static int refill(struct pool *to, struct pool *ready, int next, int steps,
     return next;
 }
 
-// Most rays that get as dark as that end on a surface, at a 300th of it and less: 0 is written for them, which errs by
-// no more than that. LOOK_EVERY: steps from one look whether a ray is behind all to the next.
+// Most rays that get as dark as that end on a surface, and their march ends there: what they have is the last term
+// before, of a distance between the hit distance and some tenth more, since the estimate is a tenth of the way that
+// is left: LAST of strength·hit distance/t. Wrong by less than DARK. 0 in its place was seen on a display: 1.45 % of
+// mandelbulb's 8-bit values were off by more than 1. LOOK_EVERY: steps from one look whether a ray is behind all to
+// the next.
 #define DARK 0x1p-10f
+#define LAST 0.94f // 1.05 in the mean, times √(1 − 0.45²)
 enum { LOOK_EVERY = 4 };
 
-static void answer(const struct pool *from, unsigned which, struct desk *desk) {
+static void answer(const struct pool *from, unsigned which, const struct convex *work) {
     COUNT(answer, call);
     if (!which)
         return;
@@ -139,9 +143,13 @@ static void answer(const struct pool *from, unsigned which, struct desk *desk) {
     COUNT(answer, some);
     float lit[LANES];
     mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
-    unload(drop(dark, root(from->march.square / from->march.divisor)), lit);
+    COUNT(answer, scalar);
+    float last = LAST * (float)work->scene->model.shadow_strength *
+                 (float)work->scene->model.march.hit_distance;
+    real all = root(from->march.square / from->march.divisor);
+    unload(choose(dark, least_of(all, set(last) / from->march.t), all), lit);
     for (unsigned rest = which; rest; rest &= rest - 1)
-        add_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], desk);
+        add_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], work->desk);
 }
 
 // Packets of shadow rays: ABREAST in work, as many of rays that leave, and the next that begin.
@@ -205,7 +213,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
     }
     for (int k = 0; k < ABREAST; k++) {
         pools->out[k].march = m[k];
-        answer(&pools->out[k], pools->out[k].live, work->desk);
+        answer(&pools->out[k], pools->out[k].live, work);
         pools->out[k].live = 0;
     }
     pools->leaving = 0;
@@ -213,7 +221,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
 
 static void retire(struct pool *from, struct pools *pools, const struct convex *work) {
     unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
-    answer(from, ended & ~leaving, work->desk);
+    answer(from, ended & ~leaving, work);
     from->live &= ~ended;
     from->leaving &= ~ended;
     while (leaving) {
