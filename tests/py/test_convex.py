@@ -557,8 +557,8 @@ def test_a_mandelbulb_beside_others(what: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
 def test_what_is_dark_looks_dark(phase: str, tmp_path: Path) -> None:
-    """A display tells 1e-5 from 0: at most half a percent of the 8-bit samples is off by more than 1, nearly as
-    of opt4 (0.2 %), and not what 0 for all that is dark made of them (1.4 %).
+    """A display tells 1e-5 from 0: at most half a percent of its samples is off by more than 1, nearly as of
+    opt4 (0.2 %), and not what 0 for all that is dark made of them (1.4 %).
     """
     base = picture("mandelbulb", tmp_path, phase="baseline")
     made = picture("mandelbulb", tmp_path, phase=phase)
