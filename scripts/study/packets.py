@@ -182,9 +182,9 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
         found = rods.errors(exact, rods.picture(phase, "", scene, size, **knobs))
         return knobs | {key: found[key] for key in ("psnr_db", "wrong_ppm", "non_finite")}
 
-    def once(phase: str, count: int, row: Row) -> float:
+    def once(phase: str, count: int, row: Row, env_bytes: int = 0) -> float:
         knobs = {key: row[key] for key in ("hit_distance", "max_steps")}
-        return rods.milliseconds(phase, "", scene, size, 5, threads=count, **knobs)
+        return rods.milliseconds(phase, "", scene, size, 5, env_bytes, threads=count, **knobs)
 
     own = error("packets", {"hit_distance": None, "max_steps": None})
     target = target_of(own)
@@ -195,11 +195,11 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
         tried = [error(phase, knobs) for knobs in knobs_of(scene)]
         best = chosen(tried, target, lambda row, phase=phase: once(phase, 1, row))
         rows.append({"phase": phase, "target_db": target, "reached": reached(best, target), **best})
-    cases: dict[str, Callable[[], float]] = {}
+    cases: dict[str, Callable[[int], float]] = {}
     for row in rows:
         several = find_phase(row["phase"]).threads
         for count in threads if several else threads[:1]:
-            cases[f"{row['phase']} {count}"] = lambda r=row, c=count: once(r["phase"], c, r)
+            cases[f"{row['phase']} {count}"] = lambda pad, r=row, c=count: once(r["phase"], c, r, pad)
     times = rods.interleaved(cases, launches, seed)
     for row in rows:
         row["threads"] = []
@@ -228,7 +228,7 @@ def by_root(scene: Scene, n: int, launches: int, seed: int) -> list[Row]:
             return do()
 
     cases = {
-        root: lambda r=root: under(r, lambda: rods.milliseconds("packets", "", scene, size, 5))
+        root: lambda pad, r=root: under(r, lambda: rods.milliseconds("packets", "", scene, size, 5, pad))
         for root in ROOTS
     }
     times = rods.interleaved(cases, launches, seed)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from study import show, verdicts
+from study import moving, show, verdicts
 from study.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
 from study.functions import VECTORS as ARTICLE_VECTORS
 from study.packets import EMBREE, ENOUGH_DB, Row, reached, target_of
@@ -307,7 +307,8 @@ def remarks(result: Row) -> list[str]:
         return []
     which = {r["embree"] for r in result["rays"]}  # or why there is none
     beside = [BESIDE] * any(r["embree16"] is not None for r in result["rays"])
-    return [*beside, NOTE, *(f"Embree: {text}." for text in sorted(which))]
+    moved = [f"The animation: {moving.NOTE}"] * bool(result.get("animation"))
+    return [*beside, NOTE, *moved, *(f"Embree: {text}." for text in sorted(which))]
 
 
 def _timed(row: Row, bar: str) -> Row | None:
