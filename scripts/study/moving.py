@@ -137,6 +137,7 @@ def _measured(
         if done < frames:
             first = {"first_frame": done} if done else {}
             about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}
+            about["cpu"] = run.USABLE[-1]
             run.frames_into(end, phase, scene.path, size[1], size[0], **about, **first)
         return [line for line in lines_of(file) if line["frame"] < frames], min(done, frames)
 

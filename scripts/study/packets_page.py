@@ -52,7 +52,9 @@ def fastest(row: Row) -> str | None:
 
 def _over_fastest(row: Row) -> str:
     way = fastest(row)
-    return f"{show.NOTHING} over" if way is None else f"{_ratio(f'{way}_ratio')(row)} over {WAYS[way]} of"
+    if way is None:
+        return f"{show.NOTHING} over {row['embree']}"
+    return f"{_ratio(f'{way}_ratio')(row)} over Embree by {WAYS[way]} ({row['embree']})"
 
 
 def verdict(row: Row, goals: Row) -> str:
@@ -264,7 +266,7 @@ def system_rows(result: Row) -> list[Row]:
                 "what": f"{row['scene']}, rays {OF_KIND[row['kind']]}, million a second",
                 "article": "“millions of rays per second, per core”",
                 "ours": _rate(own),
-                "ratio": f"{_over_fastest(row)} {row['embree']}",
+                "ratio": _over_fastest(row),
                 "error": show.NOTHING if row["agreement"] is None else f"against Embree: {_agreement(row)}",
             }
         )

@@ -223,6 +223,7 @@ def frames_into(
     height: int,
     width: int | None = None,
     *,
+    cpu: int | None = None,
     threads: int = 1,
     timed: bool = True,
     **options: Any,
@@ -230,7 +231,7 @@ def frames_into(
     """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
     no reader takes time from the threads, and what was written stays if this process is killed."""
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    with _child(arguments, None, environment(0, timed), file):
+    with _child(arguments, cpu_set(cpu, threads), environment(0, timed), file):
         pass
 
 
