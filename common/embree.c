@@ -1,6 +1,6 @@
-// Embree (4, or 3: what a ray is asked with has other names) beside a phase (hits.c): spheres as its points of a radius
+// Embree beside a phase (hits.c): spheres as its points of a radius
 // (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as squares of four times the bounds. Single-threaded, its best build quality,
-// denormals as zeros (as its manual asks).
+// denormals as zeros (as its manual asks). Its rays go in packets of 16, one by one, or 256 a call (embree_versions.h).
 #include "hits.h"
 
 #include <immintrin.h>
@@ -12,11 +12,7 @@
 #include "timer.h"
 
 #ifdef WITH_EMBREE
-#if WITH_EMBREE >= 4
-#include <embree4/rtcore.h>
-#else
-#include <embree3/rtcore.h>
-#endif
+#include "embree_versions.h"
 
 // Rays in its own form at once: small enough to stay in the cache from being put to being traced.
 enum { CHUNK = 1024 };
@@ -29,12 +25,17 @@ struct beside {
     char version[80];
     struct RTCRayHit16 *sixteen;
     struct RTCRayHit *one;
+    struct streamed stream;
     int *shape_of; // geometry 0: its spheres; geometry 1 + i: plane i
     int spheres;
 };
 
 const char *beside_version(const struct beside *beside) {
     return beside->version;
+}
+
+bool beside_streams(const struct beside *beside) {
+    return beside->stream.there;
 }
 
 // As the library that runs says it is.
@@ -115,9 +116,28 @@ static const char *unlike(const struct model *model) {
     return NULL;
 }
 
+static void put_single(struct RTCRayHit *r, const float at[6], float far) {
+    r->ray = (struct RTCRay){at[0], at[1], at[2], 0, at[3], at[4], at[5], 0, far, ~0u, 0, 0};
+    r->hit.geomID = r->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+}
+
+static void put_lane(struct RTCRayHit16 *r, size_t lane, const float at[6], float far) {
+    r->ray.org_x[lane] = at[0];
+    r->ray.org_y[lane] = at[1];
+    r->ray.org_z[lane] = at[2];
+    r->ray.dir_x[lane] = at[3];
+    r->ray.dir_y[lane] = at[4];
+    r->ray.dir_z[lane] = at[5];
+    r->ray.tnear[lane] = r->ray.time[lane] = 0;
+    r->ray.tfar[lane] = far;
+    r->ray.mask[lane] = ~0u;
+    r->ray.flags[lane] = r->ray.id[lane] = 0;
+    r->hit.geomID[lane] = r->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
+}
+
 // Rays first … first + CHUNK − 1 as Embree has them; what is behind the last meets nothing.
 static void put_rays(struct beside *b, const struct ray_arrays *rays, size_t first, bool any,
-                     bool packets) {
+                     enum beside_way way) {
     for (size_t i = 0; i < CHUNK; i++) {
         bool there = first + i < rays->count;
         float far = !there ? -1.0f : any ? rays->far[first + i] : INFINITY;
@@ -126,38 +146,27 @@ static void put_rays(struct beside *b, const struct ray_arrays *rays, size_t fir
             at[k] = there ? rays->origin[k][first + i] : 0;
             at[3 + k] = there ? rays->direction[k][first + i] : 1;
         }
-        if (!packets) {
-            struct RTCRayHit *r = &b->one[i];
-            r->ray =
-                (struct RTCRay){at[0], at[1], at[2], 0, at[3], at[4], at[5], 0, far, ~0u, 0, 0};
-            r->hit.geomID = r->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-            continue;
-        }
-        struct RTCRayHit16 *r = &b->sixteen[i / 16];
-        size_t lane = i % 16;
-        r->ray.org_x[lane] = at[0];
-        r->ray.org_y[lane] = at[1];
-        r->ray.org_z[lane] = at[2];
-        r->ray.dir_x[lane] = at[3];
-        r->ray.dir_y[lane] = at[4];
-        r->ray.dir_z[lane] = at[5];
-        r->ray.tnear[lane] = r->ray.time[lane] = 0;
-        r->ray.tfar[lane] = far;
-        r->ray.mask[lane] = ~0u;
-        r->ray.flags[lane] = r->ray.id[lane] = 0;
-        r->hit.geomID[lane] = r->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
+        if (way == BESIDE_SINGLE)
+            put_single(&b->one[i], at, far);
+        else if (way == BESIDE_PACKETS)
+            put_lane(&b->sixteen[i / 16], i % 16, at, far);
+        else
+            streamed_put(&b->stream, i, at, far);
     }
 }
 
 static void get_hits(const struct beside *b, struct ray_arrays *rays, size_t first, bool any,
-                     bool packets) {
+                     enum beside_way way) {
     for (size_t i = 0; i < CHUNK && first + i < rays->count; i++) {
         const struct RTCRayHit16 *r = &b->sixteen[i / 16];
         size_t lane = i % 16;
-        unsigned geometry = packets ? r->hit.geomID[lane] : b->one[i].hit.geomID;
-        unsigned primitive = packets ? r->hit.primID[lane] : b->one[i].hit.primID;
+        float t = way == BESIDE_PACKETS ? r->ray.tfar[lane] : b->one[i].ray.tfar;
+        unsigned geometry = way == BESIDE_PACKETS ? r->hit.geomID[lane] : b->one[i].hit.geomID;
+        unsigned primitive = way == BESIDE_PACKETS ? r->hit.primID[lane] : b->one[i].hit.primID;
+        if (way == BESIDE_STREAM)
+            streamed_get(&b->stream, i, &t, &geometry, &primitive);
         bool met = geometry != RTC_INVALID_GEOMETRY_ID;
-        rays->t[1][first + i] = packets ? r->ray.tfar[lane] : b->one[i].ray.tfar;
+        rays->t[1][first + i] = t;
         rays->shape[1][first + i] =
             any    ? 0
             : !met ? -1
@@ -177,7 +186,8 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
     b->sixteen = aligned_alloc(64, CHUNK / 16 * sizeof *b->sixteen);
     b->one = aligned_alloc(64, CHUNK * sizeof *b->one);
     b->device = rtcNewDevice("threads=1");
-    bool made = b->shape_of && b->sixteen && b->one && b->device;
+    bool made = b->shape_of && b->sixteen && b->one && b->device &&
+                streamed_make(&b->stream, b->device, CHUNK);
     if (made) {
         b->scene = rtcNewScene(b->device);
         rtcSetSceneBuildQuality(b->scene, RTC_BUILD_QUALITY_HIGH);
@@ -198,46 +208,15 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
     return NULL;
 }
 
-// What both kinds of questions are asked with. Embree 4 parted Embree 3's context into two structures of
-// arguments, behind the ray.
-#if WITH_EMBREE >= 4
-struct asking {
-    struct RTCIntersectArguments nearest;
-    struct RTCOccludedArguments any;
-};
-
-static void begin_asking(struct asking *asking, bool coherent) {
-    rtcInitIntersectArguments(&asking->nearest);
-    rtcInitOccludedArguments(&asking->any);
-    asking->nearest.flags = asking->any.flags =
-        coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
-}
-
-#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, rays, &(a)->nearest)
-#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, rays, &(a)->any)
-#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, ray, &(a)->nearest)
-#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, ray, &(a)->any)
-#else
-struct asking {
-    struct RTCIntersectContext context;
-};
-
-static void begin_asking(struct asking *asking, bool coherent) {
-    rtcInitIntersectContext(&asking->context);
-    asking->context.flags =
-        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-}
-
-#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, &(a)->context, rays)
-#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, &(a)->context, rays)
-#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, &(a)->context, ray)
-#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, &(a)->context, ray)
-#endif
-
 static void trace_chunk(struct beside *b, struct asking *asking, size_t count, bool any,
-                        bool packets) {
+                        enum beside_way way) {
     static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
                                                -1, -1, -1, -1, -1, -1, -1, -1};
+    bool packets = way == BESIDE_PACKETS;
+    if (way == BESIDE_STREAM) {
+        streamed_trace(&b->stream, b->scene, asking, count, any);
+        return;
+    }
     for (size_t i = 0; i < (packets ? (count + 15) / 16 : count); i++) {
         if (packets && any)
             OCCLUDED16(valid, b->scene, asking, (struct RTCRay16 *)&b->sixteen[i].ray);
@@ -250,20 +229,20 @@ static void trace_chunk(struct beside *b, struct asking *asking, size_t count, b
     }
 }
 
-uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
+uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, enum beside_way way) {
     struct asking asking;
     begin_asking(&asking, b->coherent);
     unsigned before = _mm_getcsr();
     uint64_t took = 0;
     for (size_t first = 0; first < rays->count; first += CHUNK) {
         size_t left = rays->count - first;
-        put_rays(b, rays, first, any, packets);
+        put_rays(b, rays, first, any, way);
         _mm_setcsr(before | DENORMALS_ARE_ZEROS);
         uint64_t begin = timer_ns();
-        trace_chunk(b, &asking, left < CHUNK ? left : CHUNK, any, packets);
+        trace_chunk(b, &asking, left < CHUNK ? left : CHUNK, any, way);
         took += timer_ns() - begin;
         _mm_setcsr(before);
-        get_hits(b, rays, first, any, packets);
+        get_hits(b, rays, first, any, way);
     }
     return took;
 }
@@ -278,6 +257,7 @@ void beside_end(struct beside *b) {
     free(b->shape_of);
     free(b->sixteen);
     free(b->one);
+    streamed_free(&b->stream);
     free(b);
 }
 
@@ -294,8 +274,13 @@ const char *beside_version(const struct beside *b) {
     return "";
 }
 
-uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, bool packets) {
-    (void)b, (void)rays, (void)any, (void)packets;
+bool beside_streams(const struct beside *b) {
+    (void)b;
+    return false;
+}
+
+uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, enum beside_way way) {
+    (void)b, (void)rays, (void)any, (void)way;
     return 0;
 }
 

@@ -89,16 +89,17 @@ static uint64_t time_phase(const struct prepared *prepared, const struct ray_arr
     return timer_ns() - begin;
 }
 
-// Ours, Embree's packets and its single rays by turns, each first as often.
+enum { WAYS = 1 + BESIDE_WAYS }; // ours, and Embree's
+
+// Ours and each of Embree's ways by turns, each first as often.
 static bool measure(const struct prepared *prepared, struct ray_arrays *rays, struct beside *beside,
-                    bool any, int reps, json_t *ns[3]) {
+                    bool any, int reps, json_t *ns[WAYS]) {
+    int ways = !beside ? 1 : beside_streams(beside) ? WAYS : 1 + BESIDE_STREAM;
     for (int i = 0; i < reps; i++)
-        for (int turn = 0; turn < 3; turn++) {
-            int who = (i + turn) % 3;
-            if (who > 0 && !beside)
-                continue;
+        for (int turn = 0; turn < ways; turn++) {
+            int who = (i + turn) % ways;
             uint64_t took = who == 0 ? time_phase(prepared, rays, any)
-                                     : beside_trace(beside, rays, any, who == 1);
+                                     : beside_trace(beside, rays, any, (enum beside_way)(who - 1));
             if (json_array_append_new(ns[who], json_integer((json_int_t)took)) != 0)
                 return false;
         }
@@ -149,17 +150,17 @@ static int run(const struct scene *scene, const struct asked *asked) {
     begin = timer_ns();
     struct beside *beside = asked->embree ? beside_start(&scene->model, coherent, &why) : NULL;
     uint64_t beside_ns = timer_ns() - begin;
-    json_t *ns[3] = {json_array(), json_array(), json_array()};
+    json_t *ns[WAYS] = {json_array(), json_array(), json_array(), json_array()};
     int status = 5;
     if (rebuilt && measure(prepared, &rays, beside, any, reps, ns)) {
         const char *said = phase_settings ? phase_settings(prepared) : "";
-        json_t *record =
-            json_pack("{s:s, s:s, s:i, s:s, s:s, s:I, s:b, s:b, s:O, s:O, s:O, s:s, s:I, s:I}",
-                      "phase", PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes,
-                      "isa", variant_here().isa, "settings", said, "count", (json_int_t)rays.count,
-                      "any", any, "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1],
-                      "embree1_ns", ns[2], "embree", beside ? beside_version(beside) : why,
-                      "update_ns", (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
+        json_t *record = json_pack(
+            "{s:s, s:s, s:i, s:s, s:s, s:I, s:b, s:b, s:O, s:O, s:O, s:O, s:s, s:I, s:I}", "phase",
+            PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes, "isa",
+            variant_here().isa, "settings", said, "count", (json_int_t)rays.count, "any", any,
+            "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1], "embree1_ns", ns[2],
+            "embree_stream_ns", ns[3], "embree", beside ? beside_version(beside) : why, "update_ns",
+            (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
         status = out && !write_hits(out, &rays, beside != NULL) ? 2 : 0;
         if (status)
             fprintf(stderr, "hits: %s cannot be written\n", out);
@@ -168,7 +169,7 @@ static int run(const struct scene *scene, const struct asked *asked) {
                 record && json_dumpf(record, stdout, 0) == 0 && fputc('\n', stdout) != EOF ? 0 : 2;
         json_decref(record);
     }
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < WAYS; i++)
         json_decref(ns[i]);
     beside_end(beside);
     phase_release(prepared);

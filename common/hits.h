@@ -21,10 +21,17 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
 // Of the library that runs, and whether packets of 16 are its own.
 const char *beside_version(const struct beside *beside);
 
-// Traces the rays, in packets of 16 or each by itself, and writes t[1] and shape[1]. The time of the tracing alone, in
+// How its rays are asked: in packets of 16, each by itself, or 256 a call.
+enum beside_way { BESIDE_PACKETS, BESIDE_SINGLE, BESIDE_STREAM, BESIDE_WAYS };
+
+// Whether it has BESIDE_STREAM: Embree 4 does not.
+bool beside_streams(const struct beside *beside);
+
+// Traces the rays and writes t[1] and shape[1]. The time of the tracing alone, in
 // ns: a thousand rays at a time are put into its form before, and their hits fetched behind it, untimed. Ours reads and
 // writes plain arrays within its time: what that is worth is the other one's advantage.
-uint64_t beside_trace(struct beside *beside, struct ray_arrays *rays, bool any, bool packets);
+uint64_t beside_trace(struct beside *beside, struct ray_arrays *rays, bool any,
+                      enum beside_way way);
 void beside_end(struct beside *beside);
 
 #endif

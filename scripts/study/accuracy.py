@@ -42,13 +42,13 @@ def colour(picture: Picture, prefix: str = "") -> np.ndarray:
     return np.stack([picture[prefix + name] for name in "RGB"], axis=-1)
 
 
-def wrong_hits(truth: Picture, image: Picture) -> dict[str, np.ndarray]:
+def wrong_hits(truth: Picture, image: Picture, least: int = PROVED) -> dict[str, np.ndarray]:
     """Where the picture hits what is not there, misses what is, or hits another shape. Masks.
 
-    Judged where truth is proved. A pixel that is neither hit nor miss (NaN, a depth without a shape) is wrong
-    whatever truth says.
+    Judged where truth is proved, or of status `least` and more. A pixel that is neither hit nor miss (NaN, a
+    depth without a shape) is wrong whatever truth says.
     """
-    known = truth["status"] == PROVED
+    known = truth["status"] >= least
     hit, is_hit = ((p["id"] >= 0) & np.isfinite(p["Z"]) for p in (truth, image))
     miss, is_miss = ((p["id"] == -1) & (p["Z"] == np.inf) for p in (truth, image))
     return {
@@ -101,10 +101,10 @@ def _hits(truth: Picture, image: Picture) -> dict[str, float]:
     return found | {name: measured[name] for name in GEOMETRY}
 
 
-def right_distances(truth: Picture, image: Picture) -> np.ndarray:
-    """|Δt| of the proved pixels where both hit the same shape, in scene units, ascending."""
-    masks = wrong_hits(truth, image)
-    right = (truth["status"] == PROVED) & (truth["id"] >= 0)
+def right_distances(truth: Picture, image: Picture, least: int = PROVED) -> np.ndarray:
+    """|Δt| where both hit the same shape, in scene units, ascending; of the pixels of wrong_hits."""
+    masks = wrong_hits(truth, image, least)
+    right = (truth["status"] >= least) & (truth["id"] >= 0)
     right &= ~(masks["false_misses"] | masks["wrong_shape"])
     return np.sort(np.abs(truth["Z"][right].astype(np.float64) - image["Z"][right]))
 

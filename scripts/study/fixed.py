@@ -72,11 +72,17 @@ def widest(cases: Iterable[str], phase: str) -> str | None:
 
 
 def milliseconds(
-    phase: str, words: str, scene: Scene, size: tuple[int, int], reps: int, lanes: int | None = None
+    phase: str,
+    words: str,
+    scene: Scene,
+    size: tuple[int, int],
+    reps: int,
+    env_bytes: int = 0,
+    lanes: int | None = None,
 ) -> float:
     """Median time of a launch's frames on one thread. Raises StudyError."""
     with settings(words, lanes):
-        return rods.milliseconds(phase, "", scene, size, reps)
+        return rods.milliseconds(phase, "", scene, size, reps, env_bytes)
 
 
 def errors(phase: str, words: str, scene: Scene, size: tuple[int, int], lanes: int | None = None) -> Row:
@@ -95,7 +101,7 @@ def beside(n: int, launches: int, seed: int, reps: int = 5) -> list[Row]:
     size = scene.size(n)
     cases = able()
     times = rods.interleaved(
-        {k: lambda v=v: milliseconds(v[0], v[1], scene, size, reps, v[2]) for k, v in cases.items()},
+        {k: lambda pad, v=v: milliseconds(*v[:2], scene, size, reps, pad, v[2]) for k, v in cases.items()},
         launches,
         seed,
     )
@@ -105,11 +111,26 @@ def beside(n: int, launches: int, seed: int, reps: int = 5) -> list[Row]:
         row |= rods.timed(times[name]) | errors(phase, words, scene, size, lanes)
         against = {"gain": next(iter(cases)), "over_float": widest(cases, "fixed_float")}
         for key, other in against.items():
-            if other in times:
+            if other in times and other != name:
                 ratio = stats.ratio_interval(times[other], times[name])
                 row |= {key: ratio.value, f"{key}_low": ratio.low, f"{key}_high": ratio.high}
         rows.append(row)
-    return rows
+    return like_for_like(rows)
+
+
+def like_for_like(rows: Sequence[Row]) -> list[Row]:
+    """With `over_like_float`: floats' time in as many lanes over the row's, of rows that have their launches;
+    a float case is that ratio's base and has none."""
+    floats = {CASES[r["case"]][2]: r for r in rows if r.get("phase") == "fixed_float" and r.get("launches")}
+    found = []
+    for row in rows:
+        base = floats.get(CASES[row["case"]][2])
+        if base and row.get("launches") and row["phase"] != "fixed_float":
+            ratio = stats.ratio_interval(base["launches"], row["launches"])
+            ends = {"": ratio.value, "_low": ratio.low, "_high": ratio.high}
+            row = row | {f"over_like_float{end}": value for end, value in ends.items()}
+        found.append(row)
+    return found
 
 
 def refused(error: run.DriverError) -> Row:
@@ -135,7 +156,9 @@ def sweep(n: int, launches: int, seed: int, phase: str) -> list[Row]:
             rows.append(row)
     cases = {r["settings"]: r["settings"] for r in rows if "refused" not in r}
     times = rods.interleaved(
-        {k: lambda w=w: milliseconds(phase, w, scene, size, 5) for k, w in cases.items()}, launches, seed
+        {k: lambda pad, w=w: milliseconds(phase, w, scene, size, 5, pad) for k, w in cases.items()},
+        launches,
+        seed,
     )
     return [row | (rods.timed(times[row["settings"]]) if row["settings"] in times else {}) for row in rows]
 
@@ -147,7 +170,7 @@ def clearing(sizes: Sequence[int], launches: int, seed: int, phase: str) -> list
         size = scene.size(n)
         words = {clear: f"roots=3 clear={clear}" for clear in CLEARS}
         times = rods.interleaved(
-            {k: lambda w=w, s=size: milliseconds(phase, w, scene, s, 5) for k, w in words.items()},
+            {k: lambda pad, w=w, s=size: milliseconds(phase, w, scene, s, 5, pad) for k, w in words.items()},
             launches,
             seed,
         )
@@ -243,4 +266,6 @@ def read(file: Path) -> Row:
     if not file.exists():
         return {"rows": []}
     result = store.read_json(file)
+    if all(isinstance(row, dict) and row.get("case") in CASES for row in result["rows"]):  # an older file
+        result["rows"] = like_for_like(result["rows"])
     return result | {"animation": [moving.with_mean(row) for row in result.get("animation", [])]}

@@ -28,6 +28,11 @@ def _ratio(key: str):
     return say
 
 
+def _base_or(key: str):
+    """The ratio; "base" in the row that others are compared with (case_rows)."""
+    return lambda row: "base" if key in row.get("base_of", ()) else _ratio(key)(row)
+
+
 def _shown(key: str, digits: int = 3):
     return lambda row: show.number(row[key], digits) if row.get(key) is not None else show.NOTHING
 
@@ -40,8 +45,9 @@ CASES = [
     Column("", "case", lambda r: r["case"]),
     Column("", "settings", lambda r: r["settings"]),
     Column("", "ms [95 %]", _ms),
-    Column("", "× the article's on one lane [95 %]", _ratio("gain")),
-    Column("", "× float in as many lanes as run [95 %]", _ratio("over_float")),
+    Column("", "× the article's on one lane [95 %]", _base_or("gain")),
+    Column("", "× float in the most lanes that ran [95 %]", _base_or("over_float")),
+    Column("", "× float in as many lanes [95 %]", _base_or("over_like_float")),
     Column("to truth", "wrong hits, ppm", _wrong),
     Column("to truth", "|Δt| 99 %", _shown("dt_p99", 2)),
     Column("to truth", "PSNR, dB", _shown("psnr_db")),
@@ -111,8 +117,21 @@ NOTE = (
     "shadows fewer frames are timed, from the first on; the table has how many. What the frames show drifts "
     "along the animation: compare programs by the mean of the frames that all rows have. They are measured "
     "one after the other here, not interleaved, and a mean of frames has no interval: what the machine did "
-    "meanwhile is in the quotients."
+    f"meanwhile is in the quotients. {moving.NOTE}"
 )
+
+
+def case_rows(result: Row) -> list[Row]:
+    """With `base_of`: the ratios whose base a row is. An older file has them of 1.00×, with an interval."""
+    rows = result["rows"]
+    names, floats = [row["case"] for row in rows], [r for r in rows if r["phase"] == "fixed_float"]
+    bases = {"gain": names[:1], "over_float": [fixed.widest(names, "fixed_float")]}
+    bases["over_like_float"] = [row["case"] for row in floats]
+    said = {key for row in rows for key in row}
+    return [
+        row | {"base_of": [key for key, cases in bases.items() if key in said and row["case"] in cases]}
+        for row in rows
+    ]
 
 
 def article_ns(result: Row) -> float:
@@ -159,8 +178,9 @@ def system_rows(result: Row) -> list[Row]:
     rows = [
         {
             "system": name,
-            "what": f"{_who(row)}, {fixed.MOVING} {row['width']}×{row['n']}, {row['frames']:,} frames, ms a "
-            f"frame, {row['threads']} thread{'s' if row['threads'] > 1 else ''}"
+            "what": f"{_who(row)}, {fixed.MOVING} {row['width']}×{row['n']}, "
+            f"{moving.processes_said(row)}, ms a frame, "
+            f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}"
             + (", no shadows" if row.get("shadows") is False else ""),
             "article": f"{said['ms']} (mean of {said['frames']} frames, no shadows; {said['cpu']})",
             "ours": f"mean {show.number(row['ms'].get('mean'))} "
@@ -191,7 +211,7 @@ def parts(result: Row) -> list[Part]:
     if not result["rows"]:
         return []
     tables = [
-        ("fixed", "Rays in integers: lanes, floats", result["rows"], CASES, False),
+        ("fixed", "Rays in integers: lanes, floats", case_rows(result), CASES, False),
         (
             "fixed-animation",
             "Rays in integers: the article's animation, beside what it says of its own CPU",

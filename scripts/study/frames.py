@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from study import accuracy, images, registry, run, stats, store, views
+from study import accuracy, images, registry, run, stats, store, verdicts, views
 from study.cli import StudyError
 from study.registry import Scene, Spec
 from study.run import DriverError
@@ -29,7 +29,7 @@ MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 20, 3, 1.0  # timed ones of a launch
 OVERHEAD, A_FRAME = 0.05, 0.02  # s beside a launch's frames and beside each: clocks are calibrated
 ENOUGH = 100  # frames for a 99th percentile
 FACTOR = accuracy.FACTOR
-MET, MISSED, UNSURE, FEW = "met", "missed", "cannot be told apart here", "too few launches"
+MET, MISSED, UNSURE, FEW = verdicts.MET, verdicts.MISSED, verdicts.APART, verdicts.TOO_FEW
 Row = dict[str, Any]
 
 
@@ -274,10 +274,7 @@ def verdict(found: Interval, case: Case) -> str:
     """Whether the goal is met: only the goal's own size can tell."""
     if case.height != GOALS[case.scene][0]:
         return "goal is for another size"
-    goal = case.goal
-    if not found.sufficient or not math.isfinite(found.value):
-        return FEW
-    return MET if found.low >= goal else MISSED if found.high < goal else UNSURE
+    return verdicts.goal(found, case.goal)
 
 
 def row(spec: Spec, case: Case, launches: list, errors: Row, settings: Settings) -> Row:

@@ -137,6 +137,7 @@ def _measured(
         if done < frames:
             first = {"first_frame": done} if done else {}
             about = {"animation": frames, "warmup": 2, "threads": threads, "timed": False}
+            about["cpu"] = run.USABLE[-1]
             run.frames_into(end, phase, scene.path, size[1], size[0], **about, **first)
         return [line for line in lines_of(file) if line["frame"] < frames], min(done, frames)
 
@@ -204,6 +205,17 @@ def frames_said(row: Row) -> str:
     return f"{row['frames']:,} at {row['width']}×{row['n']}{rest}"
 
 
+def processes_said(row: Row) -> str:
+    """How many launches its frames are of: one has no interval between launches."""
+    again = len(row.get("resumed_at", []))
+    many = f"{row['frames']:,} frames"
+    return f"{again + 1} processes of {many} together" if again else f"one process of {many}"
+
+
+NOTE = (
+    "A row is one process of so many frames: each is much like the one before, so that they are no "
+    "independent samples, and between launches there is no interval."
+)
 COLUMNS = [
     Column("", "phase", lambda r: r["phase"]),
     Column("", "threads", lambda r: str(r["threads"])),

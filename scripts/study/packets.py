@@ -6,7 +6,7 @@ Ray-Tracer".
 from __future__ import annotations
 
 import copy
-import random
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,8 @@ Row = dict[str, Any]
 FILE = "packets.json"
 ARTICLE = {"scalar_ms": 3156, "sse_ms": 172, "speed_up": 18.35, "cpu": "Core 2 Duo, 1.6 GHz"}
 GOALS = {"primary": 1.0, "shadow": None, "mirror": 0.5, "scattered": 0.5}  # of Embree's rays a second
+# Embree's ways to be asked: packets of 16, one ray, 256 rays a call (its version 3 alone).
+EMBREE = ("embree16", "embree1", "embree_stream")
 # Name → settings (phases/packets/settings.h), what the CPU may have.
 VARIANTS = {
     "own": ("", ""),
@@ -75,11 +77,14 @@ def rate(ns: Sequence[float], count: int) -> Row:
     return {"mrays": found.value, "mrays_low": found.low, "mrays_high": found.high}
 
 
-def one_launch(scene: Scene, rays: Rays, kind: str, name: str, reps: int) -> tuple[Row, np.ndarray]:
+def one_launch(
+    scene: Scene, rays: Rays, kind: str, name: str, reps: int, env_bytes: int = 0
+) -> tuple[Row, np.ndarray]:
     """A process: medians over its repetitions in ns, ours and (with our own settings) Embree's."""
     words, limit = VARIANTS[name]
-    record, found = packets_rays.hits(scene.path, rays, kind, words, limit, reps, name == "own")
-    keys = ("ns", "embree16_ns", "embree1_ns")
+    where = {"cpu": run.USABLE[-1], "env_bytes": env_bytes}
+    record, found = packets_rays.hits(scene.path, rays, kind, words, limit, reps, name == "own", **where)
+    keys = ("ns", *(f"{way}_ns" for way in EMBREE))
     times = {key: float(np.median(record[key])) if record[key] else None for key in keys}
     return times | {"embree": record["embree"], "lanes": record["lanes"]}, found
 
@@ -89,11 +94,14 @@ def of_rays(scene: Scene, rays: Rays, kind: str, launches: int, reps: int, seed:
     names = [name for name, (_, limit) in VARIANTS.items() if able(limit)]
     times: dict[str, list[Row]] = {name: [] for name in names}
     hits: dict[str, np.ndarray] = {}
-    dice = random.Random(f"{seed} {scene.name} {kind}")
-    for _ in range(launches):
-        for name in dice.sample(names, len(names)):
-            took, hits[name] = one_launch(scene, rays, kind, name, reps)
-            times[name].append(took)
+
+    def once(name: str, env_bytes: int) -> float:
+        took, hits[name] = one_launch(scene, rays, kind, name, reps, env_bytes)
+        times[name].append(took)
+        return float(took["ns"])
+
+    about = f"{scene.name}, {kind}"
+    run.interleaved(names, launches, zlib.crc32(f"{seed} {about}".encode()), run.USABLE[-1], once, about)
     ours, count = times["own"], len(rays)
     found: Row = {"scene": scene.name, "kind": kind, "rays": count, "embree": ours[0]["embree"]}
     found["variants"] = [
@@ -104,7 +112,7 @@ def of_rays(scene: Scene, rays: Rays, kind: str, launches: int, reps: int, seed:
     both = np.isfinite(t) & np.isfinite(own)
     off = np.abs(t[both].astype(float) - own[both])
     found["newton_dt_max"] = float(off.max()) if off.size and kind != "shadow" else None
-    for key in ("embree16", "embree1"):
+    for key in EMBREE:
         theirs = [r[f"{key}_ns"] for r in ours if r[f"{key}_ns"]]
         found[key] = rate(theirs, count) if theirs else None
         ratio = stats.ratio_interval(theirs, [r["ns"] for r in ours]) if theirs else None
@@ -174,9 +182,9 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
         found = rods.errors(exact, rods.picture(phase, "", scene, size, **knobs))
         return knobs | {key: found[key] for key in ("psnr_db", "wrong_ppm", "non_finite")}
 
-    def once(phase: str, count: int, row: Row) -> float:
+    def once(phase: str, count: int, row: Row, env_bytes: int = 0) -> float:
         knobs = {key: row[key] for key in ("hit_distance", "max_steps")}
-        return rods.milliseconds(phase, "", scene, size, 5, threads=count, **knobs)
+        return rods.milliseconds(phase, "", scene, size, 5, env_bytes, threads=count, **knobs)
 
     own = error("packets", {"hit_distance": None, "max_steps": None})
     target = target_of(own)
@@ -187,11 +195,11 @@ def equal_error(scene: Scene, n: int, threads: Sequence[int], launches: int, see
         tried = [error(phase, knobs) for knobs in knobs_of(scene)]
         best = chosen(tried, target, lambda row, phase=phase: once(phase, 1, row))
         rows.append({"phase": phase, "target_db": target, "reached": reached(best, target), **best})
-    cases: dict[str, Callable[[], float]] = {}
+    cases: dict[str, Callable[[int], float]] = {}
     for row in rows:
         several = find_phase(row["phase"]).threads
         for count in threads if several else threads[:1]:
-            cases[f"{row['phase']} {count}"] = lambda r=row, c=count: once(r["phase"], c, r)
+            cases[f"{row['phase']} {count}"] = lambda pad, r=row, c=count: once(r["phase"], c, r, pad)
     times = rods.interleaved(cases, launches, seed)
     for row in rows:
         row["threads"] = []
@@ -220,7 +228,7 @@ def by_root(scene: Scene, n: int, launches: int, seed: int) -> list[Row]:
             return do()
 
     cases = {
-        root: lambda r=root: under(r, lambda: rods.milliseconds("packets", "", scene, size, 5))
+        root: lambda pad, r=root: under(r, lambda: rods.milliseconds("packets", "", scene, size, 5, pad))
         for root in ROOTS
     }
     times = rods.interleaved(cases, launches, seed)

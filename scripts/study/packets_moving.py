@@ -45,7 +45,7 @@ def system_rows(result: Row) -> list[Row]:
     return [
         {
             "system": "packet ray tracer (P2)",
-            "what": f"{moving.MOVING} {row['width']}×{row['n']}, {row['frames']:,} frames, ms a frame, "
+            "what": f"{moving.MOVING} {row['width']}×{row['n']}, {moving.processes_said(row)}, ms a frame, "
             f"the {row['tree']} rebuilt, "
             f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}",
             "article": f"{said['ms']} (P3's: mean of {said['frames']} frames, no shadows; {said['cpu']})",

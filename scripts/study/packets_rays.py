@@ -130,14 +130,24 @@ def asserts(program: Path) -> bool:
 
 
 def hits(
-    scene: Path, rays: Rays, kind: str, words: str = "", limit: str = "", reps: int = 1, beside: bool = False
+    scene: Path,
+    rays: Rays,
+    kind: str,
+    words: str = "",
+    limit: str = "",
+    reps: int = 1,
+    beside: bool = False,
+    *,
+    cpu: int | None = None,
+    env_bytes: int = 0,
 ) -> tuple[dict[str, Any], np.ndarray]:
     """The program's record and hits, shape (1 or 2, count, 2): t and shape, of the phase and of Embree.
 
-    Raises DriverError.
+    `cpu`, `env_bytes`: as run.frames has them, of one thread. Raises DriverError.
     """
     program = build("packets", "hits")
-    environment = os.environ | {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
+    told = {SETTINGS: words} | ({"STEPWISE_ISA_LIMIT": limit} if limit else {})
+    environment, cpus = run.environment(env_bytes, more=told), run.cpu_set(cpu, 1) or set(run.USABLE)
     options = (
         ["--embree"] * beside
         + ["--any"] * (kind == "shadow")
@@ -147,7 +157,11 @@ def hits(
         out = Path(scratch) / "hits"
         command = [program, scene, *options, "--reps", str(reps), "-o", out]
         done = subprocess.run(
-            [str(w) for w in command], input=rays.tobytes(), capture_output=True, env=environment
+            [str(w) for w in command],
+            input=rays.tobytes(),
+            capture_output=True,
+            env=environment,
+            preexec_fn=lambda: os.sched_setaffinity(0, cpus),
         )
         if done.returncode != 0:
             raise run.DriverError(done.returncode, done.stderr.decode(errors="replace").strip())

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import os
-import random
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from study import images, run, stats, store, truth
+from study import accuracy, images, run, stats, store, truth
 from study.images import Picture
 from study.registry import Scene, find_scene
 
@@ -52,11 +52,12 @@ def settings(words: str) -> Iterator[None]:
 
 
 def milliseconds(
-    phase: str, words: str, scene: Scene, size: tuple[int, int], reps: int, **more: Any
+    phase: str, words: str, scene: Scene, size: tuple[int, int], reps: int, env_bytes: int = 0, **more: Any
 ) -> float:
-    """Median time of a launch's frames. Raises StudyError."""
+    """Median time of a launch's frames, on as many CPUs as it has threads. Raises StudyError."""
+    how = {"cpu": run.USABLE[-1], "env_bytes": env_bytes, "reps": reps, "warmup": 1, "timed": False}
     with settings(words):
-        record = run.render(phase, scene.path, size[1], size[0], reps=reps, warmup=1, timed=False, **more)
+        record = run.render(phase, scene.path, size[1], size[0], **how, **more)
     return float(np.median([f["ns"] for f in record["frames"] if not f["warmup"]])) / 1e6
 
 
@@ -74,23 +75,20 @@ def decibels(square: float) -> float | None:
 
 
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
-    """How far a picture is from truth: wrong hits in ppm of its pixels, |Δt| in scene units where the shape
-    is right, PSNR in dB of linear colours in [0, 1]. `known`: share of the pixels that truth knows.
+    """How far a picture is from truth: wrong hits in ppm of the pixels that truth proves (of a fractal, which
+    it does not, of those that converged), |Δt| in scene units where the shape is right, PSNR in dB of linear
+    colours in [0, 1]. As study.accuracy has them. `known`: share of the pixels that truth knows.
     """
-    known = exact["status"] >= truth.CONVERGED
-    hit, there = made["id"] >= 0, exact["id"] >= 0
-    right = known & hit & there & (made["id"] == exact["id"])
-    off = np.abs(made["Z"][right].astype(float) - exact["Z"][right])
-
-    def ppm(mask: np.ndarray) -> float:
-        return float((mask & known).mean() * 1e6)
-
+    least = accuracy.PROVED if (exact["status"] == accuracy.PROVED).any() else accuracy.CONVERGED
+    count = int((exact["status"] >= least).sum())
+    off = accuracy.right_distances(exact, made, least)
     found: Row = {
         "evaluations": float((made["evals"] + made.get("rods", 0)).mean()),
-        "known": float(known.mean()),
-        "false_hits_ppm": ppm(hit & ~there),
-        "false_misses_ppm": ppm(~hit & there),
-        "wrong_shape_ppm": ppm(hit & there & (made["id"] != exact["id"])),
+        "known": float((exact["status"] >= truth.CONVERGED).mean()),
+        **{
+            f"{kind}_ppm": float(mask.sum() / count * 1e6) if count else math.nan
+            for kind, mask in accuracy.wrong_hits(exact, made, least).items()
+        },
         **{f"dt_p{p}": float(np.percentile(off, p)) if off.size else None for p in (50, 99, 100)},
         "non_finite": images.non_finite(made),
     }
@@ -103,14 +101,11 @@ def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
     return found
 
 
-def interleaved(cases: Mapping[str, Callable[[], float]], launches: int, seed: int) -> dict[str, list[float]]:
-    """Each case's value, one launch after the other in a new order each round."""
-    times: dict[str, list[float]] = {name: [] for name in cases}
-    dice = random.Random(seed)
-    for _ in range(launches):
-        for name in dice.sample(list(cases), len(cases)):
-            times[name].append(cases[name]())
-    return times
+def interleaved(
+    cases: Mapping[str, Callable[[int], float]], launches: int, seed: int
+) -> dict[str, list[float]]:
+    """run.interleaved of cases by name, each a function of the bytes that its environment is padded with."""
+    return run.interleaved(list(cases), launches, seed, run.USABLE[-1], lambda name, pad: cases[name](pad))
 
 
 def timed(times: Sequence[float]) -> Row:
@@ -126,7 +121,7 @@ def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 7) -> Row
     """Rods and per-pixel marching on a scene, the march alone: times, evaluations, errors of both."""
     size = scene.size(n)
     cases = {
-        name: lambda w=words: milliseconds("rods", f"{w} picture=map", scene, size, reps)
+        name: lambda pad, w=words: milliseconds("rods", f"{w} picture=map", scene, size, reps, pad)
         for name, words in MARCHES.items()
     }
     times = interleaved(cases, launches, seed)
@@ -173,9 +168,10 @@ def trade(n: int, launches: int, seed: int) -> list[Row]:
         )
         name = f"{words} {cap}"
         rows[-1]["name"] = name
-        cases[name] = lambda w=words, m=more: milliseconds("rods", f"{w} picture=map", scene, size, 5, **m)
+        drawn = f"{words} picture=map"
+        cases[name] = lambda pad, w=drawn, m=more: milliseconds("rods", w, scene, size, 5, pad, **m)
     plain = MARCHES["pixels"]  # by the scene's own cap: what all of them are compared with
-    cases[plain] = lambda: milliseconds("rods", f"{plain} picture=map", scene, size, 5)
+    cases[plain] = lambda pad: milliseconds("rods", f"{plain} picture=map", scene, size, 5, pad)
     times = interleaved(cases, launches, seed)
     by_row = [(row, times[row.pop("name")]) for row in rows]
     return [row | timed(mine) | gain_of(times[plain], mine) for row, mine in by_row]
@@ -230,7 +226,7 @@ def larger(scene: Scene, n: int, words: str, plain: str, launches: int, seed: in
     pictures are apart. Raises StudyError.
     """
     size = scene.size(n)
-    cases = {w: lambda w=w: milliseconds("rods_simd", w, scene, size, 2) for w in (plain, words)}
+    cases = {w: lambda pad, w=w: milliseconds("rods_simd", w, scene, size, 2, pad) for w in (plain, words)}
     times = interleaved(cases, launches, seed)
     bare, made = (picture("rods_simd", w, scene, size) for w in (plain, words))
     a, b = (images.clamped(images.rgb(p)).astype(float) for p in (bare, made))
@@ -282,7 +278,7 @@ def throttle(
         tried.append(row)
 
     def times_of(names: Sequence[str], turn: int) -> dict[str, list[float]]:
-        cases = {w: lambda w=w: milliseconds("rods_simd", w, scene, size, 3) for w in names}
+        cases = {w: lambda pad, w=w: milliseconds("rods_simd", w, scene, size, 3, pad) for w in names}
         return interleaved(cases, launches, seed + turn)
 
     able = sorted((row for row in tried[1:] if row["within"]), key=lambda row: row["first_ms"])[:best]

@@ -175,6 +175,7 @@ def render(
     *,
     cpu: int | None = None,
     threads: int = 1,
+    env_bytes: int = 0,
     timed: bool = True,
     general: bool | None = None,
     **options: Any,
@@ -183,13 +184,14 @@ def render(
 
     Options: aov, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps, target
     (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0. `general`: no
-    kernel is generated for the scene; so run all other targets than render.
+    kernel is generated for the scene; so run all other targets than render. `env_bytes`: as in frames.
     Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]
     if general is None:
         general = options.get("target", "render") != "render"
-    text = "".join(_lines(arguments, cpu_set(cpu, threads), 0, timed, GENERAL if general else None))
+    more = GENERAL if general else None
+    text = "".join(_lines(arguments, cpu_set(cpu, threads), env_bytes, timed, more))
     return _parse(text, arguments[0])
 
 
@@ -221,6 +223,7 @@ def frames_into(
     height: int,
     width: int | None = None,
     *,
+    cpu: int | None = None,
     threads: int = 1,
     timed: bool = True,
     **options: Any,
@@ -228,7 +231,7 @@ def frames_into(
     """`frames`, written by the driver itself at the end of the open `file`, a line flushed after each frame:
     no reader takes time from the threads, and what was written stays if this process is killed."""
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--jsonl"]
-    with _child(arguments, None, environment(0, timed), file):
+    with _child(arguments, cpu_set(cpu, threads), environment(0, timed), file):
         pass
 
 

@@ -14,6 +14,7 @@ HOLDS, PART, FAILS, OPEN = "holds here", "holds in part", "does not hold here", 
 NEVER, UNSURE = "cannot be tested here", "cannot be told here"
 FEW, WITHIN = f"{UNSURE}: too few launches", f"{UNSURE}: the stated figure is within the interval"
 WORDS = (HOLDS, PART, FAILS, UNSURE, OPEN, NEVER)
+MET, MISSED, APART, TOO_FEW = "met", "missed", "cannot be told apart here", "too few launches"  # of goals
 NO_GAIN = 1.05  # a step that gains no more than this gains nothing worth its trouble
 NEAR = 1.10  # a figure within 10 % of the stated one is taken to be it
 
@@ -53,6 +54,13 @@ def reached(ratio: Interval, stated: float) -> tuple[str, str]:
     if ratio.high < stated:
         return FAILS, f"all of the interval is below {stated:g}"
     return UNSURE, f"{stated:g} is within the interval"
+
+
+def goal(found: Interval, least: float) -> str:
+    """Whether a goal is met: all of the interval says so, or nothing does."""
+    if not found.sufficient or not all(map(math.isfinite, (found.value, found.low, found.high))):
+        return TOO_FEW
+    return MET if found.low >= least else MISSED if found.high < least else APART
 
 
 def judged(here: float, stated: float) -> tuple[str, str]:

@@ -46,12 +46,14 @@ def rays_of(data):
 @EMBREE
 @pytest.mark.parametrize("name", SCENES)
 def test_embree_meets_what_we_meet(name, path):
-    """The last of three turns is its packets', of one its single rays'."""
+    """By each of its ways, whose hits are single rays' too. The last turn of one repetition is the stream's,
+    of three its packets', of four its single rays'; without streams of one single rays', of three packets'.
+    """
     shapes, there = SCENES[name]
     data = scene(shapes, light={"shadows": "hard"})
     store.write_json(path, data)
-    rays = rays_of(data)
-    for reps in (1, 3):
+    rays, hits = rays_of(data), []
+    for reps in (1, 3, 4):
         record, found = packets_rays.hits(path, rays, "primary", reps=reps, beside=True)
         about = r"Embree [34]\.\d+\.\d+, packets of 16 (native|emulated)(, a build with assertions)?"
         assert re.fullmatch(about, record["embree"])
@@ -59,10 +61,15 @@ def test_embree_meets_what_we_meet(name, path):
         said = packets.agreement(data, "primary", rays, found)
         assert said["compared"] > 900 and said["other_shape"] <= 1 and said["dt_max"] < 1e-4
         assert all(len(record[key]) == reps for key in ("ns", "embree16_ns", "embree1_ns"))
+        assert len(record["embree_stream_ns"]) == (reps if record["embree"].startswith("Embree 3") else 0)
+        hits.append(found[1])
         rays[:, 6] = np.where(np.isfinite(found[0, :, 0]), found[0, :, 0], 20) + np.resize([-0.1, 0.1], COUNT)
         record, blocked = packets_rays.hits(path, rays, "shadow", reps=reps, beside=True)
         other = packets.agreement(data, "shadow", rays, blocked)["other_shape"]
         assert other <= 1 and 50 < (blocked[1, :, 0] == -np.inf).sum() < 900
+    for found in hits[:2]:
+        same = found[:, 1] == hits[2][:, 1]
+        assert (~same).sum() <= 1 and np.allclose(found[same, 0], hits[2][same, 0], rtol=1e-5)
 
 
 def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
@@ -139,14 +146,15 @@ def test_by_the_declarations_of_embree_4_it_meets_the_same(kind, tmp_path, path)
     store.write_json(path, data)
     rays, found = rays_of(data), []
     rays[:, 6] = 20 if kind == "shadow" else np.inf
-    for program in (four, build("packets", "hits")):
+    # 3 has streams, whose turn is the last of one repetition: of four its single rays' is.
+    for program, turns in ((four, ("1", "3")), (build("packets", "hits"), ("4", "3"))):
         out = tmp_path / "hits.out"
-        for reps in ("1", "3"):
+        for reps in turns:
             words = [program, path, "--embree", "--reps", reps, *["--any"] * (kind == "shadow"), "-o", out]
             done = subprocess.run(words, input=rays.tobytes(), capture_output=True)
-            assert done.returncode == 0 and json.loads(done.stdout)["embree"].startswith("Embree "), (
-                done.stderr
-            )
+            record = json.loads(done.stdout)
+            assert done.returncode == 0 and record["embree"].startswith("Embree "), done.stderr
+            assert bool(record["embree_stream_ns"]) == (program != four), "Embree 4 has no streams"
             found.append(np.fromfile(out, "<f4").reshape(2, COUNT, 2)[1])
     assert np.array_equal(found[0], found[2]) and np.array_equal(found[1], found[3])
     assert 50 < (found[0][:, 0] == -np.inf).sum() < 1000 or kind == "primary"
@@ -175,7 +183,10 @@ def test_without_embree_it_says_so(tmp_path, path):
     )
     record = json.loads(done.stdout)
     assert done.returncode == 0 and record["embree"] == "not compared: built without Embree (libembree-dev)"
-    assert record["embree16_ns"] == record["embree1_ns"] == [] and len(record["ns"]) == 1
+    assert (
+        record["embree16_ns"] == record["embree1_ns"] == record["embree_stream_ns"] == []
+        and len(record["ns"]) == 1
+    )
     assert np.fromfile(out, "<f4").shape == (2 * COUNT,)
 
 
@@ -241,9 +252,10 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
         "newton_dt_max",
         "embree16",
         "embree1",
+        "embree_stream",
         "agreement",
     }
-    ends = {f"embree{k}_ratio{end}" for k in (16, 1) for end in ("", "_low", "_high")}
+    ends = {f"{way}_ratio{end}" for way in packets.EMBREE for end in ("", "_low", "_high")}
     there = any(h.exists() for h in HEADERS)
     for row in result["rays"]:
         assert set(row) == keys | ends and row["rays"] > 100

@@ -69,7 +69,38 @@ def test_no_case_is_timed_in_lanes_that_the_cpu_lacks(monkeypatch, isa, lanes):
     monkeypatch.setattr(fixed, "errors", lambda *a: {})
     rows = {row["case"]: row for row in fixed.beside(16, 3, 1)}
     ratio = 0.5 if lanes > 1 else None
+    assert "gain" not in rows["article, 1 lane"] and "gain" in rows["1 lane"], "none is compared with itself"
+    assert all("over_float" not in r for r in rows.values() if r["case"] == f"float, {lanes} lanes")
     assert list(rows) == IN_LANES[lanes] and rows["1 lane"].get("over_float") == ratio
+
+
+def test_floats_are_compared_with_in_as_many_lanes_and_what_is_compared_with_is_the_base(tmp_path):
+    """Made up: integers take 10 ms and 6, floats 8 in 8 lanes, 3 in 16; by an older file's launches too."""
+    result, took = (
+        made_up(),
+        {"8 lanes": 10.0, "16 lanes": 6.0, "float, 8 lanes": 8.0, "float, 16 lanes": 3.0},
+    )
+    for row in result["rows"]:
+        row["launches"] = [took.get(row["case"], 20.0)] * 6
+    assert "over_like_float" not in result["rows"][2]
+    (tmp_path / fixed.FILE).write_text(json.dumps(result))
+    (table,) = (p for p in systems.section(tmp_path).parts if p.name == "fixed")
+    head, _, *lines = ([c.strip() for c in x.strip("|").split("|")] for x in table.markdown.splitlines())
+    assert head[3:6] == [
+        "× the article's on one lane [95 %]",
+        "× float in the most lanes that ran [95 %]",
+        "× float in as many lanes [95 %]",
+    ]
+    cells = {line[0]: [cell.split()[0] for cell in line[3:6]] for line in lines}
+    assert cells == {
+        "article, 1 lane": ["base", "0.500×", "–"],
+        "1 lane": ["2.00×", "0.500×", "–"],
+        "8 lanes": ["2.00×", "0.500×", "0.800×"],
+        "16 lanes": ["2.00×", "0.500×", "0.500×"],
+        "16 lanes, 28 bits": ["2.00×", "0.500×", "0.150×"],
+        "float, 8 lanes": ["2.00×", "0.500×", "base"],
+        "float, 16 lanes": ["2.00×", "base", "base"],
+    }
 
 
 def test_the_rows_of_systems_where_8_lanes_are_the_most():
@@ -85,13 +116,13 @@ def test_the_rows_of_systems_by_hand(tmp_path):
     (tmp_path / fixed.FILE).write_text(json.dumps(made_up()))
     rows = fixed_page.system_rows(made_up())
     by_what = {row["what"]: row for row in rows}
-    lanes = "integers in lanes (fixed_simd), spheres40_animated 1920×1080, 2 frames, ms a frame"
-    one = by_what[f"{lanes}, 1 thread"]
+    lanes = "integers in lanes (fixed_simd), spheres40_animated 1920×1080,"
+    one = by_what[f"{lanes} one process of 2 frames, ms a frame, 1 thread"]
     assert one["ratio"] == "1.00× its pixels per core and second"
     assert one["error"] == "50.0 dB, 400 ppm wrong hits (the still at 320×180)"
     assert one["ours"] == "mean 500 (95 % of frames under 600 ms)"
     assert one["article"].startswith("14.29 (mean of 900 frames, no shadows;")
-    two = by_what[f"{lanes}, 2 threads"]
+    two = by_what[f"{lanes} 2 processes of 2 frames together, ms a frame, 2 threads"]  # resumed at 1
     assert two["ratio"] == "2.50× its pixels per core and second"  # 500.15 core·ms over 200
     assert rows[0]["what"].startswith("the article's roots and corners, one lane (fixed)"), "the headline"
     assert rows[0]["ratio"].startswith("0.250×") and rows[3]["what"].endswith("2 threads, no shadows")

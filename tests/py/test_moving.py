@@ -57,6 +57,14 @@ def test_a_killed_animation_goes_on_where_it_ended(tmp_path, capsys):
     assert row["core_ns_per_pixel"] == pytest.approx(row["ms"]["mean"] * 1e6 / pixels)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_frames_are_of_as_many_cpus_as_threads(threads, tmp_path, monkeypatch):
+    child, seen = run._child, []
+    monkeypatch.setattr(run, "_child", lambda a, cpus, *rest: seen.append(cpus) or child(a, cpus, *rest))
+    moving.animation("fixed", 2, 16, threads, tmp_path)
+    assert seen == [run.cpu_set(run.USABLE[-1], threads)] and len(seen[0]) == min(threads, len(run.USABLE))
+
+
 def test_what_is_whole_is_not_measured_again_until_it_is_forgotten(tmp_path, monkeypatch):
     first = moving.animation("fixed", 4, 16, 1, tmp_path)
     assert first["resumed_at"] == [] and first["reused"] == 0 and "earlier" not in moving.frames_said(first)

@@ -14,7 +14,18 @@ import numpy as np
 import pytest
 import started
 
-from study import cli, registry, rods, rods_page, rods_pictures, show, systems, systems_pictures
+from study import (
+    accuracy,
+    cli,
+    registry,
+    rods,
+    rods_page,
+    rods_pictures,
+    run,
+    show,
+    systems,
+    systems_pictures,
+)
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -36,6 +47,16 @@ def test_errors_by_hand():
     assert found["psnr_db"] == pytest.approx(-10 * math.log10(0.25 / 12))
     unknown = planes(status=[2, 2, 2, 0])
     assert rods.errors(unknown, made)["false_hits_ppm"] == 0 and rods.errors(unknown, made)["known"] == 0.75
+    assert rods.errors(unknown, made)["false_misses_ppm"] == pytest.approx(1e6 / 3), "of the proved pixels"
+    assert math.isnan(rods.errors(planes(status=[0] * 4), made)["wrong_ppm"]), "of none there is no share"
+    converged = planes(status=[1, 1, 1, 0])  # a fractal: nothing is proved
+    assert rods.errors(converged, made)["false_misses_ppm"] == pytest.approx(1e6 / 3)
+    found = rods.errors(exact, planes(Z=[1, 2, np.nan, np.inf]))
+    assert found["false_misses_ppm"] == 250_000, "a shape without a depth is no hit"
+    for one in (made, planes(Z=[1, np.inf, 3, 4])):
+        mine, theirs = rods.errors(unknown, one), accuracy._hits(unknown, one)
+        for kind in ("false_hits", "false_misses", "wrong_shape"):
+            assert mine[f"{kind}_ppm"] == theirs[f"{kind}_ppm"], "one name, one thing"
     found = rods.errors(exact, planes(R=[0, 0, 0, np.nan]))
     assert found["non_finite"] == 1 and math.isnan(found["psnr_db"]), "NaN is not identical"
 
@@ -80,12 +101,38 @@ def test_settings_are_put_back(monkeypatch):
 
 
 def test_every_launch_comes_once_a_round():
+    """Meanwhile this process is not on the measured CPU, and the environment's size varies."""
     seen: list[str] = []
-    cases = {name: lambda n=name: seen.append(n) or float(len(seen)) for name in "abc"}
+    about = set()
+
+    def once(name: str, pad: int) -> float:
+        seen.append(name)
+        about.add((pad, run.USABLE[-1] in os.sched_getaffinity(0)))
+        return float(len(seen))
+
+    cases = {name: lambda pad, n=name: once(n, pad) for name in "abc"}
     times = rods.interleaved(cases, 4, seed=1)
     assert [sorted(seen[i : i + 3]) for i in range(0, 12, 3)] == [["a", "b", "c"]] * 4
     assert len({tuple(seen[i : i + 3]) for i in range(0, 12, 3)}) > 1, "always the same order"
     assert sorted(itertools.chain(*times.values())) == [float(i) for i in range(1, 13)]
+    assert len(about) > 6 and {on for _, on in about} == {len(run.USABLE) == 1}
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_timed_launch_is_on_as_many_cpus_as_it_has_threads(threads, monkeypatch):
+    """A program that says in its only frame where it may run and how much padding it was given."""
+    said = []
+
+    def lines(arguments, cpus, env_bytes, timed=True, more=None):
+        said.append((cpus, env_bytes))
+        return iter(['{"frames": [{"ns": 2e6, "warmup": false}]}'])
+
+    monkeypatch.setattr(run, "_lines", lines)
+    monkeypatch.setattr(run, "build", lambda *_: "render")
+    scene = rods.find_scene("trio")
+    assert rods.milliseconds("rods", "", scene, (32, 18), 2, 123, threads=threads) == 2
+    assert said == [(run.cpu_set(run.USABLE[-1], threads), 123)]
+    assert len(said[0][0]) == min(threads, len(run.USABLE))
 
 
 def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
@@ -99,7 +146,7 @@ def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
     looks: dict[str, int] = dict.fromkeys(quick, 0)
     sizes = set()
 
-    def milliseconds(phase, words, scene, size, reps, **more):
+    def milliseconds(phase, words, scene, size, reps, pad=0, **more):
         sizes.add(size[1])
         looks[words] += 1
         if size[1] == 360:
@@ -164,7 +211,7 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
     """Made up: 30 ms per pixel, rods that end at 4×4 pixels 2, all others 10; launches interleaved."""
     asked = []
 
-    def milliseconds(phase, words, scene, size, reps, **more):
+    def milliseconds(phase, words, scene, size, reps, pad=0, **more):
         asked.append((words, more))
         return 30.0 if "march=pixels" in words else 2.0 if "least=4" in words else 10.0
 

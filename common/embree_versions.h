@@ -1,0 +1,183 @@
+// In what Embree 4 and 3 differ. What both kinds of questions are asked with: 4 parted 3's context into two structures
+// of arguments, behind the ray. And 3's streams of rays, which 4 has not: plain arrays and many rays a call, of which it
+// makes packets, and which it may take through its tree together where it is told that they go the same way.
+#ifndef STEPWISE_EMBREE_VERSIONS_H
+#define STEPWISE_EMBREE_VERSIONS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#if WITH_EMBREE >= 4
+#include <embree4/rtcore.h>
+#else
+#include <embree3/rtcore.h>
+#endif
+
+enum { STREAM = 256 }; // rays a call: as many as a tile of phase packets has
+
+#if WITH_EMBREE >= 4
+struct asking {
+    struct RTCIntersectArguments nearest;
+    struct RTCOccludedArguments any;
+};
+
+static inline void begin_asking(struct asking *asking, bool coherent) {
+    rtcInitIntersectArguments(&asking->nearest);
+    rtcInitOccludedArguments(&asking->any);
+    asking->nearest.flags = asking->any.flags =
+        coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+}
+
+#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, rays, &(a)->nearest)
+#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, rays, &(a)->any)
+#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, ray, &(a)->nearest)
+#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, ray, &(a)->any)
+
+struct streamed {
+    bool there; // never
+};
+
+static inline bool streamed_make(struct streamed *s, RTCDevice device, size_t room) {
+    (void)device, (void)room;
+    *s = (struct streamed){false};
+    return true;
+}
+
+static inline void streamed_put(struct streamed *s, size_t i, const float at[6], float far) {
+    (void)s, (void)i, (void)at, (void)far;
+}
+
+static inline void streamed_get(const struct streamed *s, size_t i, float *t, unsigned *geometry,
+                                unsigned *primitive) {
+    (void)s, (void)i, (void)t, (void)geometry, (void)primitive;
+}
+
+static inline void streamed_trace(const struct streamed *s, RTCScene scene, struct asking *asking,
+                                  size_t count, bool any) {
+    (void)s, (void)scene, (void)asking, (void)count, (void)any;
+}
+
+static inline void streamed_free(struct streamed *s) {
+    (void)s;
+}
+#else
+struct asking {
+    struct RTCIntersectContext context;
+};
+
+static inline void begin_asking(struct asking *asking, bool coherent) {
+    rtcInitIntersectContext(&asking->context);
+    asking->context.flags =
+        coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+}
+
+#define INTERSECT16(valid, scene, a, rays) rtcIntersect16(valid, scene, &(a)->context, rays)
+#define OCCLUDED16(valid, scene, a, rays) rtcOccluded16(valid, scene, &(a)->context, rays)
+#define INTERSECT1(scene, a, ray) rtcIntersect1(scene, &(a)->context, ray)
+#define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, &(a)->context, ray)
+
+struct streamed {
+    bool there; // the library was built with streams
+    float *reals;
+    unsigned *words;
+    struct RTCRayHitNp all; // arrays of `room` rays
+};
+
+static inline bool streamed_make(struct streamed *s, RTCDevice device, size_t room) {
+    s->there = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_RAY_STREAM_SUPPORTED) != 0;
+    if (!s->there)
+        return true;
+    s->reals = aligned_alloc(64, 14 * room * sizeof *s->reals);
+    s->words = aligned_alloc(64, 6 * room * sizeof *s->words);
+    if (!s->reals || !s->words)
+        return false;
+    float *f = s->reals;
+    unsigned *w = s->words;
+    s->all.ray = (struct RTCRayNp){
+        .org_x = f,
+        .org_y = f + room,
+        .org_z = f + 2 * room,
+        .tnear = f + 3 * room,
+        .dir_x = f + 4 * room,
+        .dir_y = f + 5 * room,
+        .dir_z = f + 6 * room,
+        .time = f + 7 * room,
+        .tfar = f + 8 * room,
+        .mask = w,
+        .id = w + room,
+        .flags = w + 2 * room,
+    };
+    s->all.hit = (struct RTCHitNp){
+        .Ng_x = f + 9 * room,
+        .Ng_y = f + 10 * room,
+        .Ng_z = f + 11 * room,
+        .u = f + 12 * room,
+        .v = f + 13 * room,
+        .primID = w + 3 * room,
+        .geomID = w + 4 * room,
+        .instID = {w + 5 * room},
+    };
+    return true;
+}
+
+static inline void streamed_put(struct streamed *s, size_t i, const float at[6], float far) {
+    struct RTCRayNp *r = &s->all.ray;
+    r->org_x[i] = at[0];
+    r->org_y[i] = at[1];
+    r->org_z[i] = at[2];
+    r->dir_x[i] = at[3];
+    r->dir_y[i] = at[4];
+    r->dir_z[i] = at[5];
+    r->tnear[i] = r->time[i] = 0;
+    r->tfar[i] = far;
+    r->mask[i] = ~0u;
+    r->flags[i] = r->id[i] = 0;
+    s->all.hit.geomID[i] = s->all.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+}
+
+static inline void streamed_get(const struct streamed *s, size_t i, float *t, unsigned *geometry,
+                                unsigned *primitive) {
+    *t = s->all.ray.tfar[i];
+    *geometry = s->all.hit.geomID[i];
+    *primitive = s->all.hit.primID[i];
+}
+
+// The same arrays from ray `first` on.
+static inline struct RTCRayHitNp streamed_from(const struct streamed *s, size_t first) {
+    const struct RTCRayNp *r = &s->all.ray;
+    const struct RTCHitNp *h = &s->all.hit;
+    return (struct RTCRayHitNp){
+        .ray = {r->org_x + first, r->org_y + first, r->org_z + first, r->tnear + first,
+                r->dir_x + first, r->dir_y + first, r->dir_z + first, r->time + first,
+                r->tfar + first, r->mask + first, r->id + first, r->flags + first},
+        .hit = {h->Ng_x + first,
+                h->Ng_y + first,
+                h->Ng_z + first,
+                h->u + first,
+                h->v + first,
+                h->primID + first,
+                h->geomID + first,
+                {h->instID[0] + first}},
+    };
+}
+
+static inline void streamed_trace(const struct streamed *s, RTCScene scene, struct asking *asking,
+                                  size_t count, bool any) {
+    for (size_t i = 0; i < count; i += STREAM) {
+        struct RTCRayHitNp rays = streamed_from(s, i);
+        unsigned many = (unsigned)(count - i < STREAM ? count - i : STREAM);
+        if (any)
+            rtcOccludedNp(scene, &asking->context, &rays.ray, many);
+        else
+            rtcIntersectNp(scene, &asking->context, &rays, many);
+    }
+}
+
+static inline void streamed_free(struct streamed *s) {
+    free(s->reals);
+    free(s->words);
+}
+#endif
+
+#endif
