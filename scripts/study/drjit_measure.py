@@ -6,7 +6,6 @@ import contextlib
 import ctypes
 import functools
 import json
-import math
 import os
 import re
 import subprocess
@@ -18,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from study import cli, frames, images, registry, run, stats, store
+from study import cli, frames, images, registry, run, stats, store, verdicts
 from study.cli import CANNOT_RUN, StudyError
 from study.registry import Spec
-from study.stats import Interval
 
 FILE = "drjit.json"
 DRJIT = "Dr.Jit"
@@ -35,7 +33,6 @@ STEPS, HIT = 100, 1e-3  # of the march that Dr.Jit was published with
 GOALS = {"scene0_plain": (8.0, (76.0, 40.0)), "mandelbulb": (3.0, (152.0, 76.0))}
 OWN, SAME = "the scene's own", f"{STEPS} steps, {HIT:g}"  # limits of the march
 FRAMES = 4  # timed ones of a launch
-MET, MISSED, UNSURE, FEW = frames.MET, frames.MISSED, frames.UNSURE, frames.FEW
 Row = dict[str, Any]
 
 
@@ -221,12 +218,6 @@ class Measuring:
         return self._references[key]
 
 
-def verdict(ratio: Interval, goal: float) -> str:
-    if not ratio.sufficient or not math.isfinite(ratio.value):
-        return FEW
-    return MET if ratio.low >= goal else MISSED if ratio.high < goal else UNSURE
-
-
 def rows(times: dict[Point, list[float]], errors: dict[Point, Row], published: bool) -> list[Row]:
     """One per point: ms, times as fast as Dr.Jit on as many threads. `published`: at the figures' size."""
     made = []
@@ -242,7 +233,7 @@ def rows(times: dict[Point, list[float]], errors: dict[Point, Row], published: b
                 **{"threads": point.threads, "ns": ns, "ms": stats.median_interval(np.array(ns) * 1e-6)},
                 **{"ratio": ratio, "goal": None if rival else goal, "published_ms": theirs},
                 # What Dr.Jit's own limits make of a picture is no goal of ours.
-                "verdict": verdict(ratio, goal) if ratio and point.limits == OWN else None,
+                "verdict": verdicts.goal(ratio, goal) if ratio and point.limits == OWN else None,
                 **errors[Point(point.program, point.scene, point.limits, 1)],
             }
         )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from study import machine, show
-from study.drjit_measure import DRJIT, GOALS, MET, MISSED, SAME, Row
+from study.drjit_measure import DRJIT, GOALS, SAME, Row
 from study.show import Column
+from study.verdicts import MET, MISSED
 
 
 def _interval(name: str, unit: str = "") -> object:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import started
 
-from study import cli, drjit_measure, drjit_page, registry, run, truth_sections
+from study import cli, drjit_measure, drjit_page, registry, run, truth_sections, verdicts
 from study.cli import StudyError
 from study.drjit_measure import DRJIT, OWN, SAME, Measuring, Point, Rival
 from study.registry import ROOT, Spec
@@ -108,8 +108,8 @@ def test_the_ratio_is_theirs_over_ours_on_as_many_threads() -> None:
     assert ours["ratio"].value == pytest.approx(10) and (ours["goal"], ours["verdict"]) == (8, "met")
     assert (theirs["ratio"], theirs["verdict"], theirs["published_ms"]) == (None, None, 40)
     assert row(11)[1]["verdict"] == "missed"
-    assert drjit_measure.verdict(Interval(8, 7.9, 8.2, 6, True), 8) == "cannot be told apart here"
-    assert drjit_measure.verdict(Interval(9, math.nan, math.nan, 5, False), 8) == "too few launches"
+    assert verdicts.goal(Interval(8, 7.9, 8.2, 6, True), 8) == "cannot be told apart here"
+    assert verdicts.goal(Interval(9, math.nan, math.nan, 5, False), 8) == "too few launches"
 
 
 def test_a_program_in_its_place_is_timed_and_judged(tmp_path: Path) -> None:
