@@ -155,7 +155,7 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
         real rate = mul_add(p.x, d.x, p.z * d.z) * per_radius;            // of the radius
         real fall = mul_add(ring, rate, p.y * d.y) / most_of(tube, tiny); // of the torus's distance
         real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
-        mask reached = both(going, less(absolute(h), set(5e-7f))), outside = greater(h, zero);
+        mask reached = both(going, less(absolute(h), set(s->c))), outside = greater(h, zero);
         real bent = root(most_of(mul_add(fall, fall, h * set(8.0f / 3.0f) * per_radius), zero));
         // From inside Newton's step back.
         real below =
