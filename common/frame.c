@@ -71,9 +71,23 @@ static void quiet(exr_const_context_t context, exr_result_t code, const char *me
     (void)message; // the caller turns the returned code into its own one line
 }
 
+struct compressor {
+    exr_result_t (*compress)(exr_encode_pipeline_t *encoder);
+};
+
+// A chunk that is as large as it was is by the format not compressed, and is read as such. OpenEXR 3.1 keeps what it
+// compressed to the same number of bytes (small pictures come to it), and nobody can read that.
+static exr_result_t compress_or_store(exr_encode_pipeline_t *encoder) {
+    const struct compressor *house = encoder->encoding_user_data;
+    exr_result_t result = house->compress(encoder);
+    if (result == EXR_ERR_SUCCESS && encoder->compressed_bytes == encoder->packed_bytes)
+        memcpy(encoder->compressed_buffer, encoder->packed_buffer, encoder->packed_bytes);
+    return result;
+}
+
 static exr_result_t write_chunk(exr_context_t context, int part, const struct frame *frame, int y,
                                 const struct channel *channels, exr_encode_pipeline_t *encoder,
-                                bool first) {
+                                struct compressor *compressor, bool first) {
     exr_chunk_info_t chunk;
     exr_result_t result = exr_write_scanline_chunk_info(context, part, y, &chunk);
     if (result == EXR_ERR_SUCCESS)
@@ -95,8 +109,12 @@ static exr_result_t write_chunk(exr_context_t context, int part, const struct fr
             info->user_line_stride = frame->width * from->stride * (int)sizeof(float);
         }
     }
-    if (first)
+    if (first) {
         result = exr_encoding_choose_default_routines(context, part, encoder);
+        *compressor = (struct compressor){encoder->compress_fn};
+        encoder->encoding_user_data = compressor;
+        encoder->compress_fn = compress_or_store;
+    }
     return result == EXR_ERR_SUCCESS ? exr_encoding_run(context, part, encoder) : result;
 }
 
@@ -116,9 +134,10 @@ static exr_result_t write_image(exr_context_t context, const struct frame *frame
     if (result == EXR_ERR_SUCCESS)
         result = exr_get_scanlines_per_chunk(context, part, &lines);
     exr_encode_pipeline_t encoder = EXR_ENCODE_PIPELINE_INITIALIZER;
+    struct compressor compressor;
     bool begun = false;
     for (int y = 0; y < frame->height && result == EXR_ERR_SUCCESS; y += lines) {
-        result = write_chunk(context, part, frame, y, channels, &encoder, !begun);
+        result = write_chunk(context, part, frame, y, channels, &encoder, &compressor, !begun);
         begun = true;
     }
     if (begun)

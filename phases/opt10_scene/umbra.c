@@ -92,15 +92,20 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
     ACTIVE(count_of(r->active)); // what was called has set its own
     m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
                                        : r->end; // with a Mandelbulb see behind_all() and over()
+    float radius = (float)model->march.bounds_radius;
+    m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
+    m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
-    // cap may end it on the way.
+    // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended.
     real room = r->first * (set(1.0f) - r->cosine);
     const struct limits *march = &work->scene->model.march;
     float least_room = (float)(1e4 * march->hit_distance * model->shadow_strength);
     real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
-    mask dark = both(both(r->active, greater(room, set(least_room))), less(r->first, r->end));
+    mask there = not_less(set(0.0f), mul_add(r->first, r->first + m->linear, m->constant));
+    mask dark =
+        both(both(both(r->active, there), greater(room, set(least_room))), less(r->first, r->end));
     float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark =
         both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
@@ -118,9 +123,6 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
         m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
                          r->active);
     }
-    float radius = (float)model->march.bounds_radius;
-    m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
-    m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
 }
 
 // A packet that is marched, and how far it is.

@@ -44,8 +44,8 @@ static inline int approach_reals(const struct placed *placed) {
     return placed->way == POWER ? 8 : 6;
 }
 
-// The rays of m move to the front; how far the steady shapes are is known of all of them at once: so no lane that is
-// filled wakes one for the others.
+// The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of
+// them at once: so no lane that is filled wakes one for the others.
 static inline void make_ready(struct stream *stream, mask m, const struct prepared *scene) {
     ACTIVE(count_of(m));
     COUNT(make_ready, call);
@@ -58,13 +58,13 @@ static inline void make_ready(struct stream *stream, mask m, const struct prepar
             COUNT(make_ready, steady);
             real distance =
                 distance_to_shape(a, stream->t, placed, false, placed->way, placed->type, m);
-            beam->wake[i * GROUP] = wakes_at(distance + stream->t, placed);
+            beam->wake[i * GROUP] = wakes_within(distance + stream->t, placed);
             least = least_of(distance, least);
             pack_in_place(m, &beam->wake[i * GROUP], 1);
         }
         pack_in_place(m, &a->origin.x, approach_reals(placed));
     }
-    stream->high = least - stream->t;
+    stream->high = least - stream->t + set(1e-30f); // at distance 0 the shape is awake
     pack_in_place(m, &stream->ready.shade.least, POOL_REALS);
     pack_in_place(m, &stream->t, 1);
     pack_in_place(m, &stream->high, 1);

@@ -98,7 +98,8 @@ void see_along(const struct rays *r, int i, struct near *near, const struct conv
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
-    near->power = s->type == SHAPE_SPHERE && any(own) && !s->repeated && !work->scene->bulbs;
+    near->power =
+        s->type == SHAPE_SPHERE && any(both(own, r->active)) && !s->repeated && !work->scene->bulbs;
     if (near->power) {
         COUNT(see_along, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));

@@ -93,12 +93,21 @@ static inline mask enter_octahedron(struct vec c, struct vec d, const struct pla
     return not_less(out, *t);
 }
 
+#define OBLATE 16.0f // a cone this much wider than high
+
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
 // convex there, so a ray enters it once: through the cap, or at the root where that falls.
 static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_cone, call);
     COUNT(enter_cone, scalar);
-    real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f);
+    real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f), ahead = zero;
+    bool oblate = fabsf(s->slope[0]) > OBLATE * s->slope[1];
+    if (oblate) {
+        COUNT(enter_cone, oblate);
+        // A·t² and C are slope² times what remains of them: from where the ray is between the caps they are small.
+        ahead = least_of(most_of((zero - c.y) * inverse_of(d.y), set(-s->bound)), set(s->bound));
+        c = vec_along(c, d, ahead);
+    }
     slab(c.y, inverse_of(d.y), s->c, &in, &out);
     real k = set(s->slope[0] / s->slope[1]), wide = mul_add(k, c.y, set(0.5f * (s->a + s->b)));
     real dk = k * d.y;
@@ -112,6 +121,8 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     // At the cap: is it within the rim?
     mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
     *t = choose(cap, in, side);
+    if (oblate)
+        *t = *t + ahead;
     return both(
         not_less(out, in),
         either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
@@ -155,7 +166,7 @@ static inline mask enter_torus(struct vec c, struct vec d, const struct placed *
         real rate = mul_add(p.x, d.x, p.z * d.z) * per_radius;            // of the radius
         real fall = mul_add(ring, rate, p.y * d.y) / most_of(tube, tiny); // of the torus's distance
         real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
-        mask reached = both(going, less(absolute(h), set(5e-7f))), outside = greater(h, zero);
+        mask reached = both(going, less(absolute(h), set(s->c))), outside = greater(h, zero);
         real bent = root(most_of(mul_add(fall, fall, h * set(8.0f / 3.0f) * per_radius), zero));
         // From inside Newton's step back.
         real below =

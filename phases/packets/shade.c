@@ -220,6 +220,10 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
                     (struct vec){color.x + keep(at.lit, bright.x), color.y + keep(at.lit, bright.y),
                                  color.z + keep(at.lit, bright.z)};
             } else {
+                COUNT(shade_packet, shadowed);
+                // A ray that started inside of a solid is hit there, and so is its shadow ray.
+                real within = set((float)-model->march.surface_offset);
+                at.lit = but_not(less(t, within), at.lit);
                 cast(work, &at, bright, first);
             }
         }

@@ -146,6 +146,19 @@ def _limits() -> dict[str, dict]:
         ),
         "bounds_radius_large_bulb": scene([bulb], march={"bounds_radius": 1e5}, light={"shadows": "soft"}),
         "normal_step": scene(ROOM, march={"normal_step": 1e-3}),
+        # a float's ulp at its size is 1e-5, far above what a torus of scene0's size may be off by
+        "torus_large": scene(
+            [shape("torus", major_radius=160, minor_radius=40)],
+            camera={"position": [50, 300, -500]},
+            light={"position": [-300, 800, -300], "emission": [800, 800, 800]},
+            march={"hit_distance": 2e-4, "normal_step": 2e-2, "surface_offset": 0.2, "bounds_radius": 1e4},
+        ),
+        # shadow rays from the one that come to the other behind the bounds only
+        "bounds_before_the_shadow": scene(
+            [shape("plane", normal=[0, 1, 0], offset=-1.5), shape("plane", normal=[0, 0, -1], offset=-6)],
+            light={"position": [0, 0.5, 1], "shadows": "soft"},
+            march={"bounds_radius": 20},
+        ),
         "surface_offset": scene(ROOM, march={"surface_offset": 0.05}, light={"shadows": "hard"}),
     }
 
@@ -160,6 +173,15 @@ def _cameras() -> dict[str, dict]:
         "camera_narrow": scene(ROOM, camera={"vertical_fov_degrees": 1}),
         "camera_within_a_shape": scene(ROOM, camera={"position": [0, 0.1, -0.2], "look_at": [1, 0, 3]}),
         "camera_under_the_floor": scene(ROOM, camera={"position": [0, -3, -4]}),
+        "camera_under_the_floor_bulb": scene(
+            [FLOOR, shape("mandelbulb"), shape("box", position=[1.8, -0.9, 0.7])],
+            camera={"position": [0, -3, -4], "vertical_fov_degrees": 20},
+        ),
+        "light_under_the_floor_too": scene(
+            ROOM,
+            camera={"position": [0, -3, -4], "look_at": [0.5, -4, 0]},
+            light={"position": [1, -1.6, -3], "shadows": "hard"},
+        ),
         "camera_at_a_centre": scene(
             [shape("mandelbulb")], camera={"position": [0, 0, 0], "look_at": [0, 1, 1]}
         ),

@@ -356,6 +356,19 @@ def test_rays_along_a_rings_inner_side_are_not_lost(name: str, phase: str, tmp_p
     assert np.quantile(np.abs(mine["Z"][hit] - exact[hit]), 0.99) < 1e-3
 
 
+@pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
+@pytest.mark.parametrize("radii", [(1e-3, 1.5), (1.5, 1e-3)])
+def test_cones_thousands_of_times_wider_than_high(radii: tuple, phase: str, tmp_path: Path) -> None:
+    """A quadratic whose coefficients are the slope's square had hits beside it: a tenth of the picture's."""
+    bottom, top = radii
+    flat = shape("cone", bottom_radius=bottom, top_radius=top, half_height=1e-4, rotation_degrees=[20, 0, 10])
+    view = {"position": [-3, 2, -4], "look_at": [0, 0, 0], "vertical_fov_degrees": 30}
+    mine, truth = (picture(scene([flat], camera=view), tmp_path, phase=p) for p in (phase, "truth"))
+    assert np.array_equal(mine["id"], truth["id"]), f"{(mine['id'] != truth['id']).sum()} pixels"
+    hit = mine["id"] >= 0
+    assert hit.sum() > 500 and np.allclose(mine["Z"][hit], truth["Z"][hit], atol=1e-5, rtol=0)
+
+
 # Shadows of what is not flat for the first steps of a march. The shape taken for flat is off by 2.9e-3 and
 # 4.1e-3, float by 8e-6.
 SOFT = lit("soft", [3, 2, -1])
