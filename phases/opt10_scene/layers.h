@@ -251,11 +251,18 @@ INLINE mask meet_cells_of(int first, struct grid *grid, const struct bundles *b,
         struct vec at = {set(places[0][lane]), set(places[1][lane]), set(places[2][lane])};
         struct vec more = {set(places[3][lane]), set(places[4][lane]), set(places[5][lane])};
         if (!meet_bundle(first, grid, from + lane, at, more,
-                         is_plain(&KNOWN(grid->scene)->model) ? (int)places[6][lane] : -1,
+                         grid->alone && is_plain(&KNOWN(grid->scene)->model) ? (int)places[6][lane]
+                                                                             : -1,
                          (int)places[7][lane], (unsigned)places[8][lane]))
             on &= ~(1u << lane);
     }
     return lanes_of(on);
+}
+
+// Whether the shape i is repeated otherwise than `first`.
+INLINE void is_other(int i, int first, const struct prepared *scene, bool *alone) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    *alone = *alone && !(REPEATED(s) && s->leader != first);
 }
 
 // What the grid is to the tile; the bundles that have rays.
@@ -266,6 +273,8 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
     float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
     COUNT(begin_grid, scalar);
     grid->bounds = bounds;
+    grid->alone = true;
+    EACH_SHAPE(job->prepared, is_other, first, job->prepared, &grid->alone);
     grid->slack = 2e-6f * bounds;
     grid->spread = 1.5f * 1.41422f * mesh->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {

@@ -240,11 +240,19 @@ static inline mask meet_cells_of(int first, struct grid *grid, const struct bund
         struct vec at = {set(places[0][lane]), set(places[1][lane]), set(places[2][lane])};
         struct vec more = {set(places[3][lane]), set(places[4][lane]), set(places[5][lane])};
         if (!meet_bundle(first, grid, from + lane, at, more,
-                         is_plain(&grid->scene->model) ? (int)places[6][lane] : -1,
+                         grid->alone && is_plain(&grid->scene->model) ? (int)places[6][lane] : -1,
                          (int)places[7][lane], (unsigned)places[8][lane]))
             on &= ~(1u << lane);
     }
     return lanes_of(on);
+}
+
+// Whether all that is repeated is so as the shape `first` is.
+static inline bool is_alone(int first, const struct prepared *scene) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (i != first && scene->placed[i].repeated && !scene->placed[i].led)
+            return false;
+    return true;
 }
 
 // What the grid is to the tile; the bundles that have rays.
@@ -255,6 +263,7 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
     float bounds = (float)job->prepared->model.march.bounds_radius * (1 + 1e-4f);
     COUNT(begin_grid, scalar);
     grid->bounds = bounds;
+    grid->alone = is_alone(first, job->prepared);
     grid->slack = 2e-6f * bounds;
     grid->spread = 1.5f * 1.41422f * mesh->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {

@@ -268,6 +268,7 @@ def narrow(shapes: list[dict], eye: list[float], light: list[float], **more) -> 
 
 
 ROUND = {"rounding": 0.1, "half_size": [1, 0.9, 1.1]}
+TWO_GRIDS = (("box", ROUND, GRID), ("sphere", {"radius": 0.7}, [3.1, 4.3, 3.7]), ("torus", {}, [7, 5, 6]))
 REPEATED |= {
     "bundles, the light at the camera": narrow(
         [shape("box", repeat=GRID, **ROUND, **TURNED), shape("sphere", radius=1.3, repeat=GRID, **TURNED)],
@@ -287,6 +288,11 @@ REPEATED |= {
     ),
     "bundles, a plane before and behind": narrow(
         [FLOOR, shape("sphere", radius=1.2, repeat=GRID), shape("box", repeat=[5, 0, 4.5])],
+        [2.2, 2.0, -2.4],
+        [2.2, 2.0, -2.4],
+    ),
+    "bundles among shapes repeated otherwise": narrow(
+        [shape(kind, repeat=cell, **size) for kind, size, cell in TWO_GRIDS],
         [2.2, 2.0, -2.4],
         [2.2, 2.0, -2.4],
     ),
