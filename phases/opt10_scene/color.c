@@ -211,12 +211,13 @@ static inline real shine_of(real a, real shininess) {
 // shine: the cosine between the way back and the light's mirror image.
 INLINE void bring_light(struct stage *at, const struct surface *surface, real shine, real reach,
                         const struct convex *work) {
+    COUNT(bring_light, call);
     real specular = set(0.0f);
     const float *e = work->emission;
     mask shines = both(at->lit, greater(shine, surface->shine_from));
     if (any(shines)) {
         ACTIVE(count_of(shines));
-        COUNT(stage_light, shines);
+        COUNT(bring_light, shines);
         specular =
             keep(shines, set(0.2f) * shine_of(most_of(shine, set(1e-30f)), surface->shininess));
     }

@@ -171,6 +171,7 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
         return;
     struct sight *at = &grid->sights[block];
     struct vec d = direction_of(first, grid, block);
+    COUNT(take_whole, call);
     at->hit.found = at->active;
     at->hit.shape = set(s->index);
     at->only = i;
@@ -271,6 +272,7 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
     const struct placed *s = &KNOWN(job->prepared)->placed[first];
     const struct eye *eye = &job->eyes[first];
     float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
+    COUNT(begin_grid, call);
     COUNT(begin_grid, scalar);
     grid->bounds = bounds;
     grid->alone = true;
@@ -300,6 +302,7 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
 
 // How far the rays of some bundles go: to what else they have met, if all have.
 INLINE real ends_of(const struct grid *grid, int from, unsigned open) {
+    COUNT(ends_of, call);
     COUNT(ends_of, scalar);
     float ends[LANES];
     unload(set(2.0f * grid->bounds), ends);

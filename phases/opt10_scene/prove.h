@@ -80,7 +80,7 @@ INLINE void prove(int i, int first, const struct grid *grid, const struct bundle
     const struct placed *s = &KNOWN(grid->scene)->placed[i];
     if (s->leader != first)
         return;
-    COUNT(prove, shape);
+    COUNT(prove, call);
     real none = set(INFINITY), zero = set(0.0f), bound = set(s->bound);
     real over = bound + p->wide, reach = mul_sub(over, over, p->square);
     mask near = greater(reach, zero);
@@ -105,8 +105,8 @@ INLINE void prove(int i, int first, const struct grid *grid, const struct bundle
 
 static inline struct proof nothing_proved(struct vec o, struct vec d, float bound,
                                           const struct grid *grid) {
-    COUNT(prove, call);
-    COUNT(prove, scalar);
+    COUNT(nothing_proved, call);
+    COUNT(nothing_proved, scalar);
     real none = set(INFINITY);
     struct proof p = {.o = o, .before = set(0.0f) - vec_dot(o, d), .lo = none, .hi = none};
     struct vec c = vec_along(o, d, p.before);

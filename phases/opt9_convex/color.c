@@ -181,12 +181,13 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
 static inline void bring_light(struct stage *at, real shine, real reach,
                                const struct convex *work) {
     const struct surface *surface = &at->surface;
+    COUNT(bring_light, call);
     real specular = set(0.0f);
     const float *e = work->emission;
     mask shines = both(at->lit, greater(shine, surface->shine_from));
     if (any(shines)) {
         ACTIVE(count_of(shines));
-        COUNT(stage_light, shines);
+        COUNT(bring_light, shines);
         specular =
             keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
     }

@@ -158,6 +158,7 @@ static inline void take_whole(int i, int axis, const struct grid *grid, int bloc
     const struct placed *s = &grid->scene->placed[i];
     struct sight *at = &grid->sights[block];
     struct vec d = turned(s, at->direction);
+    COUNT(take_whole, call);
     at->hit.found = at->active;
     at->hit.shape = set(s->index);
     at->only = i;
@@ -261,6 +262,7 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
     const struct placed *s = &job->prepared->placed[first];
     const struct eye *eye = &job->prepared->eyes[first];
     float bounds = (float)job->prepared->model.march.bounds_radius * (1 + 1e-4f);
+    COUNT(begin_grid, call);
     COUNT(begin_grid, scalar);
     grid->bounds = bounds;
     grid->alone = is_alone(first, job->prepared);
@@ -289,6 +291,7 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
 
 // How far the rays of some bundles go: to what else they have met, if all have.
 static inline real ends_of(const struct grid *grid, int from, unsigned open) {
+    COUNT(ends_of, call);
     COUNT(ends_of, scalar);
     float ends[LANES];
     unload(set(2.0f * grid->bounds), ends);

@@ -28,7 +28,7 @@ TERMS = {
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
     """,
     "light and colour": """
-        light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
+        bring_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
         add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
     """,
     "cones, tiles, lists and trees": """
@@ -37,7 +37,7 @@ TERMS = {
         look_from_plane exact_* in_picture convex_tile render_block world_look reach_* reached
         cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
         entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until ends_of
-        most_bound prove
+        most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
     """,
