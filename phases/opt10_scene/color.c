@@ -457,11 +457,11 @@ INLINE void light_by_eye(struct stage *at, const struct surface *surface, real f
 // All of a packet on one face, or one sphere.
 INLINE void color_whole(int i, const struct sight *seen, bool normals, struct stage *at,
                         const struct convex *work) {
+    COUNT(color_whole, call);
     if (i != seen->only)
         return;
     const struct placed *s = &KNOWN(work->scene)->placed[i];
     ACTIVE(count_of(at->hit.found));
-    COUNT(color_whole, call);
     struct surface *on = &at->surface;
     on->color = vec_set(s->color);
     on->share = set(s->share);

@@ -166,12 +166,12 @@ static inline mask bundles_next(struct bundles *b, float spread, mask going) {
 // A copy that all of a packet's rays meet, on one face or one sphere of it.
 INLINE void take_whole(int i, int first, int shape, int axis, const struct grid *grid, int block,
                        struct vec o, struct vec rest) {
+    COUNT(take_whole, call);
     const struct placed *s = &KNOWN(grid->scene)->placed[i];
     if (i != shape || s->leader != first)
         return;
     struct sight *at = &grid->sights[block];
     struct vec d = direction_of(first, grid, block);
-    COUNT(take_whole, call);
     at->hit.found = at->active;
     at->hit.shape = set(s->index);
     at->only = i;
