@@ -104,8 +104,7 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
     mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
     mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
-    mesh.step_across = 2 * BLOCK_WIDTH * per_height;
-    mesh.step_down = 2 * BLOCK_HEIGHT * per_height;
+    mesh.pixel = 2 * per_height;
     COUNT(look_through, call);
     COUNT(look_through, scalar);
     for (int row = 0; row < mesh.down; row++)
@@ -116,11 +115,32 @@ static void look_through(const struct tile *tile, const struct job *job, const s
             COUNT(look_through, packet);
             at->direction = get_direction(tile, block, job->frame);
             at->active = in_picture(block);
+            at->only = -1;
             meet_nothing(&at->hit);
             EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
                     &at->hit);
         }
     EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
+}
+
+// A row of packets that nothing waits for.
+static void color_row(const struct tile *tile, int row, const struct sight *sights, int pixel,
+                      struct frame *frame, const struct convex *work) {
+    sights += (row - tile->top) / BLOCK_HEIGHT * ACROSS;
+    bool all = frame->depth != NULL;
+    for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {
+        struct stage at;
+        set_camera_ray(tile, sights[i].direction, sights[i].active, pixel, &at.ray);
+        color_seen(&sights[i], all, &at, work);
+        if (all) {
+            struct found hit = at.hit; // a copy: `at` stays in registers
+            store_hit(frame, block_at(tile, row, i), &hit, at.surface.normal);
+        }
+        float *to = &work->desk->color[pixel];
+        unload(at.color.x, to);
+        unload(at.color.y, to + COLOR_ROOM);
+        unload(at.color.z, to + 2 * COLOR_ROOM);
+    }
 }
 
 INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
@@ -155,9 +175,16 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
         work.light[k] = (float)view->light_position[k];
         work.emission[k] = (float)view->light_emission[k];
     }
+    work.lit_by_eye = view->light_position[0] == view->position[0] &&
+                      view->light_position[1] == view->position[1] &&
+                      view->light_position[2] == view->position[2];
+    const double *at = view->position;
+    work.inside = (float)(KNOWN(job->prepared)->model.march.bounds_radius * (1 - 0x1p-16) -
+                          sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
     COUNT(convex_tile, call);
     COUNT(convex_tile, scalar);
+    COUNT(convex_tile, eye);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,
@@ -195,6 +222,11 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     int pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
+        if (REPEATS(job->prepared) && is_plain(&KNOWN(job->prepared)->model)) {
+            color_row(&tile, row, sights, pixel, frame, &work);
+            pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
+            continue;
+        }
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
             if (REPEATS(job->prepared)) {
