@@ -131,7 +131,7 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
     for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {
         struct stage at;
         set_camera_ray(tile, sights[i].direction, sights[i].active, pixel, &at.ray);
-        color_seen(&sights[i], all, &at, work);
+        color_seen(&sights[i], &at, work);
         if (all) {
             struct found hit = at.hit; // a copy: `at` stays in registers
             store_hit(frame, block_at(tile, row, i), &hit, at.surface.normal);
@@ -174,10 +174,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     for (int k = 0; k < 3; k++) {
         work.light[k] = (float)view->light_position[k];
         work.emission[k] = (float)view->light_emission[k];
+        work.lamp[k] = (float)(view->light_position[k] - view->position[k]);
     }
-    work.lit_by_eye = view->light_position[0] == view->position[0] &&
-                      view->light_position[1] == view->position[1] &&
-                      view->light_position[2] == view->position[2];
     const double *at = view->position;
     work.inside = (float)(KNOWN(job->prepared)->model.march.bounds_radius * (1 - 0x1p-16) -
                           sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));

@@ -103,7 +103,7 @@ struct convex {
     const struct view *view;
     struct desk *desk;
     float light[3], emission[3]; // the view's, as floats: not once more for each packet
-    bool lit_by_eye;             // the light is where the camera is
+    float lamp[3];               // the light from the camera
     float inside;                // nearer than this a camera ray is within the bounds
 };
 

@@ -175,7 +175,6 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
     at->hit.found = at->active;
     at->hit.shape = set(s->index);
     at->only = i;
-    at->axis = axis;
     if (s->type == SHAPE_SPHERE) {
         COUNT(take_whole, sphere);
         COUNT(take_whole, sphere_scalar);
@@ -184,8 +183,7 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
         c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
         real half = root(most_of(set(s->bound_sq) - vec_dot(c, c), set(0.0f)));
         at->hit.t = before - half;
-        at->hit.local = vec_along(c, d, set(0.0f) - half);
-        at->facing = half * set(1.0f / s->a);
+        at->hit.local = normal_on(vec_along(c, d, set(0.0f) - half), s);
         return;
     }
     COUNT(take_whole, face);
@@ -194,8 +192,9 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
     real more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
     real down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;
     real face = with_sign_of(from, set(s->size[axis] + s->a));
-    at->facing = absolute(down);
-    at->hit.t = absolute(face - from - more) / at->facing;
+    at->hit.t = absolute(face - from - more) / absolute(down);
+    real zero = set(0.0f), out = with_sign_of(from, set(1.0f));
+    at->hit.local = (struct vec){axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
 }
 
 // The rays of a bundle that go on.

@@ -43,18 +43,17 @@ static inline struct vec background(real weight, const struct model *model) {
                         weight * set((float)b[2])};
 }
 
-// A packet of camera rays: what it has met so far. Where `only` is not −1, all of it is on that shape, and of a box on the face
-// across `axis` (−1: of a sphere): its t and its cosine to the way back are known, nothing else.
+// A packet of camera rays: what it has met so far. Where `only` is not −1, all of it is on one face or one sphere of that
+// shape, and hit.local is the normal in the shape's frame.
 struct sight {
     struct vec direction;
     mask active;
     struct found hit;
-    int only, axis;
-    real facing;
+    int only;
 };
 
-// Its colour, where nothing waits for it, and if `normals` the surface's.
-SHARED void color_seen(const struct sight *seen, bool normals, struct stage *at,
+// Its colour, where nothing waits for it.
+SHARED void color_seen(const struct sight *seen, struct stage *at,
                        const struct convex *work);
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
 SHARED void color_all(struct stage *stage, int count, const struct convex *work);

@@ -386,26 +386,33 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         }
 }
 
-// A light at the camera is where the ray is from: nothing is to be normalized.
-static inline void light_by_eye(struct stage *at, real facing, const struct convex *work) {
+// As stage_light(), of camera rays: the way to the light is told from the camera's, not of unit length.
+static inline void light_seen(struct stage *at, const struct convex *work) {
     const struct model *model = &work->scene->model;
     ACTIVE(count_of(at->hit.found));
-    COUNT(light_by_eye, call);
+    COUNT(light_seen, call);
+    const struct surface *surface = &at->surface;
+    struct vec d = at->ray.direction, n = surface->normal;
     real weight = set(1.0f), zero = set(0.0f), t = at->hit.t;
     if (model->features.fog) {
-        COUNT(light_by_eye, fog);
+        COUNT(light_seen, fog);
         real far_sq = vec_dot(at->point, at->point);
         weight = exp_of(set((float)-model->fog) * far_sq * root(far_sq));
     }
-    at->color = vec_choose(at->hit.found, vec_scale(at->surface.color, weight * set(0.01f)),
+    at->color = vec_choose(at->hit.found, vec_scale(surface->color, weight * set(0.01f)),
                            background(set(1.0f), model));
-    at->facing = facing;
-    at->lit = both(at->hit.found, both(greater(facing, zero), greater(t, zero)));
-    bring_light(at, mul_sub(facing + facing, facing, set(1.0f)), weight / t, work);
+    const float *lamp = work->lamp;
+    struct vec l = {neg_mul_add(d.x, t, set(lamp[0])), neg_mul_add(d.y, t, set(lamp[1])),
+                    neg_mul_add(d.z, t, set(lamp[2]))};
+    real square = vec_dot(l, l), per = set(1.0f) / root(square), along = vec_dot(n, l);
+    real shine = neg_mul_add(along + along, vec_dot(n, d), vec_dot(l, d));
+    at->facing = along * per;
+    at->lit = both(at->hit.found, both(greater(along, zero), greater(square, zero)));
+    bring_light(at, shine * per, weight * per, work);
 }
 
-// All of a packet on one face, or one sphere.
-static inline void color_whole(const struct sight *seen, bool normals, struct stage *at,
+// All of a packet on one face, or one sphere: hit.local is the normal there.
+static inline void color_whole(const struct sight *seen, struct stage *at,
                                const struct convex *work) {
     const struct placed *s = &work->scene->placed[seen->only];
     ACTIVE(count_of(at->hit.found));
@@ -415,27 +422,11 @@ static inline void color_whole(const struct sight *seen, bool normals, struct st
     on->share = set(s->share);
     on->shininess = set(s->shininess);
     on->shine_from = set(s->shine_from);
-    if (normals || !work->lit_by_eye) {
-        struct vec n = {set(0.0f), set(0.0f), set(0.0f)};
-        if (seen->axis < 0)
-            n = normal_on(seen->hit.local, s);
-        else {
-            COUNT(color_whole, face);
-            struct vec d = turned(s, seen->direction);
-            real *to = seen->axis == 0 ? &n.x : seen->axis == 1 ? &n.y : &n.z;
-            real down = seen->axis == 0 ? d.x : seen->axis == 1 ? d.y : d.z;
-            *to = set(0.0f) - with_sign_of(down, set(1.0f));
-        }
-        on->normal = turned_back(s, n);
-    }
-    if (work->lit_by_eye)
-        light_by_eye(at, seen->facing, work);
-    else
-        stage_light(at, work);
+    on->normal = turned_back(s, seen->hit.local);
+    light_seen(at, work);
 }
 
-void color_seen(const struct sight *seen, bool normals, struct stage *at,
-                const struct convex *work) {
+void color_seen(const struct sight *seen, struct stage *at,const struct convex *work) {
     ACTIVE(count_of(seen->active));
     COUNT(color_seen, call);
     const struct prepared *scene = work->scene;
@@ -443,7 +434,7 @@ void color_seen(const struct sight *seen, bool normals, struct stage *at,
     at->hit.t = seen->hit.t;
     at->hit.shape = seen->hit.shape;
     mask far = both(at->hit.found, greater(at->hit.t, set(work->inside)));
-    if (!work->lit_by_eye || scene->model.features.fog || any(far)) {
+    if (scene->model.features.fog || any(far)) {
         COUNT(color_seen, point);
         at->point = vec_along(at->ray.origin, at->ray.direction, at->hit.t);
         if (any(far)) {
@@ -458,16 +449,11 @@ void color_seen(const struct sight *seen, bool normals, struct stage *at,
     ACTIVE(count_of(at->hit.found));
     COUNT(color_seen, hit);
     if (seen->only >= 0)
-        color_whole(seen, normals, at, work);
+        color_whole(seen, at, work);
     else {
         struct surface on = surface_at(&seen->hit, at->ray.direction, work->scene);
         at->surface = on; // a copy: *at stays in registers
-        ACTIVE(count_of(at->hit.found));
-        COUNT(color_seen, mixed);
-        if (work->lit_by_eye)
-            light_by_eye(at, set(0.0f) - vec_dot(on.normal, at->ray.direction), work);
-        else
-            stage_light(at, work);
+        light_seen(at, work);
     }
     at->color.x = at->color.x + keep(at->lit, at->light.x);
     at->color.y = at->color.y + keep(at->lit, at->light.y);
