@@ -436,8 +436,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
 }
 
 // As stage_light(), of camera rays: the way to the light is told from the camera's, not of unit length.
-INLINE void light_seen(struct stage *at, const struct surface *surface,
-                       const struct convex *work) {
+INLINE void light_seen(struct stage *at, const struct surface *surface, const struct convex *work) {
     const struct model *model = &KNOWN(work->scene)->model;
     ACTIVE(count_of(at->hit.found));
     COUNT(light_seen, call);
@@ -477,7 +476,7 @@ INLINE void color_whole(int i, const struct sight *seen, struct stage *at,
     light_seen(at, on, work);
 }
 
-SHARED void color_seen(const struct sight *seen, struct stage *at,       const struct convex *work) {
+SHARED void color_seen(const struct sight *seen, struct stage *at, const struct convex *work) {
     ACTIVE(count_of(seen->active));
     COUNT(color_seen, call);
     const struct prepared *scene = KNOWN(work->scene);

@@ -107,19 +107,25 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.pixel = 2 * per_height;
     COUNT(look_through, call);
     COUNT(look_through, scalar);
-    for (int row = 0; row < mesh.down; row++)
+    struct vec columns[ACROSS];
+    ACTIVE(LANES);
+    for (int i = 0; i < mesh.across; i++)
+        columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
+    for (int row = 0; row < mesh.down; row++) {
+        real up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
         for (int i = 0; i < mesh.across; i++) {
             struct sight *at = &sights[row * ACROSS + i];
             struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
             ACTIVE(block.across * block.down);
             COUNT(look_through, packet);
-            at->direction = get_direction(tile, block, job->frame);
+            at->direction = direction_in(tile, columns[i], up);
             at->active = in_picture(block);
             at->only = -1;
             meet_nothing(&at->hit);
             EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
                     &at->hit);
         }
+    }
     EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
 }
 
@@ -136,10 +142,14 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
             struct found hit = at.hit; // a copy: `at` stays in registers
             store_hit(frame, block_at(tile, row, i), &hit, at.surface.normal);
         }
+#if LANES == 8
+        store_block_of(frame, block_at(tile, row, i), at.color);
+#else // later, whole lines
         float *to = &work->desk->color[pixel];
         unload(at.color.x, to);
         unload(at.color.y, to + COLOR_ROOM);
         unload(at.color.z, to + 2 * COLOR_ROOM);
+#endif
     }
 }
 
@@ -213,6 +223,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
         clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
         EACH_IN(desk->listed, look_for_bulb, &tile, job, desk);
     }
+    bool plain = REPEATS(job->prepared) && is_plain(&KNOWN(job->prepared)->model);
     struct sight sights[BLOCKS];
     if (REPEATS(job->prepared))
         look_through(&tile, job, desk, sights);
@@ -220,7 +231,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     int pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
-        if (REPEATS(job->prepared) && is_plain(&KNOWN(job->prepared)->model)) {
+        if (plain) {
             color_row(&tile, row, sights, pixel, frame, &work);
             pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
             continue;
@@ -256,7 +267,10 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     }
     follow_mirrors(&work);
     cast_shadows(&work);
-#if LANES == 16
+#if LANES == 8
+    if (plain)
+        return;
+#else
     if (whole_lines(tile.left, tile.right, tile.top, tile.bottom)) {
         store_lines(frame, tile.left, tile.right, tile.top, tile.bottom, desk->color);
         return;

@@ -426,7 +426,7 @@ static inline void color_whole(const struct sight *seen, struct stage *at,
     light_seen(at, work);
 }
 
-void color_seen(const struct sight *seen, struct stage *at,const struct convex *work) {
+void color_seen(const struct sight *seen, struct stage *at, const struct convex *work) {
     ACTIVE(count_of(seen->active));
     COUNT(color_seen, call);
     const struct prepared *scene = work->scene;

@@ -164,7 +164,6 @@ static inline void take_whole(int i, int axis, const struct grid *grid, int bloc
     at->only = i;
     if (s->type == SHAPE_SPHERE) {
         COUNT(take_whole, sphere);
-        COUNT(take_whole, sphere_scalar);
         real before = set(0.0f) - vec_dot(o, d);
         struct vec c = vec_along(o, d, before);
         c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
@@ -181,7 +180,8 @@ static inline void take_whole(int i, int axis, const struct grid *grid, int bloc
     real face = with_sign_of(from, set(s->size[axis] + s->a));
     at->hit.t = absolute(face - from - more) / absolute(down);
     real zero = set(0.0f), out = with_sign_of(from, set(1.0f));
-    at->hit.local = (struct vec){axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
+    at->hit.local =
+        (struct vec){axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
 }
 
 // The rays of a bundle that go on.
@@ -278,13 +278,15 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
         grid->sights[block].active = no_lane();
         grid->sights[block].hit.t = set(0.0f);
     }
-    for (int row = 0; row < mesh->down; row++)
-        for (int i = 0; i < mesh->across; i++) {
-            int block = row * ACROSS + i;
-            const struct sight *at = &grid->sights[block];
-            grid->left[block] = at->active;
-            open |= 1u << (row / STACKED * ACROSS + i);
+    mask met = no_lane();
+    for (int row = 0; row < mesh->down; row++) {
+        for (int block = row * ACROSS; block < row * ACROSS + mesh->across; block++) {
+            grid->left[block] = grid->sights[block].active;
+            met = either(met, grid->sights[block].hit.found);
         }
+        open |= ((1u << mesh->across) - 1) << row / STACKED * ACROSS;
+    }
+    grid->first = !any(met);
     return open;
 }
 
@@ -292,6 +294,8 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
 static inline real ends_of(const struct grid *grid, int from, unsigned open) {
     COUNT(ends_of, call);
     COUNT(ends_of, scalar);
+    if (grid->first)
+        return set(2.0f * grid->bounds);
     float ends[LANES];
     unload(set(2.0f * grid->bounds), ends);
     for (; open; open &= open - 1) {

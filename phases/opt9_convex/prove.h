@@ -10,7 +10,7 @@ struct grid {
     const struct prepared *scene;
     double eye[3], size[3];
     float spread, bounds, slack; // slack: what float may have lost of a place
-    bool alone;                  // no shape is repeated in another way
+    bool alone, first;           // no shape is repeated in another way; nothing was met before
     struct sight *sights;
     mask left[BLOCKS]; // rays that have not met a copy
 };

@@ -52,8 +52,7 @@ struct sight {
 };
 
 // Its colour, where nothing waits for it.
-void color_seen(const struct sight *seen, struct stage *at,
-                const struct convex *work);
+void color_seen(const struct sight *seen, struct stage *at, const struct convex *work);
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
 void color_all(struct stage *stage, int count, const struct convex *work);
 
