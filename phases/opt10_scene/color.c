@@ -453,27 +453,55 @@ INLINE void light_seen(struct stage *at, const struct surface *surface, const st
     struct vec l = {neg_mul_add(d.x, t, set(lamp[0])), neg_mul_add(d.y, t, set(lamp[1])),
                     neg_mul_add(d.z, t, set(lamp[2]))};
     real square = vec_dot(l, l), per = set(1.0f) / root(square), along = vec_dot(n, l);
-    real shine = neg_mul_add(along + along, vec_dot(n, d), vec_dot(l, d));
+    real down = vec_dot(n, d), shine = neg_mul_add(along + along, down, vec_dot(l, d));
+    along = negate_where(greater(down, zero), along); // n may be that of the other side
     at->facing = along * per;
     at->lit = both(at->hit.found, both(greater(along, zero), greater(square, zero)));
     bring_light(at, surface, shine * per, weight * per, work);
 }
 
-// All of a packet on one face, or one sphere: hit.local is the normal there.
-INLINE void color_whole(int i, const struct sight *seen, struct stage *at,
-                        const struct convex *work) {
-    COUNT(color_whole, call);
-    if (i != seen->only)
+#if !ONE_MATERIAL
+INLINE void material_of(int i, const struct sight *seen, const struct prepared *scene,
+                        struct surface *all) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    mask same = same_shape(seen->hit.shape, i);
+    ACTIVE(count_of(seen->hit.found));
+    COUNT(material_of, call);
+    all->color = vec_choose(same, vec_set(s->color), all->color);
+    all->shininess = choose(same, set(s->shininess), all->shininess);
+    all->shine_from = choose(same, set(s->shine_from), all->shine_from);
+}
+#endif
+
+INLINE void all_of(int i, const struct sight *seen, const struct prepared *scene,
+                   struct surface *all) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    if (i != seen->only && !ONE_MATERIAL)
         return;
-    const struct placed *s = &KNOWN(work->scene)->placed[i];
-    ACTIVE(count_of(at->hit.found));
-    struct surface *on = &at->surface;
-    on->color = vec_set(s->color);
-    on->share = set(s->share);
-    on->shininess = set(s->shininess);
-    on->shine_from = set(s->shine_from);
-    on->normal = turned_back(s, seen->hit.local);
-    light_seen(at, on, work);
+    all->color = vec_set(s->color);
+    all->shininess = set(s->shininess);
+    all->shine_from = set(s->shine_from);
+}
+
+static inline void material_seen(const struct sight *seen, const struct prepared *scene,
+                                 struct surface *all) {
+    COUNT(material_seen, call);
+#if ONE_MATERIAL
+    all_of(0, seen, scene, all);
+#else
+    if (seen->only >= 0) {
+        EACH_SHAPE(scene, all_of, seen, scene, all);
+        return;
+    }
+    struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
+    *all = (struct surface){none, none, set(0.0f), set(0.0f), set(0.0f)};
+    EACH_HIT(seen->hit.found, seen->hit.shape, scene, material_of, seen, scene, all);
+#endif
+}
+
+SHARED void normals_seen(struct sight *seen, const struct prepared *scene) {
+    if (any(seen->hit.found))
+        seen->hit.local = surface_at(&seen->hit, seen->direction, scene).normal;
 }
 
 SHARED void color_seen(const struct sight *seen, struct stage *at, const struct convex *work) {
@@ -498,13 +526,9 @@ SHARED void color_seen(const struct sight *seen, struct stage *at, const struct 
         return;
     ACTIVE(count_of(at->hit.found));
     COUNT(color_seen, hit);
-    if (seen->only >= 0)
-        EACH_SHAPE(scene, color_whole, seen, at, work);
-    else {
-        struct surface on = surface_at(&seen->hit, at->ray.direction, work->scene);
-        at->surface = on; // a copy: *at stays in registers
-        light_seen(at, &at->surface, work);
-    }
+    at->surface.normal = seen->hit.local;
+    material_seen(seen, scene, &at->surface);
+    light_seen(at, &at->surface, work);
     at->color.x = at->color.x + keep(at->lit, at->light.x);
     at->color.y = at->color.y + keep(at->lit, at->light.y);
     at->color.z = at->color.z + keep(at->lit, at->light.z);

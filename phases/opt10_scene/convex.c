@@ -95,6 +95,10 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
 }
 
+INLINE void is_single(int i, const struct prepared *scene, bool *some) {
+    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
+}
+
 // What a tile's packets meet where shapes are repeated: first of the others.
 static void look_through(const struct tile *tile, const struct job *job, const struct desk *desk,
                          struct sight *sights) {
@@ -107,6 +111,9 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.pixel = 2 * per_height;
     COUNT(look_through, call);
     COUNT(look_through, scalar);
+    bool others = false; // plain ones that are not repeated
+    if (is_plain(&KNOWN(job->prepared)->model))
+        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
     struct vec columns[ACROSS];
     ACTIVE(LANES);
     for (int i = 0; i < mesh.across; i++)
@@ -124,6 +131,8 @@ static void look_through(const struct tile *tile, const struct job *job, const s
             meet_nothing(&at->hit);
             EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
                     &at->hit);
+            if (others)
+                normals_seen(at, job->prepared);
         }
     }
     EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
@@ -140,7 +149,12 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
         color_seen(&sights[i], &at, work);
         if (all) {
             struct found hit = at.hit; // a copy: `at` stays in registers
-            store_hit(frame, block_at(tile, row, i), &hit, at.surface.normal);
+            struct vec n = sights[i].hit.local;
+            mask away = greater(vec_dot(n, sights[i].direction), set(0.0f));
+            COUNT(color_row, normal);
+            store_hit(frame, block_at(tile, row, i), &hit,
+                      (struct vec){negate_where(away, n.x), negate_where(away, n.y),
+                                   negate_where(away, n.z)});
         }
 #if LANES == 8
         store_block_of(frame, block_at(tile, row, i), at.color);

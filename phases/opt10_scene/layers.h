@@ -39,6 +39,11 @@ struct beside {
     mask active, met; // met: it, nearer than something else or not
 };
 
+// Its normal is told by what enter_rounded_box() knows.
+static inline bool is_round(const struct placed *s) {
+    return s->type == SHAPE_ROUNDED_BOX && s->a > ROUND * s->bound;
+}
+
 INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned away,
                        struct beside *b, struct found *hit) {
     const struct placed *s = &KNOWN(scene)->placed[i];
@@ -54,7 +59,12 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned 
         COUNT(meet_copy, half);
         half = root(most_of(set(s->bound_sq) - b->square, set(0.0f)));
     }
-    near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
+    bool plain = is_plain(&KNOWN(scene)->model), round = plain && is_round(s);
+    struct vec from_within;
+    if (round)
+        near = both(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
+    else
+        near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
     COUNT(meet_copy, near);
     real t = b->before + in;
     near = both(near, greater(t, set(0.0f)));
@@ -66,7 +76,18 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned 
     hit->found = either(hit->found, near);
     hit->t = choose(near, t, hit->t);
     hit->shape = choose(near, set(s->index), hit->shape);
-    hit->local = vec_choose(near, vec_along(b->c, b->d, in), hit->local);
+    struct vec at;
+    if (round) {
+        COUNT(meet_copy, round);
+        COUNT(meet_copy, round_scalar);
+        at = vec_scale(from_within, per_length(vec_dot(from_within, from_within), 1.0f / s->a));
+    } else {
+        COUNT(meet_copy, point);
+        at = vec_along(b->c, b->d, in);
+        if (plain)
+            at = normal_on(at, s);
+    }
+    hit->local = vec_choose(near, plain ? turned_back(s, at) : at, hit->local);
 }
 
 INLINE void has_slabs(int i, int first, const struct prepared *scene, bool *slabs) {
@@ -182,7 +203,7 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
         c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
         real half = root(most_of(set(s->bound_sq) - vec_dot(c, c), set(0.0f)));
         at->hit.t = before - half;
-        at->hit.local = normal_on(vec_along(c, d, set(0.0f) - half), s);
+        at->hit.local = turned_back(s, normal_on(vec_along(c, d, set(0.0f) - half), s));
         return;
     }
     COUNT(take_whole, face);
@@ -193,8 +214,8 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
     real face = with_sign_of(from, set(s->size[axis] + s->a));
     at->hit.t = absolute(face - from - more) / absolute(down);
     real zero = set(0.0f), out = with_sign_of(from, set(1.0f));
-    at->hit.local =
-        (struct vec){axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
+    struct vec n = {axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
+    at->hit.local = turned_back(s, n);
 }
 
 // The rays of a bundle that go on.

@@ -405,25 +405,44 @@ static inline void light_seen(struct stage *at, const struct convex *work) {
     struct vec l = {neg_mul_add(d.x, t, set(lamp[0])), neg_mul_add(d.y, t, set(lamp[1])),
                     neg_mul_add(d.z, t, set(lamp[2]))};
     real square = vec_dot(l, l), per = set(1.0f) / root(square), along = vec_dot(n, l);
-    real shine = neg_mul_add(along + along, vec_dot(n, d), vec_dot(l, d));
+    real down = vec_dot(n, d), shine = neg_mul_add(along + along, down, vec_dot(l, d));
+    along = negate_where(greater(down, zero), along); // n may be that of the other side
     at->facing = along * per;
     at->lit = both(at->hit.found, both(greater(along, zero), greater(square, zero)));
     bring_light(at, shine * per, weight * per, work);
 }
 
-// All of a packet on one face, or one sphere: hit.local is the normal there.
-static inline void color_whole(const struct sight *seen, struct stage *at,
-                               const struct convex *work) {
-    const struct placed *s = &work->scene->placed[seen->only];
-    ACTIVE(count_of(at->hit.found));
-    COUNT(color_whole, call);
-    struct surface *on = &at->surface;
-    on->color = vec_set(s->color);
-    on->share = set(s->share);
-    on->shininess = set(s->shininess);
-    on->shine_from = set(s->shine_from);
-    on->normal = turned_back(s, seen->hit.local);
-    light_seen(at, work);
+static inline void material_seen(const struct sight *seen, const struct prepared *scene,
+                                 struct surface *all) {
+    COUNT(material_seen, call);
+    float id[LANES];
+    unload(seen->hit.shape, id);
+    unsigned rest = bits(seen->hit.found);
+    for (bool first = true; rest; first = false) {
+        int i = seen->only >= 0 ? seen->only : (int)id[__builtin_ctz(rest)];
+        const struct placed *s = &scene->placed[i];
+        if (first) {
+            all->color = vec_set(s->color);
+            all->shininess = set(s->shininess);
+            all->shine_from = set(s->shine_from);
+            if (seen->only >= 0)
+                return;
+        }
+        ACTIVE(count_of(seen->hit.found));
+        COUNT(material_seen, shape);
+        mask same = same_shape(seen->hit.shape, i);
+        rest &= ~bits(same);
+        if (first)
+            continue;
+        all->color = vec_choose(same, vec_set(s->color), all->color);
+        all->shininess = choose(same, set(s->shininess), all->shininess);
+        all->shine_from = choose(same, set(s->shine_from), all->shine_from);
+    }
+}
+
+void normals_seen(struct sight *seen, const struct prepared *scene) {
+    if (any(seen->hit.found))
+        seen->hit.local = surface_at(&seen->hit, seen->direction, scene).normal;
 }
 
 void color_seen(const struct sight *seen, struct stage *at, const struct convex *work) {
@@ -448,13 +467,9 @@ void color_seen(const struct sight *seen, struct stage *at, const struct convex 
         return;
     ACTIVE(count_of(at->hit.found));
     COUNT(color_seen, hit);
-    if (seen->only >= 0)
-        color_whole(seen, at, work);
-    else {
-        struct surface on = surface_at(&seen->hit, at->ray.direction, work->scene);
-        at->surface = on; // a copy: *at stays in registers
-        light_seen(at, work);
-    }
+    at->surface.normal = seen->hit.local;
+    material_seen(seen, scene, &at->surface);
+    light_seen(at, work);
     at->color.x = at->color.x + keep(at->lit, at->light.x);
     at->color.y = at->color.y + keep(at->lit, at->light.y);
     at->color.z = at->color.z + keep(at->lit, at->light.z);

@@ -121,6 +121,8 @@ static void look_through(const struct tile *tile, const struct job *job, const s
             at->only = -1;
             first_hit(at->direction, at->active, job->prepared->eyes, desk->list, desk->listed,
                       job->prepared, &at->hit);
+            if (is_plain(&job->prepared->model))
+                normals_seen(at, job->prepared);
         }
     }
     for (int k = 0; k < desk->listed; k++) {
@@ -141,7 +143,12 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
         color_seen(&sights[i], &at, work);
         if (all) {
             struct found hit = at.hit; // a copy: `at` stays in registers
-            store_hit(frame, block_at(tile, row, i), &hit, at.surface.normal);
+            struct vec n = sights[i].hit.local;
+            mask away = greater(vec_dot(n, sights[i].direction), set(0.0f));
+            COUNT(color_row, normal);
+            store_hit(frame, block_at(tile, row, i), &hit,
+                      (struct vec){negate_where(away, n.x), negate_where(away, n.y),
+                                   negate_where(away, n.z)});
         }
 #if LANES == 8
         store_block_of(frame, block_at(tile, row, i), at.color);
