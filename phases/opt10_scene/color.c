@@ -466,7 +466,7 @@ INLINE void material_of(int i, const struct sight *seen, const struct prepared *
     const struct placed *s = &KNOWN(scene)->placed[i];
     mask same = same_shape(seen->hit.shape, i);
     ACTIVE(count_of(seen->hit.found));
-    COUNT(material_of, call);
+    COUNT(material_seen, shape);
     all->color = vec_choose(same, vec_set(s->color), all->color);
     all->shininess = choose(same, set(s->shininess), all->shininess);
     all->shine_from = choose(same, set(s->shine_from), all->shine_from);
@@ -494,7 +494,8 @@ static inline void material_seen(const struct sight *seen, const struct prepared
         return;
     }
     struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
-    *all = (struct surface){none, none, set(0.0f), set(0.0f), set(0.0f)};
+    all->color = none;
+    all->shininess = all->shine_from = set(0.0f);
     EACH_HIT(seen->hit.found, seen->hit.shape, scene, material_of, seen, scene, all);
 #endif
 }

@@ -135,6 +135,7 @@ static void look_through(const struct tile *tile, const struct job *job, const s
 // A row of packets that nothing waits for.
 static void color_row(const struct tile *tile, int row, const struct sight *sights, int pixel,
                       struct frame *frame, const struct convex *work) {
+    COUNT(color_row, call);
     sights += (row - tile->top) / BLOCK_HEIGHT * ACROSS;
     bool all = frame->depth != NULL;
     for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {

@@ -97,6 +97,13 @@ def same(a: dict[str, np.ndarray], b: dict[str, np.ndarray], within: float = 0.0
 
 def scene_of(name: str, shop: Workshop) -> str | Path:
     """A scene's path; twenty: spheres40's first ones, more than are written out and fewer than a crowd."""
+    if name == "two materials":  # of copies, whose bundles meet one, or both
+        scene = json.loads(registry.scenes()["lattice"].path.read_text())
+        scene["materials"]["red"] = {"color": [0.7, 0.1, 0.1], "reflectivity": 0, "shininess": 20}
+        scene["shapes"][1]["material"] = "red"
+        path = shop.folder / "two.json"
+        path.write_text(json.dumps(scene))
+        return path
     if name != "twenty":
         return name
     scene = json.loads(registry.scenes()["spheres40"].path.read_text())
@@ -115,6 +122,7 @@ def scene_of(name: str, shop: Workshop) -> str | Path:
         ("mandelbulb", 4e-6),
         ("cubes", 4e-6),
         ("lattice", 4e-6),
+        ("two materials", 4e-6),
     ],
 )
 def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop) -> None:
