@@ -37,17 +37,31 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
                           lesser(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
+// A direction, not of unit length, but for its part up, which is the row's: of blocks one below the other it is the same.
+static inline struct vec column_of(const struct tile *tile, int column, const struct frame *frame) {
+    COUNT(column_of, call);
+    real x = mul_add(set(2.0f), tile->beside, set((float)(2 * column + 1 - frame->width))) *
+             set(tile->per_height);
+    return vec_along(tile->ahead, tile->across, x);
+}
+
+static inline real row_of_picture(const struct tile *tile, int row, const struct frame *frame) {
+    COUNT(row_of_picture, call);
+    return neg_mul_add(set(2.0f), tile->below, set((float)(frame->height - 1 - 2 * row))) *
+           set(tile->per_height);
+}
+
+static inline struct vec direction_in(const struct tile *tile, struct vec column, real row) {
+    COUNT(direction_in, call);
+    struct vec d = vec_along(column, tile->up, row);
+    return vec_scale(d, set(1.0f) / vec_norm(d));
+}
+
 static inline struct vec get_direction(const struct tile *tile, struct block block,
                                        const struct frame *frame) {
     COUNT(get_direction, call);
-    COUNT(get_direction, tile);
-    real two = set(2.0f), per_height = set(tile->per_height);
-    real x =
-        mul_add(two, tile->beside, set((float)(2 * block.column + 1 - frame->width))) * per_height;
-    real y =
-        neg_mul_add(two, tile->below, set((float)(frame->height - 1 - 2 * block.row))) * per_height;
-    struct vec d = vec_along(vec_along(tile->ahead, tile->across, x), tile->up, y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
+    return direction_in(tile, column_of(tile, block.column, frame),
+                        row_of_picture(tile, block.row, frame));
 }
 
 // The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.

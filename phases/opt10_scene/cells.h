@@ -7,6 +7,11 @@
 
 #define REPEATED(shape) ((shape)->repeated)
 #define REPEATS(scene) (KNOWN(scene)->repeats)
+// Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
+static inline bool is_plain(const struct model *model) {
+    return model->shadows == SHADOWS_NONE &&
+           !(model->features.mirrors && model->march.max_bounces > 0);
+}
 
 // Rays among the copies of a repeated shape.
 struct among {

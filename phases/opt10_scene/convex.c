@@ -95,6 +95,10 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
 }
 
+INLINE void is_single(int i, const struct prepared *scene, bool *some) {
+    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
+}
+
 // What a tile's packets meet where shapes are repeated: first of the others.
 static void look_through(const struct tile *tile, const struct job *job, const struct desk *desk,
                          struct sight *sights) {
@@ -104,23 +108,64 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
     mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
     mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
-    mesh.step_across = 2 * BLOCK_WIDTH * per_height;
-    mesh.step_down = 2 * BLOCK_HEIGHT * per_height;
+    mesh.pixel = 2 * per_height;
     COUNT(look_through, call);
     COUNT(look_through, scalar);
-    for (int row = 0; row < mesh.down; row++)
+    bool others = false; // plain ones that are not repeated
+    if (is_plain(&KNOWN(job->prepared)->model))
+        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
+    struct vec columns[ACROSS];
+    ACTIVE(LANES);
+    for (int i = 0; i < mesh.across; i++)
+        columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
+    for (int row = 0; row < mesh.down; row++) {
+        real up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
         for (int i = 0; i < mesh.across; i++) {
             struct sight *at = &sights[row * ACROSS + i];
             struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
             ACTIVE(block.across * block.down);
             COUNT(look_through, packet);
-            at->direction = get_direction(tile, block, job->frame);
+            at->direction = direction_in(tile, columns[i], up);
             at->active = in_picture(block);
+            at->only = -1;
             meet_nothing(&at->hit);
             EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
                     &at->hit);
+            if (others)
+                normals_seen(at, job->prepared);
         }
+    }
     EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
+}
+
+// A row of packets that nothing waits for.
+static void color_row(const struct tile *tile, int row, const struct sight *sights, int pixel,
+                      struct frame *frame, const struct convex *work) {
+    COUNT(color_row, call);
+    sights += (row - tile->top) / BLOCK_HEIGHT * ACROSS;
+    bool all = frame->depth != NULL;
+    for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {
+        struct stage at;
+        set_camera_ray(tile, sights[i].direction, sights[i].active, pixel, &at.ray);
+        color_seen(&sights[i], &at, work);
+        if (all) {
+            struct found hit = at.hit; // a copy: `at` stays in registers
+            struct vec n = sights[i].hit.local;
+            mask away = greater(vec_dot(n, sights[i].direction), set(0.0f));
+            COUNT(color_row, normal);
+            store_hit(frame, block_at(tile, row, i), &hit,
+                      (struct vec){negate_where(away, n.x), negate_where(away, n.y),
+                                   negate_where(away, n.z)});
+        }
+#if LANES == 8
+        store_block_of(frame, block_at(tile, row, i), at.color);
+#else // later, whole lines
+        float *to = &work->desk->color[pixel];
+        unload(at.color.x, to);
+        unload(at.color.y, to + COLOR_ROOM);
+        unload(at.color.z, to + 2 * COLOR_ROOM);
+#endif
+    }
 }
 
 INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
@@ -154,10 +199,15 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     for (int k = 0; k < 3; k++) {
         work.light[k] = (float)view->light_position[k];
         work.emission[k] = (float)view->light_emission[k];
+        work.lamp[k] = (float)(view->light_position[k] - view->position[k]);
     }
+    const double *at = view->position;
+    work.inside = (float)(KNOWN(job->prepared)->model.march.bounds_radius * (1 - 0x1p-16) -
+                          sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
     COUNT(convex_tile, call);
     COUNT(convex_tile, scalar);
+    COUNT(convex_tile, eye);
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     struct tile tile = {left,
@@ -188,6 +238,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
         clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
         EACH_IN(desk->listed, look_for_bulb, &tile, job, desk);
     }
+    bool plain = REPEATS(job->prepared) && is_plain(&KNOWN(job->prepared)->model);
     struct sight sights[BLOCKS];
     if (REPEATS(job->prepared))
         look_through(&tile, job, desk, sights);
@@ -195,6 +246,11 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     int pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
         int count = 0;
+        if (plain) {
+            color_row(&tile, row, sights, pixel, frame, &work);
+            pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
+            continue;
+        }
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
             if (REPEATS(job->prepared)) {
@@ -226,7 +282,10 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     }
     follow_mirrors(&work);
     cast_shadows(&work);
-#if LANES == 16
+#if LANES == 8
+    if (plain)
+        return;
+#else
     if (whole_lines(tile.left, tile.right, tile.top, tile.bottom)) {
         store_lines(frame, tile.left, tile.right, tile.top, tile.bottom, desk->color);
         return;

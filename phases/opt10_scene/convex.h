@@ -103,6 +103,8 @@ struct convex {
     const struct view *view;
     struct desk *desk;
     float light[3], emission[3]; // the view's, as floats: not once more for each packet
+    float lamp[3];               // the light from the camera
+    float inside;                // nearer than this a camera ray is within the bounds
 };
 
 // What one of these files calls of another: a kernel is one file.

@@ -107,6 +107,18 @@ static int whole_shininess(const struct prepared *p) {
     return first >= 1 && first <= 128 && first == floorf(first) ? (int)first : 0;
 }
 
+// Whether all shapes have the same.
+static bool one_material(const struct prepared *p) {
+    const struct placed *a = &p->placed[0];
+    for (int i = 1; i < p->model.shape_count; i++) {
+        const struct placed *b = &p->placed[i];
+        if (a->color[0] != b->color[0] || a->color[1] != b->color[1] ||
+            a->color[2] != b->color[2] || a->share != b->share || a->shininess != b->shininess)
+            return false;
+    }
+    return true;
+}
+
 char *generate_scene(const struct prepared *p) {
     char *text = NULL;
     size_t size = 0;
@@ -117,7 +129,8 @@ char *generate_scene(const struct prepared *p) {
         to,
         "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
         p->model.shape_count, p->model.shape_count);
-    fprintf(to, "#define WHOLE_SHININESS %d\n", whole_shininess(p));
+    fprintf(to, "#define WHOLE_SHININESS %d\n#define ONE_MATERIAL %d\n", whole_shininess(p),
+            one_material(p));
     if (p->model.shape_count <= MOST_UNROLLED)
         write_each(to, p->model.shape_count);
     else

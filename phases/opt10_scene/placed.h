@@ -100,6 +100,7 @@ struct job {
 #define INLINE static inline
 #define UNROLLED 0
 #define WHOLE_SHININESS 0
+#define ONE_MATERIAL 0
 #endif
 
 // visit(i, …) for every shape, and for those of a set. Up to 32 shapes a generated kernel has sets of bits.

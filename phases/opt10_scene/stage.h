@@ -43,6 +43,19 @@ static inline struct vec background(real weight, const struct model *model) {
                         weight * set((float)b[2])};
 }
 
+// A packet of camera rays: what it has met so far. Where `only` is not −1, all of it is on that shape. Where nothing waits for
+// it (is_plain()), hit.local is the normal in the world's axes, on one side or the other.
+struct sight {
+    struct vec direction;
+    mask active;
+    struct found hit;
+    int only;
+};
+
+// Of hits on what is not repeated: their normals, as a sight has them.
+SHARED void normals_seen(struct sight *seen, const struct prepared *scene);
+// Its colour, where nothing waits for it.
+SHARED void color_seen(const struct sight *seen, struct stage *at, const struct convex *work);
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
 SHARED void color_all(struct stage *stage, int count, const struct convex *work);
 

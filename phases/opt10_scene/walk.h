@@ -5,9 +5,9 @@
 #include "cells.h"
 
 // One axis: the ray is at the middle of its cell at `middle` = base + count·step, and there within `half` of the
-// box about the copy, within `wall` of the cell. All in units of t.
+// box about the copy, within `wall` of the cell. All in units of t, of which `size` are as long as 1 along it.
 struct axis {
-    real base, step, half, wall, count, middle;
+    real base, step, half, wall, count, middle, size;
 };
 
 static inline struct axis axis_of(real o, real d, float cell, float half) {
@@ -17,7 +17,7 @@ static inline struct axis axis_of(real o, real d, float cell, float half) {
     real wall = set(0.5f * cell) * size;
     if (!(cell > 0.0f))
         wall = set(INFINITY);
-    return (struct axis){base, set(cell) * size, set(half) * size, wall, zero, base};
+    return (struct axis){base, set(cell) * size, set(half) * size, wall, zero, base, size};
 }
 
 static inline real leaves_at(const struct axis *x, const struct axis *y, const struct axis *z) {

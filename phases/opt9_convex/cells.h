@@ -5,6 +5,12 @@
 #include "cone.h"
 #include "stage.h"
 
+// Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
+static inline bool is_plain(const struct model *model) {
+    return model->shadows == SHADOWS_NONE &&
+           !(model->features.mirrors && model->march.max_bounces > 0);
+}
+
 // Rays among the copies of a repeated shape.
 struct among {
     struct vec origin, rest; // in the shape's frame, in the cell about 0; what float has lost of it

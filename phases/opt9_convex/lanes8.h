@@ -253,13 +253,17 @@ static inline void move_lanes(float *to, unsigned there, const float *from, unsi
 
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
-    float lanes[3][LANES];
-    unload(r, lanes[0]);
-    unload(g, lanes[1]);
-    unload(b, lanes[2]);
-    for (int lane = 0; lane < LANES; lane++)
-        for (int i = 0; i < 3; i++)
-            rgb[(size_t)(lane / 4) * stride + (size_t)(3 * (lane % 4) + i)] = lanes[i][lane];
+    // In each half of a register (a row) r0 r2 g0 g2, g1 g3 b1 b3, b0 b2 r1 r3.
+    real rg = _mm256_shuffle_ps(r, g, _MM_SHUFFLE(2, 0, 2, 0));
+    real gb = _mm256_shuffle_ps(g, b, _MM_SHUFFLE(3, 1, 3, 1));
+    real br = _mm256_shuffle_ps(b, r, _MM_SHUFFLE(3, 1, 2, 0));
+    const real third[3] = {_mm256_shuffle_ps(rg, br, _MM_SHUFFLE(2, 0, 2, 0)),  // r0 g0 b0 r1
+                           _mm256_shuffle_ps(gb, rg, _MM_SHUFFLE(3, 1, 2, 0)),  // g1 b1 r2 g2
+                           _mm256_shuffle_ps(br, gb, _MM_SHUFFLE(3, 1, 3, 1))}; // b2 r3 g3 b3
+    for (int i = 0; i < 3; i++) {
+        _mm_storeu_ps(rgb + 4 * i, _mm256_castps256_ps128(third[i]));
+        _mm_storeu_ps(rgb + stride + 4 * i, _mm256_extractf128_ps(third[i], 1));
+    }
 }
 
 static inline half half_set(double a) {

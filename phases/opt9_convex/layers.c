@@ -1,220 +1,112 @@
-// Camera rays of a tile among the copies of repeated shapes, front to back: every ray goes from one layer of cells to
-// the next, where a cell's layer is how many walls are between it and the camera's, and is in one cell of each. So what
-// it meets in a layer is its first hit. A tile's cells of a layer are what its frustum reaches of the neighbours of those
-// of the layer before, and each copy is asked by the packets alone whose own frustum it reaches.
+// Camera rays of a tile among the copies of repeated shapes, front to back.
 //
-// All copies as the camera sees them: its place among them is known in doubles once a cell and not once a ray.
-#include "layers.h"
-#include "walk.h"
+// Rays of 4 × 4 pixels make a bundle, and the walk from cell to cell (walk.h; J. Amanatides and A. Woo, "A fast voxel
+// traversal algorithm for ray tracing", Eurographics 1987) is one for a bundle: its axis', the ray through its middle.
+// At a distance t no ray of it is further than spread·t from there, and copies stay a gap away from their cells' walls:
+// so long as spread·t is less, a ray is in a copy only where the axis is in that one's cell, and the cells that the axis
+// goes through are all that there are, in the order in which every ray meets them. Behind that each ray walks by itself.
+//
+// The lanes are bundles in the walk, rays where a copy is asked.
+#include "prove.h"
 
-#include <stdint.h>
+enum {
+    BUNDLE_HEIGHT = 4, // and as wide as a block
+    STACKED = BUNDLE_HEIGHT / BLOCK_HEIGHT,
+    BUNDLES = ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT,
+};
+_Static_assert(BUNDLES % LANES == 0, "whole registers");
 
-// Sides of the blocks' columns, of their rows from the top, and the plane through the camera across its view.
-enum { SIDES = 16, BELOW = ACROSS + 1, AHEAD = SIDES - 1, PARTS = SIDES / LANES };
-_Static_assert(BELOW + DOWN + 1 <= AHEAD, "a bit for each side");
-enum { MOST_CELLS = 48 }; // of a layer
+static inline struct vec direction_of(int first, const struct grid *grid, int block) {
+    return turned(&grid->scene->placed[first], grid->sights[block].direction);
+}
 
-// How far copies and cells reach in the direction of a side's normal.
-struct sides {
-    struct vec normal[PARTS];
-    real copy[PARTS], cell[PARTS], copy_back[PARTS], cell_back[PARTS];
+// A packet beside a copy.
+struct beside {
+    struct vec c, d, per;
+    real before, square;
+    mask active, met; // met: it, nearer than something else or not
 };
 
-struct cell {
-    uint64_t key;
-    int at[3];
-    float from[3], rest[3]; // the camera from its middle, and what float has lost of it
-    unsigned copy;          // blocks that its copy reaches
-};
-
-struct layer {
-    int count;
-    bool full; // there are more
-    struct cell cell[MOST_CELLS];
-};
-
-struct grid {
-    const struct placed *placed;
-    int first;
-    double eye[3], size[3];
-    float half[3], world[3], bounds_sq, far_sq; // the world's origin from the camera
-    bool forth[3], back[3];                     // whether some of the rays go there along an axis
-    struct sides sides;
-    struct sight *sights;
-    mask left[BLOCKS]; // rays that have not met a copy
-    struct vec direction[BLOCKS], per[BLOCKS];
-};
-
-static inline real reach_along(struct vec n, const float half[3]) {
-    return mul_add(set(half[0]), absolute(n.x),
-                   mul_add(set(half[1]), absolute(n.y), set(half[2]) * absolute(n.z)));
+// Its normal is told by what enter_rounded_box() knows.
+static inline bool is_round(const struct placed *s) {
+    return s->type == SHAPE_ROUNDED_BOX && s->a > ROUND * s->bound;
 }
 
-static inline struct vec place_side(const float to[3][3], mask column, mask ahead, real at) {
-    struct vec n = {choose(column, set(to[0][0]), set(to[1][0])),
-                    choose(column, set(to[0][1]), set(to[1][1])),
-                    choose(column, set(to[0][2]), set(to[1][2]))},
-               forward = vec_set(to[2]);
-    return vec_choose(ahead, forward, vec_along(n, forward, set(0.0f) - at));
-}
-
-static void set_sides(const struct grid *grid, const struct eye *eye, const struct mesh *mesh,
-                      float slack, struct sides *sides) {
-    for (int part = 0; part < PARTS; part++) {
-        ACTIVE(LANES);
-        COUNT(set_sides, call);
-        real number = lane_numbers() + set((float)(part * LANES));
-        mask column = less(number, set((float)BELOW)), ahead = not_less(number, set((float)AHEAD));
-        real across = mul_add(number, set(mesh->step_across), set(mesh->left));
-        real down = neg_mul_add(number - set((float)BELOW), set(mesh->step_down), set(mesh->top));
-        struct vec n = place_side(eye->axis, column, ahead, choose(column, across, down));
-        real length = vec_norm(n), reach = set(0.0f), more = set(slack) * length;
-        for (int i = grid->first; i >= 0; i = grid->placed[i].alike) {
-            COUNT(set_sides, shape);
-            const struct placed *p = &grid->placed[i];
-            reach = most_of(reach, least_of(reach_along(n, p->box), set(p->bound) * length));
-        }
-        sides->normal[part] = n;
-        real cell = reach_along(n, grid->half) + more, copy = reach + more;
-        sides->copy[part] = copy;
-        sides->cell[part] = cell;
-        sides->copy_back[part] = set(0.0f) - copy;
-        sides->cell_back[part] = set(0.0f) - cell;
-    }
-}
-
-_Static_assert(ACROSS == 8 && DOWN <= 4, "a byte for each row of blocks");
-
-static inline unsigned blocks_of(unsigned in, unsigned out) {
-    unsigned columns = in & out >> 1 & ((1u << ACROSS) - 1);
-    unsigned rows = out >> BELOW & in >> (BELOW + 1) & ((1u << DOWN) - 1);
-    // Each of up to four rows to a byte of its own.
-    return in >> AHEAD ? columns * (rows * 0x204081u & 0x1010101u) : 0;
-}
-
-// The blocks whose frustum a cell reaches, or its copy.
-static inline unsigned reach_blocks(const real *to, const real *forth, const real *back) {
-    unsigned in = 0, out = 0;
-    for (int part = 0; part < PARTS; part++) {
-        ACTIVE(LANES);
-        COUNT(reach_blocks, call);
-        in |= bits(less(to[part], forth[part])) << part * LANES;
-        out |= bits(greater(to[part], back[part])) << part * LANES;
-    }
-    return blocks_of(in, out);
-}
-
-// Whether a cell reaches a block's frustum that has rays left; which blocks its copy does.
-static inline bool look_at_cell(const struct sides *sides, struct cell *cell, unsigned open) {
-    real to[PARTS];
-    for (int part = 0; part < PARTS; part++) {
-        COUNT(look_at_cell, call);
-        to[part] = vec_dot(sides->normal[part], vec_set(cell->from));
-    }
-    if (!(reach_blocks(to, sides->cell, sides->cell_back) & open))
-        return false;
-    cell->copy = reach_blocks(to, sides->copy, sides->copy_back);
-    return true;
-}
-
-// Whether some of it is within the bounds, and before what else the tile's rays have met.
-static inline bool in_reach(const struct grid *grid, const struct cell *cell) {
-    COUNT(in_reach, call);
-    float outside = 0, away = 0;
-    for (int k = 0; k < 3; k++) {
-        float gap = fabsf(cell->from[k] + grid->world[k]) - grid->half[k];
-        float way = fabsf(cell->from[k]) - grid->half[k];
-        gap = gap > 0 ? gap : 0;
-        way = way > 0 ? way : 0;
-        outside += gap * gap;
-        away += way * way;
-    }
-    return outside < grid->bounds_sq && away < grid->far_sq;
-}
-
-static inline double place_cell(const struct grid *grid, const struct cell *cell, int axis) {
-    COUNT(place_cell, call);
-    return fma(-grid->size[axis], cell->at[axis], grid->eye[axis]);
-}
-
-static void add_cell(const struct grid *grid, const struct cell *from, int axis, int step,
-                     unsigned open, struct layer *to) {
-    COUNT(add_cell, call);
-    uint64_t key = from->key + ((uint64_t)(int64_t)step << 20 * axis);
-    for (int i = to->count - 1; i >= 0; i--)
-        if (to->cell[i].key == key)
-            return;
-    if (to->count == MOST_CELLS) {
-        to->full = true;
+static inline void meet_alike(int i, int first, const struct prepared *scene, unsigned away,
+                              struct beside *b, struct found *hit) {
+    const struct placed *s = &scene->placed[i];
+    if (away & bit_of(i, first))
         return;
-    }
-    struct cell *cell = &to->cell[to->count];
-    *cell = *from;
-    cell->key = key;
-    cell->at[axis] += step;
-    double exact = place_cell(grid, cell, axis);
-    cell->from[axis] = (float)exact;
-    if (!look_at_cell(&grid->sides, cell, open) || !in_reach(grid, cell))
+    ACTIVE(count_of(b->active));
+    COUNT(meet_copy, shape);
+    mask near = both(b->active, less(b->square, set(s->bound_sq)));
+    if (!any(near))
         return;
-    COUNT(add_cell, added);
-    cell->rest[axis] = (float)(exact - (double)cell->from[axis]);
-    to->count++;
-}
-
-// Away from the camera's cell.
-static void add_neighbours(const struct grid *grid, const struct cell *from, unsigned open,
-                           struct layer *to) {
-    for (int k = 0; k < 3; k++) {
-        if (!(grid->half[k] < 1e30f))
-            continue;
-        if (from->at[k] >= 0 && grid->forth[k])
-            add_cell(grid, from, k, 1, open, to);
-        if (from->at[k] <= 0 && grid->back[k])
-            add_cell(grid, from, k, -1, open, to);
+    real in, half = set(0.0f);
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
+        COUNT(meet_copy, half);
+        half = root(most_of(set(s->bound_sq) - b->square, set(0.0f)));
     }
+    bool plain = is_plain(&scene->model), round = plain && is_round(s);
+    struct vec from_within;
+    if (round)
+        near = both(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
+    else
+        near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
+    COUNT(meet_copy, near);
+    real t = b->before + in;
+    near = both(near, greater(t, set(0.0f)));
+    b->met = either(b->met, near);
+    near = both(near, less(t, hit->t));
+    if (!any(near))
+        return;
+    COUNT(meet_copy, met);
+    hit->found = either(hit->found, near);
+    hit->t = choose(near, t, hit->t);
+    hit->shape = choose(near, set(s->index), hit->shape);
+    struct vec at;
+    if (round) {
+        COUNT(meet_copy, round);
+        COUNT(meet_copy, round_scalar);
+        at = vec_scale(from_within, per_length(vec_dot(from_within, from_within), 1.0f / s->a));
+    } else {
+        COUNT(meet_copy, point);
+        at = vec_along(b->c, b->d, in);
+        if (plain)
+            at = normal_on(at, s);
+    }
+    hit->local = vec_choose(near, plain ? turned_back(s, at) : at, hit->local);
 }
 
-// A copy, seen from `o`, more by `rest`. Those that meet it.
-static inline mask meet_copy(const struct grid *grid, int block, struct vec o, struct vec rest,
-                             mask active) {
+static inline void has_slabs(int i, const struct prepared *scene, bool *slabs) {
+    const struct placed *s = &scene->placed[i];
+    *slabs = *slabs || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX;
+}
+
+// A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
+static inline mask meet_copy(int first, const struct grid *grid, int block, struct vec o,
+                             struct vec rest, unsigned away, mask active) {
     COUNT(meet_copy, call);
-    struct vec d = grid->direction[block];
-    real zero = set(0.0f), before = zero - vec_dot(o, d);
-    struct vec c = vec_along(o, d, before);
-    c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
-    real square = vec_dot(c, c);
-    mask met = no_lane();
-    struct found *hit = &grid->sights[block].hit;
-    for (int i = grid->first; i >= 0; i = grid->placed[i].alike) {
-        ACTIVE(count_of(active));
-        COUNT(meet_copy, shape);
-        const struct placed *s = &grid->placed[i];
-        mask near = both(active, less(square, set(s->bound_sq)));
-        if (!any(near))
-            continue;
-        real in, half = zero;
-        if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
-            COUNT(meet_copy, half);
-            half = root(most_of(set(s->bound_sq) - square, zero));
-        }
-        near = enter_nearby(c, d, before, half, &grid->per[block], s, near, &in);
-        COUNT(meet_copy, near);
-        real t = before + in;
-        near = both(near, greater(t, zero));
-        met = either(met, near);
-        near = both(near, less(t, hit->t));
-        if (!any(near))
-            continue;
-        COUNT(meet_copy, met);
-        hit->found = either(hit->found, near);
-        hit->t = choose(near, t, hit->t);
-        hit->shape = choose(near, set(s->index), hit->shape);
-        hit->local = vec_choose(near, vec_along(c, d, in), hit->local);
-    }
-    return met;
+    struct beside b;
+    b.d = direction_of(first, grid, block);
+    b.before = set(0.0f) - vec_dot(o, b.d);
+    struct vec c = vec_along(o, b.d, b.before);
+    b.c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
+    b.square = vec_dot(b.c, b.c);
+    b.active = active;
+    b.met = no_lane();
+    b.per = b.d;
+    bool slabs = false;
+    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
+        has_slabs(i, grid->scene, &slabs);
+    if (slabs)
+        b.per = inverses_of(b.d);
+    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
+        meet_alike(i, first, grid->scene, away, &b, &grid->sights[block].hit);
+    return b.met;
 }
 
-// The camera from the middles of the cells that the lanes are in: place_cell() for each lane.
+// The camera from the middles of the cells that the lanes are in, as two floats.
 static inline real lane_place(const struct grid *grid, int axis, real d, real count, real *rest) {
     COUNT(lane_place, call);
     half size = half_set(grid->size[axis]), eye = half_set(grid->eye[axis]);
@@ -226,136 +118,285 @@ static inline real lane_place(const struct grid *grid, int axis, real d, real co
     return at;
 }
 
-// Where a layer has too many cells (the frustum is wide, or far on): each ray by itself, from the camera on. What it has
-// met it does not ask again.
-static void walk_alone(const struct grid *grid, int block) {
+static inline struct vec lane_places(const struct grid *grid, struct vec d, const struct walk *w,
+                                     struct vec *rest) {
+    return (struct vec){lane_place(grid, 0, d.x, w->x.count, &rest->x),
+                        lane_place(grid, 1, d.y, w->y.count, &rest->y),
+                        lane_place(grid, 2, d.z, w->z.count, &rest->z)};
+}
+
+static inline struct walk walk_from(const struct grid *grid, struct vec d, const struct placed *s,
+                                    real end) {
+    return (struct walk){axis_of(set((float)grid->eye[0]), d.x, s->cell[0], s->around[0]),
+                         axis_of(set((float)grid->eye[1]), d.y, s->cell[1], s->around[1]),
+                         axis_of(set((float)grid->eye[2]), d.z, s->cell[2], s->around[2]), end};
+}
+
+// Each ray by itself, from the camera on. What it has met it does not ask again.
+static inline void walk_alone(int first, const struct grid *grid, int block) {
+    ACTIVE(count_of(grid->left[block]));
     COUNT(walk_alone, call);
     COUNT(walk_alone, scalar);
-    const struct placed *s = &grid->placed[grid->first];
-    const float *around = s->around;
+    const struct placed *s = &grid->scene->placed[first];
     const struct sight *at = &grid->sights[block];
-    struct vec d = grid->direction[block];
-    real end = least_of(set(2.0f * sqrtf(grid->bounds_sq)), at->hit.t);
-    struct walk w = {axis_of(set((float)grid->eye[0]), d.x, s->cell[0], around[0]),
-                     axis_of(set((float)grid->eye[1]), d.y, s->cell[1], around[1]),
-                     axis_of(set((float)grid->eye[2]), d.z, s->cell[2], around[2]), end};
+    struct vec d = direction_of(first, grid, block);
+    struct walk w = walk_from(grid, d, s, least_of(set(2.0f * grid->bounds), at->hit.t));
     for (mask going = grid->left[block]; any(going);) {
         mask met = next_box(&w, going, no_lane());
         if (!any(met))
             return;
         ACTIVE(count_of(met));
         COUNT(walk_alone, met);
-        struct vec o, rest;
-        o.x = lane_place(grid, 0, d.x, w.x.count, &rest.x);
-        o.y = lane_place(grid, 1, d.y, w.y.count, &rest.y);
-        o.z = lane_place(grid, 2, d.z, w.z.count, &rest.z);
-        going = next_cells(&w, but_not(meet_copy(grid, block, o, rest, met), met));
+        struct vec rest, o = lane_places(grid, d, &w, &rest);
+        going = next_cells(&w, but_not(meet_copy(first, grid, block, o, rest, 0, met), met));
     }
 }
 
-// Asks the copies of a layer; the blocks that have rays left.
-static unsigned meet_layer(struct grid *grid, const struct layer *layer, unsigned open) {
-    for (int i = 0; i < layer->count; i++) {
-        const struct cell *cell = &layer->cell[i];
-        struct vec o = vec_set(cell->from), rest = vec_set(cell->rest);
-        for (unsigned blocks = cell->copy & open; blocks; blocks &= blocks - 1) {
-            int block = __builtin_ctz(blocks);
-            mask left = grid->left[block];
-            left = but_not(meet_copy(grid, block, o, rest, left), left);
+// As next_box() where some ray of them may meet the box.
+static inline mask bundles_next(struct bundles *b, float spread, mask going) {
+    COUNT(bundles_next, call);
+    struct walk *w = &b->walk;
+    mask met = no_lane();
+    while (any(going)) {
+        ACTIVE(count_of(going));
+        COUNT(bundles_next, cell);
+        real wide = set(spread) * least_of(leaves_at(&w->x, &w->y, &w->z), w->end);
+        real x = mul_add(wide, b->along.x, w->x.half), y = mul_add(wide, b->along.y, w->y.half),
+             z = mul_add(wide, b->along.z, w->z.half);
+        real in = most_of(w->x.middle - x, most_of(w->y.middle - y, w->z.middle - z));
+        real out = least_of(w->x.middle + x, least_of(w->y.middle + y, w->z.middle + z));
+        mask here =
+            both(both(going, not_less(out, in)), both(greater(out, set(0.0f)), less(in, w->end)));
+        met = either(met, here);
+        going = next_cells(w, but_not(here, going));
+    }
+    return met;
+}
+
+// A copy that all of a packet's rays meet, on one face or one sphere of it.
+static inline void take_whole(int i, int axis, const struct grid *grid, int block, struct vec o,
+                              struct vec rest) {
+    const struct placed *s = &grid->scene->placed[i];
+    struct sight *at = &grid->sights[block];
+    struct vec d = turned(s, at->direction);
+    COUNT(take_whole, call);
+    at->hit.found = at->active;
+    at->hit.shape = set(s->index);
+    at->only = i;
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(take_whole, sphere);
+        real before = set(0.0f) - vec_dot(o, d);
+        struct vec c = vec_along(o, d, before);
+        c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
+        real half = root(most_of(set(s->bound_sq) - vec_dot(c, c), set(0.0f)));
+        at->hit.t = before - half;
+        at->hit.local = turned_back(s, normal_on(vec_along(c, d, set(0.0f) - half), s));
+        return;
+    }
+    COUNT(take_whole, face);
+    COUNT(take_whole, face_scalar);
+    real from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
+    real more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
+    real down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;
+    real face = with_sign_of(from, set(s->size[axis] + s->a));
+    at->hit.t = absolute(face - from - more) / absolute(down);
+    real zero = set(0.0f), out = with_sign_of(from, set(1.0f));
+    struct vec n = {axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
+    at->hit.local = turned_back(s, n);
+}
+
+// The rays of a bundle that go on.
+static inline bool meet_bundle(int first, struct grid *grid, int bundle, struct vec o,
+                               struct vec rest, int shape, int axis, unsigned away) {
+    bool on = false, whole = shape >= 0;
+    int block = bundle / ACROSS * STACKED * ACROSS + bundle % ACROSS;
+    for (int k = 0; k < STACKED; k++) {
+        const struct sight *at = &grid->sights[block + k * ACROSS];
+        whole = whole && !any(at->hit.found);
+    }
+    for (int k = 0; k < STACKED; k++, block += ACROSS) {
+        mask left = grid->left[block];
+        if (!any(left))
+            continue;
+        ACTIVE(count_of(left));
+        if (whole) {
+            take_whole(shape, axis, grid, block, o, rest);
+            grid->left[block] = no_lane();
+        } else {
+            left = but_not(meet_copy(first, grid, block, o, rest, away, left), left);
             grid->left[block] = left;
-            if (!any(left))
-                open &= ~(1u << block);
+            on = on || any(left);
         }
     }
-    return open;
+    return on;
 }
 
-static inline void go_along(struct grid *grid, const struct eye *eye, const struct mesh *mesh,
-                            int k) {
-    COUNT(go_along, call);
-    float right = mesh->left + ACROSS * mesh->step_across;
-    float bottom = mesh->top - DOWN * mesh->step_down;
-    float a = eye->axis[0][k] * mesh->left, b = eye->axis[0][k] * right;
-    float c = eye->axis[1][k] * mesh->top, d = eye->axis[1][k] * bottom;
-    float most = (a > b ? a : b) + (c > d ? c : d), least = (a < b ? a : b) + (c < d ? c : d);
-    grid->forth[k] = eye->axis[2][k] + most > -1e-5f;
-    grid->back[k] = eye->axis[2][k] + least < 1e-5f;
+static inline void most_bound(int i, const struct prepared *scene, float *most) {
+    COUNT(most_bound, call);
+    const struct placed *s = &scene->placed[i];
+    if (s->bound > *most)
+        *most = s->bound;
 }
 
-// What the grid is to the tile; the blocks that have rays.
-static unsigned begin_grid(struct grid *grid, const struct mesh *mesh, const struct job *job) {
-    const struct placed *s = &grid->placed[grid->first];
-    const struct eye *eye = &job->prepared->eyes[grid->first];
+// What bundles meet of the copies in their cells; those that go on.
+static inline mask meet_cells_of(int first, struct grid *grid, const struct bundles *b, int from,
+                                 mask met) {
+    ACTIVE(count_of(met));
+    COUNT(meet_cells_of, call);
+    struct vec d = b->direction, rest, o = lane_places(grid, d, &b->walk, &rest);
+    float places[9][LANES], bound = 0;
+    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
+        most_bound(i, grid->scene, &bound);
+    struct proof p = nothing_proved(o, d, bound, grid);
+    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
+        prove(i, first, grid, b, &p);
+    mask possible = less(least_of(p.lo, p.others), set(INFINITY));
+    real shape = choose(less(p.hi, p.others), p.shape, set(-1.0f));
+    const real all[9] = {o.x, o.y, o.z, rest.x, rest.y, rest.z, shape, p.axis, p.away};
+    for (int k = 0; k < 9; k++)
+        unload(all[k], places[k]);
+    unsigned on = bits(met);
+    for (unsigned left = bits(both(met, possible)); left; left &= left - 1) {
+        int lane = __builtin_ctz(left);
+        struct vec at = {set(places[0][lane]), set(places[1][lane]), set(places[2][lane])};
+        struct vec more = {set(places[3][lane]), set(places[4][lane]), set(places[5][lane])};
+        if (!meet_bundle(first, grid, from + lane, at, more,
+                         grid->alone && is_plain(&grid->scene->model) ? (int)places[6][lane] : -1,
+                         (int)places[7][lane], (unsigned)places[8][lane]))
+            on &= ~(1u << lane);
+    }
+    return lanes_of(on);
+}
+
+// Whether all that is repeated is so as the shape `first` is.
+static inline bool is_alone(int first, const struct prepared *scene) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (i != first && scene->placed[i].repeated && !scene->placed[i].led)
+            return false;
+    return true;
+}
+
+// What the grid is to the tile; the bundles that have rays.
+static inline unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh,
+                                  const struct job *job) {
+    const struct placed *s = &job->prepared->placed[first];
+    const struct eye *eye = &job->prepared->eyes[first];
     float bounds = (float)job->prepared->model.march.bounds_radius * (1 + 1e-4f);
     COUNT(begin_grid, call);
     COUNT(begin_grid, scalar);
-    grid->bounds_sq = bounds * bounds;
+    grid->bounds = bounds;
+    grid->alone = is_alone(first, job->prepared);
+    grid->slack = 2e-6f * bounds;
+    grid->spread = 1.5f * 1.41422f * mesh->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {
         grid->eye[k] = (double)eye->at[k] + (double)eye->rest[k];
         grid->size[k] = s->wide_cell[k];
-        grid->half[k] = s->cell[k] > 0 ? 0.5f * s->cell[k] : 1e30f;
-        grid->world[k] = eye->centre[k];
-        go_along(grid, eye, mesh, k);
     }
-    set_sides(grid, eye, mesh, 1e-6f * bounds, &grid->sides);
-    bool slabs = false;
-    for (int i = grid->first; i >= 0; i = grid->placed[i].alike)
-        slabs =
-            slabs || grid->placed[i].type == SHAPE_BOX || grid->placed[i].type == SHAPE_ROUNDED_BOX;
     unsigned open = 0;
-    real furthest = set(0.0f);
-    for (int row = 0; row < mesh->down; row++)
-        for (int i = 0; i < mesh->across; i++) {
-            int block = row * ACROSS + i;
-            const struct sight *at = &grid->sights[block];
-            ACTIVE(count_of(at->active));
-            COUNT(begin_grid, packet);
-            struct vec d = turned(s, at->direction);
-            grid->direction[block] = d;
-            grid->left[block] = at->active;
-            furthest = most_of(furthest, keep(at->active, at->hit.t));
-            if (slabs) {
-                COUNT(begin_grid, slabs);
-                grid->per[block] = inverses_of(d);
-            }
-            open |= 1u << block;
+    for (int block = mesh->down * ACROSS; block < BLOCKS; block++) {
+        grid->left[block] = no_lane();
+        grid->sights[block].hit.found = no_lane();
+        grid->sights[block].active = no_lane();
+        grid->sights[block].hit.t = set(0.0f);
+    }
+    mask met = no_lane();
+    for (int row = 0; row < mesh->down; row++) {
+        for (int block = row * ACROSS; block < row * ACROSS + mesh->across; block++) {
+            grid->left[block] = grid->sights[block].active;
+            met = either(met, grid->sights[block].hit.found);
         }
-    float far = -least_lane(set(0.0f) - furthest);
-    grid->far_sq = far * far * (1 + 1e-5f);
+        open |= ((1u << mesh->across) - 1) << row / STACKED * ACROSS;
+    }
+    grid->first = !any(met);
     return open;
+}
+
+// How far the rays of some bundles go: to what else they have met, if all have.
+static inline real ends_of(const struct grid *grid, int from, unsigned open) {
+    COUNT(ends_of, call);
+    COUNT(ends_of, scalar);
+    if (grid->first)
+        return set(2.0f * grid->bounds);
+    float ends[LANES];
+    unload(set(2.0f * grid->bounds), ends);
+    for (; open; open &= open - 1) {
+        int lane = __builtin_ctz(open), bundle = from + lane;
+        const struct sight *at =
+            &grid->sights[bundle / ACROSS * STACKED * ACROSS + bundle % ACROSS];
+        real furthest = set(0.0f);
+        bool all = true;
+        for (int k = 0; k < STACKED && all; k++) {
+            all = !any(but_not(at[k * ACROSS].hit.found, at[k * ACROSS].active));
+            furthest = most_of(furthest, keep(at[k * ACROSS].active, at[k * ACROSS].hit.t));
+        }
+        if (!all)
+            continue;
+        ACTIVE(LANES);
+        COUNT(ends_of, met);
+        float far = -least_lane(set(0.0f) - furthest);
+        ends[lane] = far < ends[lane] ? far : ends[lane];
+    }
+    return load(ends);
+}
+
+// Until where no ray leaves the cells that its bundle's axis goes through.
+static inline float together_until(const struct grid *grid, const struct placed *s) {
+    COUNT(together_until, call);
+    float gap = INFINITY;
+    for (int k = 0; k < 3; k++)
+        if (s->cell[k] > 0) {
+            COUNT(together_until, axis);
+            float own = 0.5f * s->cell[k] - s->around[k] - grid->slack;
+            gap = own < gap ? own : gap;
+        }
+    return gap > 0 && grid->spread < 0.05f ? gap / grid->spread : 0.0f;
+}
+
+// The bundles `open` of those from `from` on.
+static inline void meet_bundles(int first, struct grid *grid, const struct mesh *mesh,
+                                const struct job *job, int from, unsigned open) {
+    ACTIVE(__builtin_popcount(open));
+    COUNT(meet_bundles, call);
+    COUNT(meet_bundles, scalar);
+    const struct placed *s = &job->prepared->placed[first];
+    const struct eye *eye = &job->prepared->eyes[first];
+    real number = lane_numbers() + set((float)from);
+    real row = floor_of(number * set(1.0f / ACROSS)), column = number - row * set(ACROSS);
+    real four = set(4.0f * mesh->pixel);
+    real x = mul_add(column, four, set(mesh->left + 2.0f * mesh->pixel));
+    real y = neg_mul_add(row, four, set(mesh->top - 2.0f * mesh->pixel));
+    struct vec d = vec_along(vec_along(vec_set(eye->axis[2]), vec_set(eye->axis[0]), x),
+                             vec_set(eye->axis[1]), y);
+    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    struct bundles b = {.direction = d};
+    real end = ends_of(grid, from, open);
+    ACTIVE(__builtin_popcount(open));
+    real together = set(together_until(grid, s));
+    b.walk = walk_from(grid, d, s, least_of(end, together));
+    b.along = (struct vec){b.walk.x.size, b.walk.y.size, b.walk.z.size};
+    for (mask going = lanes_of(open); any(going);) {
+        mask met = bundles_next(&b, grid->spread, going);
+        if (!any(met))
+            break;
+        going = next_cells(&b.walk, meet_cells_of(first, grid, &b, from, met));
+    }
+    open &= bits(less(together, end));
+    for (; open; open &= open - 1) {
+        int bundle = from + __builtin_ctz(open), row_of = bundle / ACROSS * STACKED;
+        for (int k = 0; k < STACKED; k++)
+            if (any(grid->left[(row_of + k) * ACROSS + bundle % ACROSS]))
+                walk_alone(first, grid, (row_of + k) * ACROSS + bundle % ACROSS);
+    }
 }
 
 void meet_layers(int first, const struct mesh *mesh, const struct job *job, struct sight *sights) {
     struct grid grid;
-    grid.placed = job->prepared->placed;
-    grid.first = first;
+    grid.scene = job->prepared;
     grid.sights = sights;
-    unsigned open = begin_grid(&grid, mesh, job);
-    struct layer layers[2], *layer = &layers[0], *next = &layers[1];
-    struct cell *own = &layer->cell[0];
-    layer->count = 1;
-    own->key = (uint64_t)1 << 62;
-    for (int k = 0; k < 3; k++) {
-        own->at[k] = 0;
-        own->key += (uint64_t)1 << (20 * k + 15);
-        own->from[k] = job->prepared->eyes[first].at[k];
-        own->rest[k] = job->prepared->eyes[first].rest[k];
-    }
-    own->copy = 0;
-    look_at_cell(&grid.sides, own, open);
-    while (layer->count > 0) {
-        open = meet_layer(&grid, layer, open);
-        next->count = 0;
-        next->full = false;
-        for (int i = 0; i < layer->count && open; i++)
-            add_neighbours(&grid, &layer->cell[i], open, next);
-        if (next->full) {
-            for (; open; open &= open - 1)
-                walk_alone(&grid, __builtin_ctz(open));
-            return;
-        }
-        struct layer *last = layer;
-        layer = next;
-        next = last;
+    unsigned open = begin_grid(first, &grid, mesh, job);
+    for (int from = 0; from < BUNDLES; from += LANES) {
+        unsigned some = open >> from & ((1u << LANES) - 1);
+        if (some)
+            meet_bundles(first, &grid, mesh, job, from, some);
     }
 }

@@ -10,18 +10,11 @@ enum {
     BLOCKS = ACROSS * DOWN
 };
 
-// A packet of them: what it has met so far.
-struct sight {
-    struct vec direction;
-    mask active;
-    struct found hit;
-};
-
 // The planes through the camera between the tile's columns and rows of blocks, as it sees the picture's plane at
 // distance 1: their places there.
 struct mesh {
-    float left, top, step_across, step_down;
-    int across, down; // blocks in the picture
+    float left, top, pixel; // pixel: its width
+    int across, down;       // blocks in the picture
 };
 
 // What they meet of all shapes that are repeated as the shape `first` is.

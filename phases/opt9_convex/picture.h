@@ -30,16 +30,21 @@ static void store_hit(struct frame *frame, struct block block, const struct foun
     store_plane(frame->evals, 1, frame, block, set(1.0f));
 }
 
-static void store_colors(struct frame *frame, struct block block, const float *color) {
-    real red = load(color), green = load(color + COLOR_ROOM), blue = load(color + 2 * COLOR_ROOM);
+static inline void store_block_of(struct frame *frame, struct block block, struct vec color) {
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        store_block(rgb, 3 * (size_t)frame->width, red, green, blue);
+        store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
         return;
     }
-    store_plane(frame->rgb, 3, frame, block, red);
-    store_plane(frame->rgb + 1, 3, frame, block, green);
-    store_plane(frame->rgb + 2, 3, frame, block, blue);
+    store_plane(frame->rgb, 3, frame, block, color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, color.z);
+}
+
+static void store_colors(struct frame *frame, struct block block, const float *color) {
+    store_block_of(
+        frame, block,
+        (struct vec){load(color), load(color + COLOR_ROOM), load(color + 2 * COLOR_ROOM)});
 }
 
 #if LANES == 16

@@ -44,9 +44,9 @@ static inline mask enter_box(struct vec c, struct vec per, const struct placed *
 
 // From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
 // the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
-// nearer has missed. A flat part is there at once.
+// nearer has missed. A flat part is there at once. away (NULL: not asked for): where they enter, from the smaller box.
 static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
-                                     const struct placed *s, mask near, real *t) {
+                                     const struct placed *s, mask near, real *t, struct vec *away) {
     COUNT(enter_rounded_box, call);
     COUNT(enter_rounded_box, scalar);
     real zero = set(0.0f), out = set(INFINITY), at = set(-INFINITY);
@@ -55,13 +55,15 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
     slab(c.y, per.y, s->size[1] + s->a, &at, &out);
     slab(c.z, per.z, s->size[2] + s->a, &at, &out);
     mask going = both(near, not_less(out, at)), found = no_lane();
+    struct vec p = c;
+    real x = zero, y = zero, z = zero;
     for (int step = 0; step < 64 && any(going); step++) {
         ACTIVE(count_of(going));
         COUNT(enter_rounded_box, step);
-        struct vec p = vec_along(c, d, at);
-        real x = most_of(absolute(p.x) - set(s->size[0]), zero);
-        real y = most_of(absolute(p.y) - set(s->size[1]), zero);
-        real z = most_of(absolute(p.z) - set(s->size[2]), zero);
+        p = vec_along(c, d, at);
+        x = most_of(absolute(p.x) - set(s->size[0]), zero);
+        y = most_of(absolute(p.y) - set(s->size[1]), zero);
+        z = most_of(absolute(p.z) - set(s->size[2]), zero);
         real square = vec_dot((struct vec){x, y, z}, (struct vec){x, y, z});
         mask reached = both(going, not_less(set(within), square));
         found = either(found, reached);
@@ -76,6 +78,10 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
         going = but_not(either(not_less(rate, zero), greater(at, out)), going);
         at = choose(
             going, at - set(0.5f) * (square - set(s->a * s->a)) / least_of(rate, set(-1e-30f)), at);
+    }
+    if (away) {
+        COUNT(enter_rounded_box, away);
+        *away = (struct vec){with_sign_of(p.x, x), with_sign_of(p.y, y), with_sign_of(p.z, z)};
     }
     *t = at;
     return found;
@@ -210,7 +216,7 @@ static inline mask enter_nearby(struct vec c, struct vec d, real before, real ha
         return near;
     case SHAPE_BOX: return both(near, enter_box(c, known_inverses(d, per), s, in));
     case SHAPE_ROUNDED_BOX:
-        return both(near, enter_rounded_box(c, d, known_inverses(d, per), s, near, in));
+        return both(near, enter_rounded_box(c, d, known_inverses(d, per), s, near, in, NULL));
     case SHAPE_CONE: return both(near, enter_cone(c, d, s, in));
     case SHAPE_OCTAHEDRON: return both(near, enter_octahedron(c, d, s, in));
     default:

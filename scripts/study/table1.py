@@ -28,7 +28,7 @@ TERMS = {
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
     """,
     "light and colour": """
-        light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
+        bring_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
         add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
     """,
     "cones, tiles, lists and trees": """
@@ -36,14 +36,15 @@ TERMS = {
         lower_bound upper_bound march_cones meet way_out shapes_in look look_through look_at_*
         look_from_plane exact_* in_picture convex_tile render_block world_look reach_* reached
         cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
-        entered in_reach set_sides place_cell add_cell begin_grid axis_of next_box next_cells
+        entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until ends_of
+        most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
     """,
     "closed forms and Newton's steps": """
         first_hit next_hit hit_sphere blocked blocked_by_others ask_* meet_* meets_bulbs enter* go_alone
         bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
-        cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along
+        cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along take_whole
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bulges flat_within slant_at plane_between

@@ -261,6 +261,49 @@ REPEATED = {
 }
 
 
+def narrow(shapes: list[dict], eye: list[float], light: list[float], **more) -> dict:
+    """So that 4 × 4 rays are near to each other: as bundles they go from cell to cell together (layers.c)."""
+    camera = looks(eye, [eye[0] + 2, eye[1] - 1.1, eye[2] + 4]) | {"vertical_fov_degrees": 20}
+    return scene(shapes, camera=camera, light=lit("none", light), march={"bounds_radius": 30}, **more)
+
+
+ROUND = {"rounding": 0.1, "half_size": [1, 0.9, 1.1]}
+TWO_GRIDS = (("box", ROUND, GRID), ("sphere", {"radius": 0.7}, [3.1, 4.3, 3.7]), ("torus", {}, [7, 5, 6]))
+REPEATED |= {
+    "bundles, the light at the camera": narrow(
+        [shape("box", repeat=GRID, **ROUND, **TURNED), shape("sphere", radius=1.3, repeat=GRID, **TURNED)],
+        [-3.1, 3.3, -2.2],
+        [-3.1, 3.3, -2.2],
+        fog=1e-5,
+    ),
+    "bundles, the light elsewhere": narrow(
+        [shape("sphere", radius=1.3, repeat=GRID), shape("box", repeat=GRID, **ROUND)],
+        [2.2, 2.0, -2.4],
+        [1, 3, -3],
+    ),
+    "bundles of other shapes": narrow(
+        [shape(kind, repeat=GRID, **TURNED) for kind in ("torus", "octahedron")],
+        [-3.1, 3.3, -2.2],
+        [-3.1, 3.3, -2.2],
+    ),
+    "bundles, a plane before and behind": narrow(
+        [FLOOR, shape("sphere", radius=1.2, repeat=GRID), shape("box", repeat=[5, 0, 4.5])],
+        [2.2, 2.0, -2.4],
+        [2.2, 2.0, -2.4],
+    ),
+    "bundles among shapes repeated otherwise": narrow(
+        [shape(kind, repeat=cell, **size) for kind, size, cell in TWO_GRIDS],
+        [2.2, 2.0, -2.4],
+        [2.2, 2.0, -2.4],
+    ),
+    "bundles with mirrors": narrow(
+        [shape("sphere", radius=1.3, repeat=GRID), shape("box", repeat=GRID, **ROUND, material="mirror")],
+        [2.2, 2.0, -2.4],
+        [1, 3, -3],
+    ),
+}
+
+
 @pytest.mark.parametrize("name", REPEATED)
 def test_repeated_shapes_are_truths(name: str, tmp_path: Path) -> None:
     """Silhouettes too: no ray is decided otherwise."""
