@@ -110,12 +110,30 @@ static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
         desk->shadow[S_LIT][(int)ray[__builtin_ctz(rest)]] = lit[__builtin_ctz(rest)];
 }
 
-static real *fields_of(struct walk *w, int i) {
-    if (i < MARCH_REALS)
-        return &w->march.t + i;
-    if (i < MARCH_REALS + RAY_REALS)
-        return &w->rays.point.x + (i - MARCH_REALS);
-    return &w->from.x + (i - MARCH_REALS - RAY_REALS);
+typedef float rows_of[BEAM_RAYS + LANES];
+
+// Loops of constant ends, so that they are unrolled: no branch for each row.
+static inline void pack_rows(packing first, const real *from, int rows, rows_of *to, int at) {
+    for (int k = 0; k < rows; k++)
+        pack_by(first, from[k], &to[k][at]);
+}
+
+static void pack_walk(mask those, const struct walk *w, rows_of *to, int at) {
+    packing first = packing_of(those);
+    pack_rows(first, &w->march.t, MARCH_REALS, to, at);
+    pack_rows(first, &w->rays.point.x, RAY_REALS, to + MARCH_REALS, at);
+    pack_rows(first, &w->from.x, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
+}
+
+static inline void load_rows(mask active, real *to, int rows, rows_of *from, int at) {
+    for (int k = 0; k < rows; k++)
+        to[k] = keep(active, load(&from[k][at]));
+}
+
+static void load_walk(mask active, struct walk *w, rows_of *from, int at) {
+    load_rows(active, &w->march.t, MARCH_REALS, from, at);
+    load_rows(active, &w->rays.point.x, RAY_REALS, from + MARCH_REALS, at);
+    load_rows(active, &w->from.x, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
 }
 
 // Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out. Whether
@@ -136,24 +154,21 @@ static bool close_ranks(struct beam *beam, struct desk *desk) {
     beam->moving = (moving + LANES - 1) / LANES;
     if (beam->moving == packets)
         return false;
-    float fields[WALK_REALS][BEAM_RAYS + LANES];
+    rows_of fields[WALK_REALS];
     for (int wait = 0; wait < 2; wait++)
         for (int i = 0; i < beam->count; i++) {
             struct walk *w = &beam->walk[i];
             mask those = both(w->rays.active, wait ? w->waits : not_in(w->waits));
             if (!any(those))
                 continue;
-            packing first = packing_of(those);
-            for (int k = 0; k < WALK_REALS; k++)
-                pack_by(first, *fields_of(w, k), &fields[k][at]);
+            pack_walk(those, w, fields, at);
             at += count_of(those);
         }
     beam->count = (live + LANES - 1) / LANES;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
         mask active = first_lanes(live - i * LANES); // behind them nothing was written
-        for (int k = 0; k < WALK_REALS; k++)
-            *fields_of(w, k) = keep(active, load(&fields[k][i * LANES]));
+        load_walk(active, w, fields, i * LANES);
         w->rays.active = active;
         w->waits = not_in(first_lanes(moving - i * LANES));
         w->march.done = not_in(w->rays.active);

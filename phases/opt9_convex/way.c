@@ -169,25 +169,28 @@ static mask blocked_by_others(const struct tree *tree, const struct cone_of_one 
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
         const struct spheres *s = &tree->level[level];
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
+        unsigned which = 0; // of all rows: no branch foresees whether one has any
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
             ACTIVE(lesser(LANES, end - first));
             COUNT(blocked_by_others, spheres);
             struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
             mask matter =
                 both(in_shaft(centre, load(s->radius + first), &shaft), first_lanes(end - first));
-            for (unsigned rest = bits(matter); rest; rest &= rest - 1) {
-                int entry = first + __builtin_ctz(rest);
-                if (level > 0) {
-                    waiting[count++] = level - 1 + TREE_LEVELS * entry;
-                    continue;
-                }
-                ACTIVE(count_of(open));
-                mask blocked = both(open, in_way_of(tree, entry, rays, own));
-                desk->leaf = any(blocked) ? entry : desk->leaf;
-                open = but_not(blocked, open);
-                if (!any(open))
-                    return asked;
+            which |= bits(matter) << (first - node * TREE_WIDTH);
+        }
+        for (; which; which &= which - 1) {
+            int entry = node * TREE_WIDTH + __builtin_ctz(which);
+            if (level > 0) {
+                waiting[count++] = level - 1 + TREE_LEVELS * entry;
+                continue;
             }
+            ACTIVE(count_of(open));
+            mask blocked = both(open, in_way_of(tree, entry, rays, own));
+            // Without a branch: none foresees it.
+            desk->leaf ^= (desk->leaf ^ entry) & -(int)any(blocked);
+            open = but_not(blocked, open);
+            if (!any(open))
+                return asked;
         }
     }
     return but_not(open, asked);
