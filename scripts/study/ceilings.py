@@ -140,16 +140,17 @@ class Ceilings:
         return said
 
     def better(self, other: Ceilings) -> Ceilings:
-        """Of each ceiling the higher of two measurements of one machine, but none that the ports forbid
-        where the other is allowed.
+        """Of each ceiling the higher of two measurements of one machine that the ports allow; the lower
+        where they allow neither.
         """
 
-        def rank(row: Row) -> tuple[bool, float]:
+        def rank(row: Row) -> tuple[int, float]:
+            if row["value"] is None:
+                return 0, 0.0
             due = math.nan
             if "precision" in row:
                 due = self.peak(row["name"], row["precision"], row["bits"])
-            value = row["value"] or 0.0
-            return bool(value) and not value > due * (1 + CLOCK), value
+            return (1, -row["value"]) if row["value"] > due * (1 + CLOCK) else (2, row["value"])
 
         pairs = zip(self.rows, other.rows, strict=True)
         rows = [max(pair, key=rank) for pair in pairs]

@@ -390,6 +390,10 @@ def test_it_measures_again_until_they_agree(monkeypatch: pytest.MonkeyPatch) -> 
         assert (found.tries, [row["value"] for row in found.rows]) == (made, values)
         assert found.steady() == (tries == 6)
     assert "measured 2 times" in found.remarks()[0]
+    several = {"d256": 17.0, "s256": 40.0, "d512": 33.0}, {"d256": 19.0, "s256": None, "d512": None}
+    for one, other in (several, several[::-1]):  # none allowed: the nearest to it, and rather than none
+        found = fmas(EMERALD, **one).better(fmas(EMERALD, **other))
+        assert [row["value"] for row in found.rows] == [17.0, 40.0, 33.0]
 
 
 def test_issue_is_the_best_of_any_mix() -> None:
