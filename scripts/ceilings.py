@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Measures what one core can do at best (arithmetic, bandwidth) and keeps it with a run: five seconds."""
+"""Measures what one core can do at best (arithmetic, bandwidth) and keeps it with a run: five seconds, half
+a minute where it is disturbed."""
 
 from __future__ import annotations
 
@@ -32,6 +33,8 @@ def run() -> int:
         ):
             print(f"{title}\n\n{show.markdown(show.table(roof_tables.grid(measured, by), columns))}")
         print(path)
+    for remark in measured.remarks():
+        cli.say(remark)
     return cli.OK
 
 

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 
 import plots
 import tables
-from study import analysis, machine, roof, roof_tables, show, store
+from study import analysis, machine, roof, roof_shares, roof_tables, show, store
 from study.analysis import Data
 from study.ceilings import LEVELS, Ceilings
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -30,10 +30,11 @@ from study.roof import Row
 
 CAPTIONS = {
     "roofline": "Every phase below the measured roofs of one core, by bytes as the core sees them; the dash "
-    "above a point is the roof of its own operations",
+    "above a point is the lower of its own operations' roof and of L1's by accesses of its own width",
     "performance": "Flop per core cycle against picture height n (the paper's Fig. 6 in form)",
 }
 ROOF = "#444444"
+LABEL = 1.17  # the height of a roof's label, as a factor
 # Solid, dashed, dotted …: levels are told apart without colour.
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
 
@@ -48,7 +49,9 @@ def hover(row: Row) -> str:
         lines.append(f"{show.number(row['intensity'])} flop/byte")
     for name, text in (
         ("share_of_fma_roof", f"of the FMA roof ({row['precision']}, {row['bits']} bits)"),
+        ("share_of_fma_peak", f"of what the ports allow ({show.number(row['fma_peak'])} flop/core cycle)"),
         ("share_of_mix_roof", f"of the roof of its own operations ({row['mix_bound']})"),
+        ("share_of_least_roof", f"of the lower of that and L1's ({row['least_bound']})"),
     ):
         if row[name] > 0:
             why = roof_tables.doubtful(row, name)
@@ -64,7 +67,7 @@ def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float,
     used = dict.fromkeys(zip(table["precision"], table["bits"], strict=True))
     found: list[tuple[float, list[str]]] = []
     for precision, bits in used:
-        width = "scalar" if bits == roof.ELEMENT[precision] else f"{bits} bits"
+        width = "scalar" if bits == roof_shares.ELEMENT[precision] else f"{bits} bits"
         add = np.fmax(limits.flops("add", precision, bits), limits.flops("mul", precision, bits))
         for kind, value in (("FMA", limits.flops("fma", precision, bits)), ("add, mul", float(add))):
             if not value > 0:
@@ -78,30 +81,52 @@ def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float,
     return [(value, ",\n".join(labels) + f": {show.number(value)}") for value, labels in sorted(found)]
 
 
-def draw_roofs(axes: Axes, limits: Ceilings, roofs: list[tuple[float, str]], right: float) -> None:
+def slopes(limits: Ceilings, table: pd.DataFrame) -> list[tuple[str, float, str]]:
+    """Level, byte/core cycle and label: L1 by each width that a phase uses, the others by their best."""
+    found: dict[str, list[tuple[float, str]]] = {level: [] for level in LEVELS}
+    for bits in sorted(set(table["bits"])):
+        speed = limits.bandwidth_by(roof_shares.NEAREST, bits)
+        found[roof_shares.NEAREST].append((speed, f"{roof_shares.NEAREST} by {bits} bits"))
+    for level in LEVELS[1:]:
+        found[level].append((limits.bandwidth(level), level))
+    return [
+        (level, speed, f"{name}: {show.number(speed)} byte/core cycle")
+        for level, several in found.items()
+        for speed, name in several
+        if speed > 0
+    ]
+
+
+def draw_roofs(
+    axes: Axes,
+    levels: list[tuple[str, float, str]],
+    roofs: list[tuple[float, str]],
+    right: float,
+) -> None:
     """Slopes of the levels up to the highest arithmetic roof, and those roofs."""
     left, top = axes.get_xlim()[0], roofs[-1][0]
     knees = []
-    for level in LEVELS:
-        speed = limits.bandwidth(level)
-        if speed > 0:
-            knee = top / speed
-            knees.append(knee)
-            x = np.array([left, knee])
-            label = f"{level}: {show.number(speed)} byte/core cycle"
-            axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
-            low = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
-            along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
-            along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
-            axes.text(low / speed, low, level, fontsize=7, color=ROOF, bbox=box, **along)
-    first = min(knees, default=left)
+    for place, (level, speed, label) in enumerate(levels):
+        knee = top / speed
+        knees.append(knee)
+        x = np.array([left, knee])
+        axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
+        low = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
+        if level == roof_shares.NEAREST:  # its widths lie close together
+            low *= 2.0**place
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
+        along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
+        along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
+        name = label.split(":")[0].replace(" by", "").replace(" bits", "")
+        axes.text(low / speed, low, name, fontsize=7, color=ROOF, bbox=box, **along)
+    first, beside = min(knees, default=left), 0.0
     for value, label in roofs:
+        beside = max(value, beside * LABEL)  # labels of roofs that are close stand apart
         start = first * value / top  # where the fastest level reaches it
         axes.plot(
             [max(start, left), right], [value, value], color=ROOF, linewidth=1.0 if value < top else 1.6
         )
-        axes.text(right * 1.04, value, label, fontsize=7, va="center", color=ROOF)
+        axes.text(right * 1.04, beside, label, fontsize=7, va="center", color=ROOF)
 
 
 def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
@@ -113,7 +138,8 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     title = (
         f"Cache-aware roofline of one core{'' if other else ', measured in this run'}: performance against "
         "flop per byte loaded or stored\n"
-        "the dash above a point: the roof of its own operations (div, sqrt, min/max … at their own rate)"
+        "the dash above a point: the lower of its own operations' roof (div, sqrt, min/max … at their own "
+        "rate) and of L1's by its own width"
     )
     if other:
         title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
@@ -123,19 +149,20 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     bottom = min(part.min() for part in speeds if len(part)) / 2
     top = roofs[-1][0] * 1.6 if roofs else table["flops_per_core_cycle"].max() * 2
     left, right = table["intensity"].min() / 3, table["intensity"].max() * 3
-    if slopes := [speed for speed in map(limits.bandwidth, LEVELS) if speed > 0]:
-        left, right = min(left, 2 * bottom / max(slopes)), max(right, 1.6 * top / min(slopes))
+    levels = slopes(limits, table)
+    if speeds_of := [speed for _, speed, _ in levels]:
+        left, right = min(left, 2 * bottom / max(speeds_of)), max(right, 1.6 * top / min(speeds_of))
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
         axes.set(xlabel="operational intensity, flop/byte", ylabel="flop per core cycle")
         if roofs:
-            draw_roofs(axes, limits, roofs, right)
+            draw_roofs(axes, levels, roofs, right)
         for _, row in table[table["scene"] == scene].iterrows():
             point(axes, row, looks[row["phase"], row["threads"]])
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
     dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")
-    dash.set_label("roof of its own operations")
+    dash.set_label("roof of its own operations, or of L1")
     above = table[["share_of_fma_roof", "share_of_mix_roof"]].gt(1).any(axis=None)
     ring = [Line2D([], [], label="above its roof: see below", **RING)] if above else []
     legend(figure, grid, (dash, *ring))
@@ -143,11 +170,11 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
 
 
 def point(axes: Axes, row: pd.Series, style: dict) -> None:
-    """A phase, its whisker, the roof of its own operations above. The id is what `titled` looks for."""
-    x, y, mix = row["intensity"], row["flops_per_core_cycle"], row["mix_roof"]
-    if mix > 0:
-        axes.plot([x, x], [y, mix], color=style["color"], linewidth=0.8, linestyle=":")
-        axes.plot(x, mix, marker="_", color=style["color"], markersize=14, mew=2.2)
+    """A phase, its whisker, its own least roof above. The id is what `titled` looks for."""
+    x, y, least = row["intensity"], row["flops_per_core_cycle"], row["least_roof"]
+    if least > 0:
+        axes.plot([x, x], [y, least], color=style["color"], linewidth=0.8, linestyle=":")
+        axes.plot(x, least, marker="_", color=style["color"], markersize=14, mew=2.2)
     ends = bars_of(row.to_frame().T.infer_objects(), "flops_per_core_cycle")
     axes.errorbar(x, y, yerr=ends, color=style["color"], capsize=3, linestyle="none")
     face = "white" if style["hollow"] else style["color"]
@@ -214,7 +241,8 @@ def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
             f" Roofs: the best that build/ceilings saw three times, core {limits.data['core_hz'] / 1e9:.2f} "
             "GHz; bandwidth: the most of load, store and copy."
         )
-    return "\n".join([text, *roof.remarks(table)])
+    said = [*roof.remarks(table), *(limits.remarks() if limits else [])]
+    return "\n".join([text, *said])
 
 
 def lacking(name: str, table: pd.DataFrame, limits: Ceilings | None) -> str | None:
@@ -261,7 +289,7 @@ def run() -> int:
         again = f"run scripts/flops.py --measure --run {data.path}"
         raise cli.StudyError(f"{data.path / roof.COUNTS}: no counts of what was timed; {again}")
     out = args.out or data.path
-    for remark in roof.remarks(roof.headline(table)):
+    for remark in [*roof.remarks(roof.headline(table)), *(limits.remarks() if limits else [])]:
         cli.say(remark)
     made = roof_tables.tables(table, limits)
     figures = draw(data, table, limits, out / "figures")

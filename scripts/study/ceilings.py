@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from study import machine, run, store
+from study import machine, peaks, run, store
 from study.build import build
 from study.cli import CANNOT_RUN, StudyError
 
@@ -21,7 +21,13 @@ KINDS = ("fma", "add", "mul", "minmax", "div", "sqrt", "rsqrt")
 # Mixed: more per cycle than either where the units differ, and which mix is best depends on how.
 TOGETHER = ("add+mul", "add+2mul", "2add+mul")
 SECONDS = 120  # it takes five; ten on a slow machine
+LACKS = "this CPU lacks "
+TRIES = 6  # until the FMA ceilings agree
+AGREE = 0.03  # single is twice double, and both what the ports allow, within that
+CLOCK = 0.003  # of a sample (common/ceilings/samples.c): as much above what the ports allow says nothing
 TSC_TOLERANCE = 0.01  # of one machine's: a calibration of 20 ms is far better
+WIDTHS = (64, 128, 256, 512)  # of vectors; 64: scalar, 32 bits in single precision
+_ELEMENTS = (("double", 64), ("single", 32))
 _CPU = ("model", "vendor", "family", "model_number", "stepping")  # what tells machines apart
 _NUMBERS = ("value", "median", "low", "high", "per_second", "instructions_per_core_cycle")
 
@@ -68,6 +74,90 @@ class Ceilings:
         rates = [self.rate(name, precision, bits) for name in (*KINDS, *TOGETHER)]
         return max((rate for rate in rates if rate > 0), default=math.nan)
 
+    @property
+    def tries(self) -> int:
+        """How often it was measured."""
+        return int(self.data.get("tries", 1))
+
+    def peak(self, name: str, precision: str, bits: int) -> float:
+        """Flop per core cycle that the ports allow (study.peaks); NaN where that is not known."""
+        return peaks.peak(self.data.get("cpu") or {}, name, precision, bits)
+
+    def uneven(self) -> list[str]:
+        """Widths at which FMA in single precision is not twice that in double (scalar: as much), in words.
+
+        One unit does both, at one instruction rate: the slower of them was disturbed.
+        """
+        found = []
+        for bits in WIDTHS:
+            scalar = bits < 128
+            ends = [self.flops("fma", name, element if scalar else bits) for name, element in _ELEMENTS]
+            ratio, due = ends[1] / ends[0], 1 if scalar else 2
+            if abs(ratio / due - 1) > AGREE:
+                found.append(f"{'scalar' if scalar else f'{bits} bits'} {ratio:.3g} instead of {due}")
+        return found
+
+    def off_ports(self) -> tuple[list[str], list[str]]:
+        """Ceilings above what the ports allow, and FMA ceilings more than AGREE below it, in words."""
+        above, below = [], []
+        for one in self.rows:
+            if one["value"] is None or "precision" not in one:
+                continue
+            due = self.peak(one["name"], one["precision"], one["bits"])
+            said = f"{one['name']} {one['precision']} {one['bits']} bits {one['value']:.4g} of {due:g}"
+            if one["value"] > due * (1 + CLOCK):
+                above.append(said)
+            elif one["name"] == "fma" and one["value"] < due * (1 - AGREE):
+                below.append(said)
+        return above, below
+
+    def steady(self) -> bool:
+        """Whether the FMA ceilings agree with each other and, where those are known, with the ports."""
+        above, below = self.off_ports()
+        lost = [r for r in self.rows if r["name"] == "fma" and r["value"] is None]
+        lost = [r for r in lost if not r["reason"].startswith(LACKS)]  # for the clock, not for the CPU
+        return not (self.uneven() or below or lost or any(said.startswith("fma ") for said in above))
+
+    def remarks(self) -> list[str]:
+        """What speaks against these figures; nothing where they agree."""
+        said, (above, below) = [], self.off_ports()
+        times = "once" if self.tries == 1 else f"{self.tries} times"
+        if uneven := self.uneven():
+            said.append(
+                f"FMA ceilings that do not agree (measured {times}), single over double precision: "
+                f"{', '.join(uneven)}. The lower of the two was disturbed, and shares of it are too high."
+            )
+        if below:
+            said.append(
+                f"FMA ceilings more than {100 * AGREE:g}\u00a0% below what the ports allow, in flop/core "
+                f"cycle (measured {times}): {', '.join(below)}. Disturbed; shares of them are too high."
+            )
+        if above:
+            said.append(
+                f"Ceilings above what the ports allow, in flop/core cycle: {', '.join(above)}. The clock "
+                "beside them was measured too low; shares of them are too low by as much."
+            )
+        return said
+
+    def better(self, other: Ceilings) -> Ceilings:
+        """Of each ceiling the higher of two measurements of one machine that the ports allow; the lower
+        where they allow neither.
+        """
+
+        def rank(row: Row) -> tuple[int, float]:
+            if row["value"] is None:
+                return 0, 0.0
+            due = math.nan
+            if "precision" in row:
+                due = self.peak(row["name"], row["precision"], row["bits"])
+            return (1, -row["value"]) if row["value"] > due * (1 + CLOCK) else (2, row["value"])
+
+        pairs = zip(self.rows, other.rows, strict=True)
+        rows = [max(pair, key=rank) for pair in pairs]
+        seconds = sum(one.data.get("seconds", 0) for one in (self, other))
+        more = {"ceilings": rows, "tries": self.tries + other.tries, "seconds": seconds}
+        return Ceilings({**self.data, **more})
+
     def bandwidth(self, level: str, bits: int | None = None) -> float:
         """Bytes per core cycle from or to a level: the most of load, store and copy, of any width or one."""
         found = [
@@ -76,6 +166,11 @@ class Ceilings:
             if r.get("level") == level and r["value"] is not None and bits in (None, r["bits"])
         ]
         return max(found, default=math.nan)
+
+    def bandwidth_by(self, level: str, bits: int) -> float:
+        """The same by accesses of `bits`; where there were none (scalar floats), of any width."""
+        own = self.bandwidth(level, bits)
+        return own if own > 0 else self.bandwidth(level)
 
 
 def describe(cpu: Mapping[str, Any], tsc_hz: float) -> str:
@@ -134,12 +229,21 @@ def _positive(value: Any) -> bool:
     return number and math.isfinite(value) and value > 0
 
 
-def measure(cpu: int | None = None, samples: int | None = None) -> Ceilings:
-    """Runs build/ceilings, pinned to `cpu` (the last usable one), for about five seconds.
+def measure(cpu: int | None = None, samples: int | None = None, tries: int = TRIES) -> Ceilings:
+    """Runs build/ceilings, pinned to `cpu` (the last usable one), for about five seconds; again, up to
+    `tries` times in all, until its FMA ceilings agree (Ceilings.steady): a neighbour may be busy for
+    seconds, which spoils all samples of a ceiling. Of each the best that was allowed is kept.
 
-    Beside what it printed stands which CPU this is.
+    Beside what it printed stands which CPU this is, and how often it ran.
     """
     program = build(".", "ceilings")
+    made = _once(program, cpu, samples)
+    while made.tries < tries and not made.steady():
+        made = made.better(_once(program, cpu, samples))
+    return made
+
+
+def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
     arguments = [str(program), "--json", *(["--samples", str(samples)] if samples else [])]
     cpus = run.cpu_set(run.USABLE[-1] if cpu is None else cpu, 1)
     try:
@@ -162,7 +266,7 @@ def measure(cpu: int | None = None, samples: int | None = None) -> Ceilings:
     except json.JSONDecodeError:
         raise StudyError(f"{program}: printed no JSON object but {done.stdout[:60]!r}") from None
     about = machine.cpu()
-    return check(data | {"cpu": {key: about[key] for key in _CPU}}, str(program))
+    return check(data | {"cpu": {key: about[key] for key in _CPU}, "tries": 1}, str(program))
 
 
 def read(folder: Path) -> Ceilings:

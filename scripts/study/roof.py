@@ -4,26 +4,12 @@ Cache-aware: bytes are those the core loads and stores, whatever level they are 
 L. Sousa, IEEE Computer Architecture Letters 13(1), 2014, after S. Williams, A. Waterman and D. Patterson,
 CACM 52(4), 2009).
 
-The roof of a phase's own operation mix. A picture takes at least as many core cycles as the busiest of these
-resources, each at its measured throughput (common/ceilings), one instruction per `bits` of lanes:
-
-    divider               divisions and square roots, which one unit does
-    multiply              multiplications and FMAs, which the same units do
-    add, minmax, rsqrt    each by itself
-    issue                 all of them and comparisons, at the most instructions per cycle of any kind
-
-    mix roof = FLOPs / the largest of them;  share of it = those cycles / the cycles measured
-
-That is a bound and no estimate. Additions may have units of their own or not, so they are added to
-multiplications under `issue` only; latencies, branches, moves, shuffles, integers and memory are left out.
-Masked lanes count as far as they are active, so of masked code the bound is lower still. There is none where
-more than 5 % of the FLOPs have no ceiling: hardware events tell no kind, some neither precision nor width.
+What the roofs are: study.roof_shares.
 """
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,67 +19,18 @@ import pandas as pd
 
 from study import ceilings, paper, store
 from study.analysis import GENERATED, Cell, Data
-from study.ceilings import LEVELS, Ceilings
+from study.ceilings import Ceilings
 from study.cli import StudyError
 from study.counts import Counts, Measured
-from study.decode import FLOPS
 from study.flops import LIBM_INSIDE
+from study.roof_shares import ELEMENT, SHARES, below, under_load
 from study.stats import Interval
 
 COUNTS = "counts.json"
-RESOURCES = {
-    **{"div": "divider", "sqrt": "divider", "mul": "multiply", "fma": "multiply"},
-    **{"add": "add", "minmax": "minmax", "rsqrt": "rsqrt"},
-}
-ISSUE = "issue"
-ELEMENT = {"double": 64, "single": 32, "half": 16, "extended": 80}
-MOST_UNPRICED = 0.05  # of the FLOPs
-PEAK_BITS = 256  # the paper's share of peak: of AVX2, whatever a phase itself uses
 ORDER = ("blocks", "sde", "qemu", "pmu")  # of two back ends that counted the same picture, the first
-SHARES = ("share_of_fma_roof", "share_of_mix_roof", "share_of_avx2_peak")
 SECTION = {"baseline": "table5"}  # of the paper; every other phase is in Table 6
 
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Mix:
-    """Least core cycles of counted operations, by resource; `unpriced`: share of FLOPs without a ceiling."""
-
-    flops: int
-    cycles: dict[str, float]
-    unpriced: float
-
-    @property
-    def bound(self) -> str | None:
-        return max(self.cycles, key=self.cycles.__getitem__, default=None)
-
-    @property
-    def roof(self) -> float:
-        """Flop per core cycle; NaN where too little has a ceiling for a bound of the whole."""
-        least = self.cycles[self.bound] if self.bound else 0
-        return self.flops / least if least > 0 and self.unpriced <= MOST_UNPRICED else math.nan
-
-
-def mix(lanes: Mapping[tuple[str, str, int], int], limits: Ceilings) -> Mix:
-    """`lanes`: (kind, precision, bits) → operations, lane by lane, as in study.counts."""
-    cycles: dict[str, float] = defaultdict(float)
-    flops = unpriced = 0
-    for (kind, precision, bits), n in lanes.items():
-        flops += FLOPS[kind] * n
-        if kind == "any" or precision not in ELEMENT or bits <= 0:  # hardware events that tell less apart
-            unpriced += FLOPS[kind] * n
-            continue
-        instructions = n * ELEMENT[precision] / bits
-        issue, rate = limits.issue(precision, bits), limits.rate(kind, precision, bits)
-        if issue > 0:
-            cycles[ISSUE] += instructions / issue
-        if kind in RESOURCES:
-            if rate > 0:
-                cycles[RESOURCES[kind]] += instructions / rate
-            else:
-                unpriced += FLOPS[kind] * n
-    return Mix(flops, dict(cycles), unpriced / flops if flops else math.nan)
 
 
 # --- what a run has
@@ -261,8 +198,9 @@ def own_bits(cell: Cell) -> tuple[str, int]:
 
 
 def _row(
-    cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None, cpu: str | None
+    cell: Cell, counted: Counted, limits: Ceilings | None, scene_hash: str | None, about: Mapping[str, Any]
 ) -> Row:
+    cpu = about.get("model")
     precision, bits = own_bits(cell)
     core, tsc = cell.median("core_cycles"), cell.median("tsc_cycles")
     row: Row = {
@@ -299,26 +237,15 @@ def _row(
     row["intensity"] = flops / row["bytes"] if row["bytes"] > 0 else nan
     row |= _rate("flops_per_core_cycle", flops, core) | _rate("flops_per_tsc_cycle", flops, tsc)
     row["gflops"] = flops / cell.median("ns").value
-    limit = limits.flops if limits else lambda *_: nan
-    row["fma_roof"] = limit("fma", precision, bits)
-    row["avx2_fma_roof"] = limit("fma", precision, PEAK_BITS)
-    speed = row["flops_per_core_cycle"]
-    row["share_of_fma_roof"] = speed / row["fma_roof"]
-    row["share_of_avx2_peak"] = speed / row["avx2_fma_roof"]
-    made = mix(operations, limits) if limits and operations is not None else Mix(0, {}, nan)
-    row |= {"mix_roof": made.roof, "share_of_mix_roof": speed / made.roof}
-    row["mix_bound"] = made.bound if made.roof > 0 else None
-    row["unpriced_share"] = made.unpriced
-    for level in LEVELS:
-        row[f"{level}_roof"] = row["intensity"] * (limits.bandwidth(level) if limits else nan)
+    row |= below(row, operations, limits, about)
+    row |= under_load(row, cell, limits)
     theirs = stated[0] * stated[2]["flops"]["paper"] if stated else nan
     row["paper_convention_scaled_from_n"] = stated[1] if stated else None
     row["paper_convention_flops"] = theirs
     row |= _rate("paper_convention_flops_per_core_cycle", theirs, core)
     row |= _rate("paper_convention_flops_per_tsc_cycle", theirs, tsc)
-    row["paper_convention_share_of_avx2_peak"] = (
-        row["paper_convention_flops_per_core_cycle"] / row["avx2_fma_roof"]
-    )
+    for share, of in (("avx2_roof", "avx2_fma_roof"), ("avx2_peak", "avx2_fma_peak")):
+        row[f"paper_convention_share_of_{share}"] = row["paper_convention_flops_per_core_cycle"] / row[of]
     return row
 
 
@@ -331,7 +258,7 @@ def rows(data: Data, counted: Counted, limits: Ceilings | None) -> pd.DataFrame:
     `foreign_ceilings`, `foreign_counts`: why they are not of what was timed.
     """
     table = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    cpu, other = (data.context.get("cpu") or {}).get("model"), foreign(data, limits)
+    cpu, other = data.context.get("cpu") or {}, foreign(data, limits)
     made = []
     for cell in data.cells:
         if cell.threads != 1:

@@ -10,7 +10,8 @@ import pandas as pd
 
 from study import ceilings, show
 from study.ceilings import Ceilings
-from study.roof import ELEMENT, Row, headline, remarks
+from study.roof import Row, headline, remarks
+from study.roof_shares import ELEMENT, NEAREST, clocks
 from study.show import Column, interval, number, percent, plain, whole, word
 
 
@@ -30,8 +31,10 @@ def counted_by(row: Row) -> str:
 
 def doubtful(row: Row, name: str) -> str:
     """Why a share of a roof is not to be believed, in a few words, or nothing."""
-    if isinstance(row["foreign_ceilings"], str):
+    if isinstance(row["foreign_ceilings"], str) and not name.endswith("_peak"):  # which is no measurement
         return "another machine's roof"
+    if name.startswith("share_of_least_roof") and row["least_bound"] == NEAREST:
+        return "by wider accesses than its own" if row[name] > 1 else ""
     return "above its roof" if row[name] > 1 else ""
 
 
@@ -67,13 +70,16 @@ PERFORMANCE = [
     ),
     Column("machine's convention", "flop/TSC cycle", plain("flops_per_tsc_cycle", 4)),
     _share("machine's convention", "share of AVX2 peak", "share_of_avx2_peak"),
+    _share("machine's convention", "of the measured AVX2 roof", "share_of_avx2_roof"),
     Column("paper's convention", "flop/core cycle", plain("paper_convention_flops_per_core_cycle", 4)),
     Column("paper's convention", "flop/TSC cycle", plain("paper_convention_flops_per_tsc_cycle", 4)),
     _share("paper's convention", "share of AVX2 peak", "paper_convention_share_of_avx2_peak"),
+    _share("paper's convention", "of the measured AVX2 roof", "paper_convention_share_of_avx2_roof"),
     Column("the paper, i7-7700", "flop/cycle", plain("paper_flops_per_cycle", 4)),
     Column("the paper, i7-7700", "share of AVX2 peak", _paper_percent),
     Column("", "counted by", counted_by),
 ]
+_LEAST_LOAD = "share_of_least_roof_load"
 POINTS = [
     Column("", "scene", word("scene")),
     Column("", "phase", word("phase")),
@@ -84,12 +90,19 @@ POINTS = [
     Column("FMA roof", "own width, bits", whole("bits")),
     Column("FMA roof", "flop/core cycle", plain("fma_roof")),
     _share("FMA roof", "share of it", "share_of_fma_roof"),
-    _share("FMA roof", "share of AVX2's", "share_of_avx2_peak"),
+    _share("FMA roof", "by the clock under vector load", "share_of_fma_roof_load"),
+    _share("FMA roof", "share of AVX2's", "share_of_avx2_roof"),
+    Column("FMA peak by the ports", "flop/core cycle", plain("fma_peak")),
+    _share("FMA peak by the ports", "share of it", "share_of_fma_peak"),
     Column("roof of its own operations", "flop/core cycle", plain("mix_roof")),
     _share("roof of its own operations", "share of it", "share_of_mix_roof"),
     Column("roof of its own operations", "set by", _bound),
-    Column("bandwidth roof, flop/core cycle", "L1", plain("L1_roof")),
-    Column("bandwidth roof, flop/core cycle", "L2", plain("L2_roof")),
+    Column("bandwidth roof by its own width, flop/core cycle", "L1", plain("L1_roof")),
+    Column("bandwidth roof by its own width, flop/core cycle", "L2", plain("L2_roof")),
+    Column("the lower of its operations' and L1's", "flop/core cycle", plain("least_roof")),
+    _share("the lower of its operations' and L1's", "share of it", "share_of_least_roof"),
+    _share("the lower of its operations' and L1's", "by the clock under vector load", _LEAST_LOAD),
+    Column("the lower of its operations' and L1's", "set by", word("least_bound")),
     Column("", "counted by", counted_by),
 ]
 
@@ -107,6 +120,8 @@ def _best(name: str) -> Column:
 COMPUTE = [
     Column("", "precision", word("precision")),
     Column("", "width", word("width")),
+    Column("fma by the ports", "flop/core cycle", plain("peak", 4)),
+    Column("fma by the ports", "measured of it", lambda r: percent(r["of_peak"])),
     *[_best(name) for name in (*ceilings.KINDS, *ceilings.TOGETHER)],
 ]
 BANDWIDTH = [
@@ -131,11 +146,27 @@ def grid(limits: Ceilings, by: str) -> list[Row]:
             line |= {by: one[by], "width": _width(one), one["name"]: one}
             if "working_set_bytes" in one:
                 line["kib"] = one["working_set_bytes"] / 1024 or math.nan
+            if one["name"] == "fma":
+                line["peak"] = limits.peak("fma", one["precision"], one["bits"])
+                line["of_peak"] = (one["value"] or math.nan) / line["peak"]
     return list(lines.values())
+
+
+def _with_peak(limits: Ceilings, one: Row) -> Row:
+    """A ceiling and, of arithmetic, the most that the ports allow; null where that is not known."""
+    if "precision" not in one:
+        return one
+    peak = limits.peak(one["name"], one["precision"], one["bits"])
+    return {**one, "peak": None if math.isnan(peak) else peak}
 
 
 def flat(found: Iterable[Row]) -> pd.DataFrame:
     return pd.DataFrame(list(found))
+
+
+def of_roofs(table: pd.DataFrame, limits: Ceilings | None) -> list[str]:
+    """What must be known of the roofs themselves: the clock, and ceilings that were disturbed."""
+    return [*clocks(table), *limits.remarks()] if limits else []
 
 
 def tables(table: pd.DataFrame, limits: Ceilings | None) -> dict[str, tuple[pd.DataFrame, str]]:
@@ -148,11 +179,14 @@ def tables(table: pd.DataFrame, limits: Ceilings | None) -> dict[str, tuple[pd.D
             text += "".join(f"\n{line}\n" for line in remarks(part))
             made[name] = part.drop(columns="section"), text
     if limits and not table.empty:
-        text = show.markdown(show.table(headline(table).to_dict("records"), POINTS))
-        text += "".join(f"\n{line}\n" for line in remarks(headline(table)))
+        shown = headline(table)
+        text = show.markdown(show.table(shown.to_dict("records"), POINTS))
+        text += "".join(f"\n{line}\n" for line in [*remarks(shown), *of_roofs(shown, limits)])
         made["roofline"] = table.drop(columns="section"), text
     if limits:
         for name, by, part in (("ceilings", "precision", COMPUTE), ("bandwidth", "level", BANDWIDTH)):
-            data = flat(one for one in limits.rows if by in one)
-            made[name] = data, show.markdown(show.table(grid(limits, by), part))
+            data = flat(_with_peak(limits, one) for one in limits.rows if by in one)
+            text = show.markdown(show.table(grid(limits, by), part))
+            said = limits.remarks() if by == "precision" else []
+            made[name] = data, text + "".join(f"\n{line}\n" for line in said)
     return made

@@ -190,7 +190,7 @@ def roofline(data: Data) -> Section:
     with reading(both, f"scripts/flops.py --run {data.path} or scripts/ceilings.py --run {data.path}"):
         found, limits, notes = roof.read(data.path, strict=False)
         table = roof.rows(data, found, limits)
-        notes = [*roof.remarks(table), *notes]
+        notes = [*roof.remarks(table), *roof_tables.of_roofs(roof.headline(table), limits), *notes]
         if not table.empty:
             for name, title in (
                 ("table5", "Table 5: performance of baseline"),

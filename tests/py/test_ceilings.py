@@ -305,6 +305,97 @@ def test_ceilings_know_their_machine(change: dict, tsc_hz: float, foreign: bool)
     assert limits.foreign({}, 2.5e9) is None
 
 
+INTEL = {"model": "X", "vendor": "GenuineIntel", "family": 6, "stepping": 2}
+EMERALD = INTEL | {"model_number": 207}
+
+
+@pytest.mark.parametrize(
+    ("cpu", "precision", "bits", "peak"),
+    [
+        (EMERALD, "double", 64, 4),  # two a cycle, an FMA is two
+        (EMERALD, "single", 32, 4),
+        (EMERALD, "double", 256, 16),
+        (EMERALD, "single", 512, 64),
+        (INTEL | {"model_number": 158}, "single", 256, 32),  # the paper's i7-7700
+        (INTEL | {"model_number": 158}, "single", 512, None),
+        (INTEL | {"model_number": 85}, "single", 512, None),  # one unit or two, by product
+        (INTEL | {"model_number": 42}, "single", 256, None),  # Sandy Bridge has no FMA
+        (INTEL | {"model_number": 151}, "single", 256, None),  # a hybrid
+        ({"vendor": "AuthenticAMD", "family": 25, "model_number": 1}, "double", 256, 16),  # Zen 3
+        ({"vendor": "AuthenticAMD", "family": 25, "model_number": 0x11}, "single", 512, 32),  # Zen 4
+        ({"vendor": "AuthenticAMD", "family": 23, "model_number": 1}, "single", 256, 16),  # Zen
+        ({"model": "Example CPU"}, "single", 256, None),
+    ],
+)
+def test_the_peak_is_ports_times_lanes_times_two(
+    cpu: dict, precision: str, bits: int, peak: float | None
+) -> None:
+    here = ceilings.check(small() | {"cpu": cpu}, "test").peak("fma", precision, bits)
+    assert math.isnan(here) if peak is None else here == peak
+    added = ceilings.check(small() | {"cpu": cpu}, "test").peak("add", precision, bits)
+    assert math.isnan(added) if peak is None else added == peak / 2
+
+
+def fmas(cpu: dict | None = None, **values: float | None) -> ceilings.Ceilings:
+    """FMA ceilings alone, `d256` for double precision and 256 bits; flop per core cycle."""
+    rows = []
+    for name, value in values.items():
+        element, bits = (64 if name[0] == "d" else 32), int(name[1:])
+        one = {"name": "fma", "precision": "double" if element == 64 else "single", "bits": bits}
+        one |= {"unit": "flop/core cycle", "value": value, "reason": "the core clock never held still"}
+        if value is not None:
+            one |= dict.fromkeys(("median", "low", "high", "per_second"), value)
+            one["instructions_per_core_cycle"] = value / 2 / (bits // element)
+        rows.append(one)
+    data = {"schema": 1, "tsc_hz": 2.5e9, "core_hz": 4e9, "ceilings": rows, "cpu": cpu or {}}
+    return ceilings.check(data, "test")
+
+
+def test_fma_ceilings_that_do_not_agree_are_told() -> None:
+    """Single precision has twice the lanes; of scalars as many. 13.5 and 30.5 are 2.26 apart."""
+    good = fmas(d64=4.0, s32=4.0, d256=16.0, s256=31.6)
+    assert good.steady() and good.remarks() == []
+    bad = fmas(d64=4.0, s32=3.8, d256=13.5, s256=30.5)
+    assert bad.uneven() == ["scalar 0.95 instead of 1", "256 bits 2.26 instead of 2"]
+    assert not bad.steady() and len(bad.remarks()) == 1 and "measured once" in bad.remarks()[0]
+
+
+def test_ceilings_are_held_against_the_ports() -> None:
+    """Both disturbed alike agree; and 64 flop a cycle are all that two FMAs of 16 floats are."""
+    alike = {"d256": 13.5, "s256": 27.0}
+    assert fmas(**alike).steady() and not fmas(EMERALD, **alike).steady()
+    assert (
+        "fma double 256 bits 13.5 of 16, fma single 256 bits 27 of 32" in fmas(EMERALD, **alike).remarks()[0]
+    )
+    for value, above in ((64.1, False), (64.3, True)):  # the clock is known to 0.3 %
+        one = fmas(EMERALD, d512=32.0, s512=value)
+        assert one.steady() != above and ("64.3 of 64" in " ".join(one.remarks())) == above
+    lost = fmas(EMERALD, d256=None, s256=32.0)
+    assert not lost.steady()
+
+
+def test_it_measures_again_until_they_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each the best that the ports allow; no more than the tries that are granted."""
+    runs = [
+        fmas(EMERALD, d256=13.5, s256=32.0, d512=31.9, s512=66.0),
+        fmas(EMERALD, d256=15.9, s256=25.0, d512=20.0, s512=45.9),
+        fmas(EMERALD, d256=12.0, s256=31.0, d512=31.0, s512=63.9),
+        fmas(EMERALD, d256=16.0, s256=32.0, d512=32.0, s512=64.0),
+    ]
+    monkeypatch.setattr(ceilings, "build", lambda *_: Path("ceilings"))
+    for tries, made, values in ((6, 3, [15.9, 32.0, 31.9, 63.9]), (2, 2, [15.9, 32.0, 31.9, 45.9])):
+        left = iter(runs)
+        monkeypatch.setattr(ceilings, "_once", lambda *_, left=left: next(left))
+        found = ceilings.measure(tries=tries)
+        assert (found.tries, [row["value"] for row in found.rows]) == (made, values)
+        assert found.steady() == (tries == 6)
+    assert "measured 2 times" in found.remarks()[0]
+    several = {"d256": 17.0, "s256": 40.0, "d512": 33.0}, {"d256": 19.0, "s256": None, "d512": None}
+    for one, other in (several, several[::-1]):  # none allowed: the nearest to it, and rather than none
+        found = fmas(EMERALD, **one).better(fmas(EMERALD, **other))
+        assert [row["value"] for row in found.rows] == [17.0, 40.0, 33.0]
+
+
 def test_issue_is_the_best_of_any_mix() -> None:
     data = small()
     for number, name in enumerate(ceilings.TOGETHER, 1):

@@ -259,3 +259,40 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     found = register.CHECKS["integers"](data, claim)
     assert found.verdict == NEVER and (found.value, found.low, found.high) == (100, 90, 120)
     assert found.here == "100.0 ms on 1 thread: 5.0× its pixels per core and second"
+
+
+def point(height: int = 2000, **shares: float) -> dict:
+    return {f"paper_convention_share_of_avx2_{name}": share for name, share in shares.items()} | {
+        "height": height
+    }
+
+
+@pytest.mark.parametrize(
+    ("shares", "value", "verdict", "said"),
+    [
+        ({"peak": 0.07, "roof": 0.5}, 7.0, HOLDS, "7.0 % of what its ports allow; 50.0 % of the measured"),
+        ({"peak": 0.05, "roof": 0.5}, 5.0, PART, "5.0 % of what its ports allow; 50.0 % of the measured"),
+        ({"peak": 0.08, "roof": math.nan}, 8.0, HOLDS, "8.0 % of what its ports allow (the"),
+        ({"peak": math.nan, "roof": 0.09}, 9.0, HOLDS, "peak is not known; 9.0 % of the measured"),
+        ({"peak": math.nan, "roof": math.nan}, math.nan, OPEN, ""),
+    ],
+)
+def test_a_share_of_peak_is_of_the_theoretical_one(
+    data: Data, shares: dict, value: float, verdict: str, said: str
+) -> None:
+    data.kept["points"] = {("scene0", "opt4"): point(**shares)}
+    claim = {"scene": "scene0", "phase": "opt4", "base": "", "value": 7.45, "n": 2000}
+    found = register.CHECKS["share_of_peak"](data, claim)
+    assert found.verdict == verdict and said in found.here
+    assert found.value == pytest.approx(value, nan_ok=True)
+
+
+def test_a_share_falls_by_the_theoretical_peak_where_a_disturbed_roof_says_otherwise(data: Data) -> None:
+    """From 20 to 22 % of peak; of a double roof that is too low it seems to fall from 25 to 23 %."""
+    claim = {"scene": "scene0", "phase": "opt4", "base": "opt3", "value": 1, "n": 2000}
+    for before, verdict, ratio in ((0.20, FAILS, 1.1), (math.nan, HOLDS, 0.92)):
+        ends = [point(peak=before, roof=0.25), point(peak=0.22, roof=0.23)]
+        data.kept["points"] = dict(zip((("scene0", "opt3"), ("scene0", "opt4")), ends, strict=True))
+        found = register.CHECKS["share_falls"](data, claim)
+        assert found.verdict == verdict and found.value == pytest.approx(ratio)
+        assert "25.0 % to 23.0 % of the measured roof" in found.here

@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import roofline
-from study import analysis, ceilings, roof, roof_tables, sections, store
+from study import analysis, ceilings, roof, roof_shares, roof_tables, sections, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
 from study.draw import RING
@@ -139,30 +139,32 @@ def test_the_busiest_resource_sets_the_roof(limits: ceilings.Ceilings) -> None:
         ("sqrt", "double", 256): 8,  # 2
         ("compare", "double", 256): 100,  # 25
     }
-    made = roof.mix(lanes, limits)
+    made = roof_shares.mix(lanes, limits)
     wanted = {"multiply": 75, "add": 50, "divider": 2 * 8 + 2 * 16, "issue": 279 / 3}
     assert made.cycles == pytest.approx(wanted)
     assert (made.flops, made.bound, made.unpriced) == (800 + 200 + 400 + 8 + 8, "issue", 0)
     assert made.roof == pytest.approx(1416 / 93)
-    made = roof.mix(lanes | {("div", "double", 256): 32}, limits)  # 8 divisions: 64 cycles, and 32 of roots
+    made = roof_shares.mix(
+        lanes | {("div", "double", 256): 32}, limits
+    )  # 8 divisions: 64 cycles, and 32 of roots
     assert (made.bound, made.roof) == ("divider", pytest.approx(1440 / 96))
 
 
 def test_widths_and_precisions_add_up(limits: ceilings.Ceilings) -> None:
     lanes = {("div", "double", 64): 3, ("sqrt", "single", 32): 2, ("div", "single", 256): 16}
-    made = roof.mix(lanes, limits)
+    made = roof_shares.mix(lanes, limits)
     assert made.cycles["divider"] == pytest.approx(3 * 8 + 2 * 16 + 2 * 8)
     assert made.cycles["issue"] == pytest.approx((3 + 2 + 2) / 3)
 
 
 def test_operations_without_a_ceiling_are_told_and_not_free(limits: ceilings.Ceilings) -> None:
     lanes = {("rsqrt", "single", 256): 80, ("add", "single", 256): 240, ("add", "extended", 80): 80}
-    made = roof.mix(lanes, limits)
+    made = roof_shares.mix(lanes, limits)
     assert made.flops == 400 and made.unpriced == pytest.approx(160 / 400)
     assert made.cycles == pytest.approx({"add": 15, "issue": 40 / 3})  # an rsqrt still takes an issue slot
-    nothing = roof.mix({("add", "half", 512): 32}, limits)
+    nothing = roof_shares.mix({("add", "half", 512): 32}, limits)
     assert nothing.unpriced == 1 and nothing.bound is None and math.isnan(nothing.roof)
-    empty = roof.mix({}, limits)
+    empty = roof_shares.mix({}, limits)
     assert math.isnan(empty.roof) and math.isnan(empty.unpriced)
 
 
@@ -175,17 +177,19 @@ LANES = st.dictionaries(
 @given(LANES.filter(bool))
 def test_no_mix_is_above_the_fma_roof_nor_any_of_its_operations_alone(lanes: dict) -> None:
     limits = ceilings.check(record(), "test")
-    made = roof.mix(lanes, limits)
+    made = roof_shares.mix(lanes, limits)
     fma = limits.flops("fma", "double", 256)
     # Three instructions may be issued where two FMAs may: additions beside them have units of their own.
     assert made.roof <= fma * 1.5 * (1 + 1e-12)
     for key, n in lanes.items():
-        assert max(roof.mix({key: n}, limits).cycles.values()) <= max(made.cycles.values()) * (1 + 1e-12)
+        assert max(roof_shares.mix({key: n}, limits).cycles.values()) <= max(made.cycles.values()) * (
+            1 + 1e-12
+        )
 
 
 def test_fmas_alone_have_the_fma_roof(limits: ceilings.Ceilings) -> None:
     for precision, bits in (("double", 64), ("double", 256), ("single", 128)):
-        made = roof.mix({("fma", precision, bits): 1000}, limits)
+        made = roof_shares.mix({("fma", precision, bits): 1000}, limits)
         assert made.roof == pytest.approx(limits.flops("fma", precision, bits))
 
 
@@ -208,9 +212,9 @@ def test_a_point_is_flops_over_cycles_of_each_clock(run: Path) -> None:
 def test_operations_that_hardware_tells_no_kind_of_have_no_mix_roof(limits: ceilings.Ceilings) -> None:
     """AMD's events have neither precision nor width, Intel's and SDE's no kind: no roof follows from them."""
     for key in (("any", "any", 0), ("any", "double", 256), ("add", "any", 0)):
-        made = roof.mix({key: 4000, ("fma", "double", 256): 10}, limits)
+        made = roof_shares.mix({key: 4000, ("fma", "double", 256): 10}, limits)
         assert made.unpriced > 0.9 and math.isnan(made.roof), key
-    few = roof.mix({("any", "any", 0): 1, ("fma", "double", 256): 4000}, limits)
+    few = roof_shares.mix({("any", "any", 0): 1, ("fma", "double", 256): 4000}, limits)
     assert few.roof == pytest.approx(16, rel=1e-3)
 
 
@@ -226,11 +230,9 @@ def test_hardware_counts_have_libm_inside_no_bytes_and_no_roof_of_their_mix(run:
     assert done.returncode == 0, done.stderr
     line = next(line for line in done.stdout.splitlines() if "| opt4 |" in line)
     cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells[4:6] == ["–", "–"] and cells[10:13] == [
-        "–",
-        "–",
-        "– (100\u00a0% of the FLOPs have no ceiling)",
-    ]
+    assert cells[4:6] == ["–", "–"]
+    assert cells[11:14] == ["–", "–", "– (100\u00a0% of the FLOPs have no ceiling)"]
+    assert cells[14:20] == ["–"] * 6
     svg = (run / "figures" / "roofline.svg").read_text()
     assert "point-scene0-opt3-180" in svg and "point-scene0-opt4" not in svg
 
@@ -283,9 +285,92 @@ def test_shares_are_of_the_roofs_they_name(run: Path) -> None:
     assert opt3["share_of_mix_roof"] == pytest.approx(750 / 4000)
     # 12800 flop in 64000 cycles: of the scalar roof, and the paper's way.
     assert baseline["flops_per_core_cycle"] == pytest.approx(0.2)
-    assert (baseline["share_of_fma_roof"], baseline["share_of_avx2_peak"]) == pytest.approx(
+    assert (baseline["share_of_fma_roof"], baseline["share_of_avx2_roof"]) == pytest.approx(
         (0.2 / 4, 0.2 / 16)
     )
+
+
+def test_the_peak_is_what_the_ports_allow_and_the_roof_what_was_measured(run: Path) -> None:
+    """An i7-7700 (6/158): two FMAs of 8 floats are 32 flop a cycle, whatever its ceilings say."""
+    data = record()
+    for one in data["ceilings"]:
+        if (one["name"], one.get("precision"), one["bits"]) == ("fma", "single", 256):
+            one["value"] = 20.0
+    store.write_json(run / "ceilings.json", data)
+    context = store.read_json(run / "context.json")
+    context["cpu"] |= {"vendor": "GenuineIntel", "family": 6, "model_number": 158, "stepping": 9}
+    store.write_json(run / "context.json", context)
+    opt4 = row(run, "opt4", 180)
+    assert (opt4["avx2_fma_peak"], opt4["avx2_fma_roof"]) == (32, 20)
+    assert opt4["share_of_avx2_peak"] == pytest.approx(2 / 32)
+    assert opt4["share_of_avx2_roof"] == pytest.approx(2 / 20)
+    assert opt4["paper_convention_share_of_avx2_peak"] == pytest.approx(1.5 / 32)
+    assert opt4["paper_convention_share_of_avx2_roof"] == pytest.approx(1.5 / 20)
+    text = roof_tables.tables(rows_of(run), roof.read(run)[1])["table6"][1]
+    assert "| 6.25\u00a0% | 10\u00a0% |" in text and "| 4.69\u00a0% | 7.5\u00a0% |" in text
+    (run / "ceilings.json").unlink()  # the peak is no measurement
+    table = roof.rows(analysis.load(run), roof.read(run, strict=False)[0], None)
+    assert table[table["phase"] == "opt4"]["share_of_avx2_peak"].max() == pytest.approx(2 / 32)
+
+
+def test_bandwidth_is_by_the_phases_own_width_and_may_set_the_roof(run: Path) -> None:
+    """By 64 bits L1 gives 32 bytes a cycle, a quarter of what it does by 256. baseline's 800 additions beside
+    32,000 bytes are 400 cycles by the adders and 1000 by L1; by 256 bits it would be 250.
+    """
+    lanes = {("add", "double", 64): 800}
+    write_counts(run, [measured("baseline", "scene0", 90, lanes, 20000, 12000), OPT4], [])
+    one = row(run, "baseline", 90)
+    assert (one["mix_bound"], one["mix_roof"]) == ("add", pytest.approx(800 / 400))
+    assert one["L1_roof"] == pytest.approx(800 / 1000) and one["L2_roof"] == pytest.approx(800 / 2000)
+    assert (one["least_bound"], one["least_roof"]) == ("L1", pytest.approx(0.8))
+    assert one["share_of_least_roof"] == pytest.approx(800 / 64000 / 0.8)
+    opt4 = row(run, "opt4", 180)  # 2000 bytes by 256 bits: 16 cycles, where FMAs take 125
+    assert (opt4["least_bound"], opt4["least_roof"]) == ("multiply", pytest.approx(32))
+    table = rows_of(run)
+    text = roof_tables.tables(table, roof.read(run)[1])["roofline"][1]
+    assert re.search(r"\| baseline \|.*\| 0\.800 \| 1\.56\u00a0% \| – \| L1 \| blocks", text)
+    figure = roofline.roofline(roof.headline(table[table["intensity"] > 0]), roof.read(run)[1])
+    legend = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"L1 by 64 bits: 32.0 byte/core cycle", "L1 by 256 bits: 128 byte/core cycle"} <= legend
+    dashes = [line for line in figure.axes[0].lines if line.get_marker() == "_"]
+    assert any(float(line.get_ydata()[0]) == pytest.approx(0.8) for line in dashes)
+
+
+def test_where_no_access_of_its_width_was_measured_the_best_of_any_stands(
+    limits: ceilings.Ceilings,
+) -> None:
+    assert limits.bandwidth_by("L1", 64) == 32 and limits.bandwidth_by("L1", 32) == 128
+
+
+def test_shares_by_the_clock_under_vector_load_stand_beside(run: Path) -> None:
+    """The fixture's frames: 4 GHz, and 3.5 under load where there are lanes."""
+    store.write_json(run / "ceilings.json", record() | {"core_hz_load": {"256": 3.2e9, "512": None}})
+    opt4, baseline = row(run, "opt4", 180), row(run, "baseline", 90)
+    assert (opt4["load_clock"], opt4["load_clock_ceilings"]) == pytest.approx((0.875, 0.8))
+    assert opt4["share_of_fma_roof_load"] == pytest.approx(2 / 0.875 / 32)
+    assert opt4["share_of_least_roof_load"] == pytest.approx(2 / 0.875 / 32)
+    assert math.isnan(baseline["load_clock"]) and math.isnan(baseline["share_of_fma_roof_load"])
+    said = [line for line in roof_shares.clocks(rows_of(run)) if "256 bits" in line]
+    assert len(said) == 1 and "0.875 of it" in said[0] and "0.800 while" in said[0]
+    assert "up to 1.250 times" in said[0]
+    text = roof_tables.tables(rows_of(run), roof.read(run)[1])["roofline"][1]
+    assert said[0] in text and "| 6.25\u00a0% | 7.14\u00a0% |" in text
+    assert said[0] in sections.roofline(analysis.load(run)).remarks
+
+
+def test_disturbed_ceilings_are_told_under_the_tables(run: Path) -> None:
+    data = record()
+    for one in data["ceilings"]:
+        if (one["name"], one.get("precision"), one["bits"]) == ("fma", "double", 256):
+            one["value"] = 13.5
+    store.write_json(run / "ceilings.json", data | {"tries": 6})
+    _, limits, _ = roof.read(run)
+    made = roof_tables.tables(rows_of(run), limits)
+    said = "(measured 6 times), single over double precision: 256 bits 2.37 instead of 2."
+    assert all(said in made[name][1] for name in ("ceilings", "roofline"))
+    assert any(said in line for line in sections.roofline(analysis.load(run)).remarks)
+    done = script(run)
+    assert said in done.stderr and "2.37 instead of 2" in (run / "figures" / "roofline.svg").read_text()
 
 
 def test_counts_of_another_height_are_scaled_and_say_so(run: Path) -> None:
@@ -306,7 +391,8 @@ def test_without_a_back_end_the_declared_counts_stand_and_have_no_bytes(run: Pat
 def test_the_papers_convention_and_its_own_figures_stand_beside(run: Path) -> None:
     opt4, opt3 = row(run, "opt4", 180), row(run, "opt3", 180)
     assert opt4["paper_convention_flops_per_core_cycle"] == pytest.approx(1.5)
-    assert opt4["paper_convention_share_of_avx2_peak"] == pytest.approx(1.5 / 32)
+    assert opt4["paper_convention_share_of_avx2_roof"] == pytest.approx(1.5 / 32)
+    assert math.isnan(opt4["paper_convention_share_of_avx2_peak"])  # "Example CPU" is in no table
     assert (opt4["paper_flops_per_cycle"], opt4["paper_share"]) == (2.383, pytest.approx(0.0745))
     assert math.isnan(opt3["paper_convention_flops_per_core_cycle"])
     assert row(run, "baseline", 90)["paper_share"] == pytest.approx(0.01087)
@@ -404,8 +490,8 @@ def test_the_rest_beside_counts_of_other_code_is_not_marked(run: Path) -> None:
 
 
 def test_what_is_above_its_roof_is_marked(run: Path) -> None:
-    """opt4 does 2 flop per cycle: under an FMA roof of 2.1 and above one of 1.9."""
-    for value, above in ((2.1, False), (1.9, True)):
+    """opt4 does 2 flop per cycle, 2.29 by the clock under load: under a roof of 2.4, above one of 1.9."""
+    for value, above in ((2.4, False), (1.9, True)):
         data = record()
         for one in data["ceilings"]:
             if one["name"] == "fma" and one["precision"] == "single" and one["bits"] == 256:
@@ -568,7 +654,7 @@ def test_roofs_that_a_phase_uses_are_labelled(run: Path) -> None:
     }
     figure = roofline.roofline(shown, limits)
     legend = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert {"L1: 128 byte/core cycle", "memory: 4.00 byte/core cycle", "opt3", "opt4"} <= legend
+    assert {"L1 by 256 bits: 128 byte/core cycle", "memory: 4.00 byte/core cycle", "opt3", "opt4"} <= legend
 
 
 @pytest.mark.filterwarnings("error")
