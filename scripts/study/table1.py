@@ -30,6 +30,7 @@ TERMS = {
     "light and colour": """
         bring_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
         add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
+        material_seen
     """,
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_hit get_cones intervals_of list_of_cone
@@ -61,7 +62,7 @@ TERMS = {
     """,
     "rays of the camera": """
         get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch
-        render_tile
+        render_tile column_of direction_in row_of_picture
     """,
 }
 OTHER = "other functions"  # of a phase that is not the project's own
