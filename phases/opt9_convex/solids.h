@@ -110,6 +110,7 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     bool oblate = fabsf(s->slope[0]) > OBLATE * s->slope[1];
     if (oblate) {
         COUNT(enter_cone, oblate);
+        COUNT(enter_cone, margin);
         // A·t² and C are slope² times what remains of them: from where the ray is between the caps they are small.
         ahead = least_of(most_of((zero - c.y) * inverse_of(d.y), set(-s->bound)), set(s->bound));
         c = vec_along(c, d, ahead);
@@ -127,11 +128,15 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     // At the cap: is it within the rim?
     mask cap = not_less(zero, mul_add(in, mul_add(in, a, b + b), cc));
     *t = choose(cap, in, side);
-    if (oblate)
+    mask met =
+        both(not_less(out, in),
+             either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
+    if (oblate) {
         *t = *t + ahead;
-    return both(
-        not_less(out, in),
-        either(cap, both(both(not_less(square, zero), not_less(side, in)), less(side, out))));
+        // Still above it or below it: so far off is what its quadratic may no longer tell.
+        met = both(met, not_less(set(s->c + 1e-6f * s->bound), absolute(c.y)));
+    }
+    return met;
 }
 
 // Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's

@@ -82,10 +82,10 @@ static inline void approach(struct vec o, struct vec d, const struct hot *hot, i
     *e = (struct vec){vec_dot(x, d), vec_dot(y, d), vec_dot(z, d)};
 }
 
-// What is between two planes at distance `half` from the origin, of rays that are at c and go d. Be they so near that
+// What is between two planes at distance `half` from the origin, of rays that are at c and go 1/per. Be they so near that
 // rounding makes both the same: in is no more than out.
-static inline void slab(real c, real d, real half, real *in, real *out) {
-    real per = inverse_of(d), middle = c * per, width = half * absolute(per);
+static inline void slab(real c, real per, real half, real *in, real *out) {
+    real middle = c * per, width = half * absolute(per);
     *in = most_of(set(0.0f) - middle - width, *in);
     *out = least_of(width - middle, *out);
 }
@@ -98,14 +98,16 @@ static inline mask meet_box(struct vec o, struct vec d, const struct hot *hot, i
     approach(o, d, hot, i, lane, &c, &e, &before);
     *in = set(-INFINITY);
     *out = set(INFINITY);
-    slab(c.x, e.x, half.x, in, out);
-    slab(c.y, e.y, half.y, in, out);
-    slab(c.z, e.z, half.z, in, out);
+    slab(c.x, inverse_of(e.x), half.x, in, out);
+    slab(c.y, inverse_of(e.y), half.y, in, out);
+    slab(c.z, inverse_of(e.z), half.z, in, out);
     mask met = not_less(*out, *in);
     *in = *in + before;
     *out = *out + before;
     return met;
 }
+
+#define OBLATE 16.0f // the slope of a cone this much wider than high
 
 // Between the caps the cone is where f = x² + z² − (m + k·y)² = A·t² + 2·B·t + C ≤ 0 along a ray, and convex there. A > 0:
 // between the roots. Else up to the first root or from the last one on: one of the two lies on the cone's mirror image
@@ -116,7 +118,21 @@ static inline mask meet_cone(struct vec o, struct vec d, const struct hot *hot, 
     struct vec c, e, size = fetch_vec(hot->field + F_SIZE, i, lane);
     real before, zero = set(0.0f), low = set(-INFINITY), high = set(INFINITY);
     approach(o, d, hot, i, lane, &c, &e, &before);
-    slab(c.y, e.y, size.x, &low, &high);
+    real per = inverse_of(e.y), steep = absolute(size.y);
+    mask oblate = less(set(OBLATE), steep), beside = no_lane();
+    if (any(oblate)) {
+        COUNT(meet_cone, oblate);
+        // A·t² and C are slope² times what remains of them: from where the ray is between the caps they are small. No
+        // further than all of the cone is. The other lanes keep every bit.
+        real bound = mul_add(steep, size.x, size.z + size.x);
+        real ahead = (zero - c.y) * per;
+        ahead = keep(oblate, least_of(most_of(ahead, zero - bound), bound));
+        c = vec_along(c, e, ahead);
+        before = before + ahead;
+        // Still above it or below it: so far off is what its quadratic may no longer tell.
+        beside = both(oblate, less(mul_add(set(1e-6f), bound, size.x), absolute(c.y)));
+    }
+    slab(c.y, per, size.x, &low, &high);
     real wide = mul_add(size.y, c.y, size.z), dk = size.y * e.y;
     real a = mul_add(e.x, e.x, mul_sub(e.z, e.z, dk * dk));
     a = choose(equal(a, zero), set(-1e-37f), a); // along the side: the other root is far away
@@ -135,6 +151,7 @@ static inline mask meet_cone(struct vec o, struct vec d, const struct hot *hot, 
     *in = most_of(begin, low);
     *out = least_of(end, high);
     mask met = both(not_less(*out, *in), either(roots, but_not(round, from_cap)));
+    met = but_not(beside, met);
     *in = *in + before;
     *out = *out + before;
     return met;

@@ -97,6 +97,24 @@ SCENES = {
     "mixed": scene([FLOOR, shape("plane", normal=[1, 0.2, 0], offset=-9), *many(300, 1)], **HARD),
     "coincident": scene([shape("sphere", radius=1, material="plain")] * 4096, **HARD),
     "one": scene([shape("cone")], **HARD),
+    **{
+        # A flat cone among others, so that lanes hold both.
+        name: scene(
+            [
+                shape(
+                    "cone",
+                    bottom_radius=low,
+                    top_radius=1.501 - low,
+                    half_height=height,
+                    rotation_degrees=[20, 0, 10],
+                ),
+                *(shape("cone", position=[x, 2.5, 2], half_height=0.5) for x in (-3, 0, 3)),
+            ],
+            **HARD,
+            camera={"position": [-3, 2, -4], "look_at": [0, 0, 0], "vertical_fov_degrees": 30},
+        )
+        for name, low, height in (("oblate", 1.5, 1e-4), ("oblate_up", 1e-3, 1e-5))
+    },
     "planes": scene([FLOOR, shape("plane", normal=[0, 0, -1], offset=-5)], **HARD),
     "flat": scene(
         [
@@ -293,6 +311,18 @@ def test_pictures_are_truths(draw, name, limit):
         whole = exact["status.all"] >= 2
         assert np.percentile(off[whole], 99) < 1e-4 and (off[whole] > 1 / 255).sum() <= 6
         assert images.non_finite(mine) == 0
+
+
+@pytest.mark.parametrize("words", ["rays=together", "rays=alone"])
+@pytest.mark.parametrize("limit", ["", "none"])
+@pytest.mark.parametrize("name", ["oblate", "oblate_up"])
+def test_cones_thousands_of_times_wider_than_high(draw, name, limit, words):
+    """A quadratic whose coefficients are the slope's square had hits beside it."""
+    mine, _ = draw("packets", name, words, limit)
+    truth, _ = draw("truth", name)
+    assert np.array_equal(mine["id"], truth["id"]), f"{(mine['id'] != truth['id']).sum()} pixels"
+    hit = mine["id"] == 0
+    assert hit.sum() > 400 and np.allclose(mine["Z"][hit], truth["Z"][hit], atol=1e-5, rtol=0)
 
 
 def test_the_gate_of_accuracy_holds(written):
