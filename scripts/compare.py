@@ -48,9 +48,9 @@ def rows(a: pd.DataFrame, b: pd.DataFrame) -> list[dict[str, Any]]:
     found = []
     for key in ours.keys() & theirs.keys():
         times = [group["value"].to_numpy(float) for group in (ours[key], theirs[key])]
-        ratio = stats.ratio_interval(*times)
+        ratio = stats.ratio_interval(*times, rounds=False)  # two runs have none in common
         verdict = "the same within noise" if ratio.sufficient else "unknown (too few launches)"
-        if stats.distinguishable(*times):
+        if stats.distinguishable(*times, rounds=False):
             verdict = "faster" if ratio.low > 1 else "slower"
         found.append(
             dict(zip(KEY, key, strict=True))

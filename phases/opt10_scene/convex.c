@@ -119,6 +119,7 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     for (int i = 0; i < mesh.across; i++)
         columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
     for (int row = 0; row < mesh.down; row++) {
+        ACTIVE(LANES);
         real up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
         for (int i = 0; i < mesh.across; i++) {
             struct sight *at = &sights[row * ACROSS + i];
@@ -152,6 +153,7 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
             struct found hit = at.hit; // a copy: `at` stays in registers
             struct vec n = sights[i].hit.local;
             mask away = greater(vec_dot(n, sights[i].direction), set(0.0f));
+            ACTIVE(count_of(sights[i].active));
             COUNT(color_row, normal);
             store_hit(frame, block_at(tile, row, i), &hit,
                       (struct vec){negate_where(away, n.x), negate_where(away, n.y),

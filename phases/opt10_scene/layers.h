@@ -65,6 +65,7 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned 
         near = both(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
     else
         near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
+    ACTIVE(count_of(b->active));
     COUNT(meet_copy, near);
     real t = b->before + in;
     near = both(near, greater(t, set(0.0f)));

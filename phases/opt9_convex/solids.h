@@ -80,6 +80,7 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
             going, at - set(0.5f) * (square - set(s->a * s->a)) / least_of(rate, set(-1e-30f)), at);
     }
     if (away) {
+        ACTIVE(count_of(near));
         COUNT(enter_rounded_box, away);
         *away = (struct vec){with_sign_of(p.x, x), with_sign_of(p.y, y), with_sign_of(p.z, z)};
     }

@@ -31,6 +31,7 @@ SHADING = frozenset(
         *("normal_at", "normal_on", "near_hit", "gradient_of", "box_gradient", "difference"),
         *("scene_difference", "surface_at", "surface_of", "stage_surface", "light_at", "light_from"),
         *("stage_light", "stage_end", "color_of", "color_all", "lit_color", "add_light", "vec_reflect"),
+        *("bring_light", "light_seen", "color_seen", "color_row", "material_seen"),
         *("trace", "exp_of", "log_of", "power_of"),
     ]
 )

@@ -46,10 +46,11 @@ def rank(count: int, cover: float = 0.95) -> int:
     with probability `cover` or more, whatever their distribution; 0: there is none. At 6 launches that is
     96.9 %, at 7 98.4, at 8 99.2 (least and greatest of all), at 9 96.1, at 10 97.9, at 25 95.7.
     """
-    outside, k = 2.0**-count, 0  # P(Binomial(count, 1/2) <= k)
-    while 2 * outside <= 1 - cover and 2 * k < count:
+    outside, k = 1, 0  # 2^count times P(Binomial(count, 1/2) <= k), whole: its parts are beyond a float
+    parts = round((1 - cover) * 1_000_000)
+    while 2_000_000 * outside <= parts * 2**count and 2 * k < count:
         k += 1
-        outside += math.comb(count, k) * 2.0**-count
+        outside += math.comb(count, k)
     return k
 
 
@@ -63,12 +64,11 @@ def median_interval(values: ArrayLike) -> Interval:
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
-def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1) -> Interval:
+def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: bool = True) -> Interval:
     """median(base) / median(other): the speed-up of `other` when both are times.
 
-    Launch k of both is of one round of an interleaved run, and what slows a round slows both: they are drawn
-    together. As many launches of both that are of no common round may be paired in any way; other counts are
-    drawn apart, which is wider than need be where rounds were common.
+    `rounds`: launch k of both is of one round of an interleaved run, and what slows a round slows both: they
+    are drawn together. Of other launches, as of other counts, each is drawn by itself.
     """
     base, other = np.asarray(base, float).ravel(), np.asarray(other, float).ravel()
     launches = min(len(base), len(other))
@@ -77,7 +77,8 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1) -> Interval
         return Interval(value, np.nan, np.nan, launches, False)
     random = np.random.default_rng(seed)
     drawn = random.integers(len(base), size=(RESAMPLES, len(base)))
-    again = drawn if len(base) == len(other) else random.integers(len(other), size=(RESAMPLES, len(other)))
+    together = rounds and len(base) == len(other)
+    again = drawn if together else random.integers(len(other), size=(RESAMPLES, len(other)))
     resampled = np.median(base[drawn], axis=1) / np.median(other[again], axis=1)
     low, high = np.percentile(resampled, [2.5, 97.5])
     return Interval(value, float(low), float(high), launches, True)
@@ -95,12 +96,12 @@ def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:
     return values.rename("value").reset_index()
 
 
-def distinguishable(a: ArrayLike, b: ArrayLike, seed: int = 1) -> bool:
+def distinguishable(a: ArrayLike, b: ArrayLike, seed: int = 1, rounds: bool = True) -> bool:
     """Whether the launches (arrays of times) tell a from b: the interval of their ratio excludes 1.
 
     False when there are too few launches: then nothing can be told.
     """
-    ratio = ratio_interval(a, b, seed)
+    ratio = ratio_interval(a, b, seed, rounds)
     return ratio.sufficient and not (ratio.low <= 1 <= ratio.high)
 
 

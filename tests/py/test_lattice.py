@@ -108,6 +108,8 @@ def test_every_rung_has_functions_of_shading():
         text = (registry.find_phase(name).path / "costs.def").read_text()
         mine = set(re.findall(r"^\w+\((\w+)", text, re.M)) & lattice.SHADING
         assert {"light_at", "stage_light"} & mine and {"normal_at", "normal_on"} & mine, name
+        if name in ("opt9_convex", "opt10_scene"):  # what is seen without a mirror or a shadow
+            assert {"bring_light", "light_seen", "color_seen"} <= mine, name
         there |= mine
     assert there == lattice.SHADING
 

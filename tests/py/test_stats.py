@@ -25,7 +25,7 @@ def frames(values, warmup=1, **more) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-@pytest.mark.parametrize("n", range(2, 60))
+@pytest.mark.parametrize("n", [*range(2, 60), 2000])
 def test_ends_are_the_nearest_order_statistics_that_hold_the_median_19_times_in_20(n):
     """P(k-th least <= median <= k-th greatest) = 1 - 2 P(Binomial(n, 1/2) < k), whatever the distribution."""
     held = [1 - 2 * binom.cdf(k - 1, n, 0.5) for k in range(1, n // 2 + 1)]

@@ -53,7 +53,8 @@ def check_starts(scene: dict, folder: Path, where: str, size=SMALL) -> int:
         start = picture(PHASE, scene, folder, size, **env)["start"]
         assert np.isfinite(start).all() and ((start >= 0) | (start == -1)).all(), f"{where}, {width}"
         start = np.where(start < 0, np.inf, start)
-        past = known & np.isfinite(true["Z"]) & ~(start <= true["Z"])
+        hit = np.maximum(true["Z"], 0)  # of a camera within a Mandelbulb a march steps back
+        past = known & np.isfinite(hit) & ~(start <= hit)
         row, column = np.argwhere(past)[0] if past.any() else (0, 0)
         assert not past.any(), (
             f"{where}, {width}: {past.sum()} starts past the hit; in row {row}, column {column} "
