@@ -185,6 +185,8 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
     b->shape_of = calloc((size_t)model->shape_count, sizeof *b->shape_of);
     b->sixteen = aligned_alloc(64, CHUNK / 16 * sizeof *b->sixteen);
     b->one = aligned_alloc(64, CHUNK * sizeof *b->one);
+    if (b->one)
+        memset(b->one, 0, CHUNK * sizeof *b->one);
     b->device = rtcNewDevice("threads=1");
     bool made = b->shape_of && b->sixteen && b->one && b->device &&
                 streamed_make(&b->stream, b->device, CHUNK);

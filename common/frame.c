@@ -111,9 +111,11 @@ static exr_result_t write_chunk(exr_context_t context, int part, const struct fr
     }
     if (first) {
         result = exr_encoding_choose_default_routines(context, part, encoder);
-        *compressor = (struct compressor){encoder->compress_fn};
-        encoder->encoding_user_data = compressor;
-        encoder->compress_fn = compress_or_store;
+        if (result == EXR_ERR_SUCCESS && encoder->compress_fn) {
+            *compressor = (struct compressor){encoder->compress_fn};
+            encoder->encoding_user_data = compressor;
+            encoder->compress_fn = compress_or_store;
+        }
     }
     return result == EXR_ERR_SUCCESS ? exr_encoding_run(context, part, encoder) : result;
 }

@@ -102,7 +102,7 @@ static struct placed place_shape(int index, const struct shape *shape,
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;
-        // How near is there: 4 to 8 ulps of its size, which is all that floats can tell.
+        // How near is there: some 4 ulps of its size, which is all that floats can tell.
         p.c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
         break;
     case SHAPE_CONE: {

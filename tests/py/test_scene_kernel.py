@@ -175,10 +175,10 @@ def test_eight_lanes(shop: Workshop) -> None:
     # an emulated build's -O0 takes gcc four times as long, of a kernel
     compiler = shop.compiler if TRUE else shop.script("quick", f'exec {shop.compiler} "$@" -O1')
     # and on a busy machine longer than a kernel's usual limit of 60 s: then the picture is the general code's
-    patient = {"STEPWISE_CC": str(compiler), "STEPWISE_CC_SECONDS": "600"}
-    wide, said, a = shop.run("scene0", program=sixteen(PHASE), seconds=660, **patient)
+    patient = {"STEPWISE_CC": str(compiler), "STEPWISE_CC_SECONDS": "270"}
+    wide, said, a = shop.run("scene0", program=sixteen(PHASE), seconds=300, **patient)
     assert wide["generated"], said
-    narrow, said, b = shop.run("scene0", seconds=660, STEPWISE_ISA_LIMIT="avx2", **patient)
+    narrow, said, b = shop.run("scene0", seconds=300, STEPWISE_ISA_LIMIT="avx2", **patient)
     assert narrow["generated"], said
     assert wide["hash"] != narrow["hash"]
     same(a, b)
