@@ -44,8 +44,8 @@ static struct vec get_direction(num across, num up, const struct world *w) {
     COUNT(get_direction, call);
     const struct format *f = &w->format;
     const num per = set(w->per_height);
-    num x = shifted(product(across, per), w->finer), y = shifted(product(up, per), w->finer),
-        nothing;
+    num x = shifted(product(across, per), w->finer), y = shifted(product(up, per), w->finer);
+    struct per nothing;
     struct vec d = vec_set(w->forward), r = vec_set(w->right), u = vec_set(w->up);
     d.x = plus(d.x, shifted(plus(product(r.x, x), product(u.x, y)), f->bits));
     d.y = plus(d.y, shifted(plus(product(r.y, x), product(u.y, y)), f->bits));

@@ -114,20 +114,21 @@ static void reach_of_sphere(struct world *w, int i, const struct shape *shape,
              &w->reach[3][i]);
 }
 
-// A ray's direction before it is normalised may be as long as it likes: at most four, by a power of two.
+// A ray's direction before it is normalised may be as long as it likes: at most four, by a power of two. What right and
+// up are multiplied by is a factor, too: it is made as much shorter as its range asks for, they by the rest.
 static void aim(struct world *w, const struct view *view, const struct frame *frame) {
     const struct format *f = &w->format;
     double half = view->tan_half_fov / frame->height;
     int smaller = directions_shorter(view, (double)frame->width / frame->height), exponent;
+    int factors =
+        smaller + f->bits > 28 ? smaller + f->bits - 28 : 0; // they are below 2^(smaller + 2)
     frexp(half, &exponent);
-    w->finer = 30 - exponent - f->bits; // per_height has 30 or 31 bits, as many as a factor may
-    if (w->finer < 0)
-        w->finer = 0;
-    w->per_height = llrint(ldexp(half, f->bits + w->finer));
+    w->finer = 30 - exponent - f->bits + factors; // per_height has 30 bits, as a factor may
+    w->per_height = llrint(ldexp(half, 30 - exponent));
     for (int k = 0; k < 3; k++) {
         w->forward[k] = one_of(ldexp(view->forward[k], -smaller), f);
-        w->right[k] = one_of(ldexp(view->right[k], -smaller), f);
-        w->up[k] = one_of(ldexp(view->up[k], -smaller), f);
+        w->right[k] = one_of(ldexp(view->right[k], factors - smaller), f);
+        w->up[k] = one_of(ldexp(view->up[k], factors - smaller), f);
     }
 }
 

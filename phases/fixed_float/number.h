@@ -8,7 +8,7 @@
 //     plus  minus  product  times   sum3(…): a·x + b·y + c·z by fused products
 //     positive  less            choose(m, yes, no)  both  but_not(a, b): b where not a
 //     any(m)  bit_of(m, i)      whether the lane i is among them; count_of(m): how many there are
-//     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|, by root and division
+//     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|, by root and division; over(a, per): a/|v|
 //     look_up(table, at)        table[at] of each lane; bit_set(a, k): lanes whose whole number has that bit
 //     unload(a, scale, to)      as floats, times scale; unload_wide: as doubles
 #ifndef FIXED_NUMBER_H
@@ -54,10 +54,19 @@ static inline num root(num a, const struct format *f) {
     return root_of(a);
 }
 
-static inline struct vec normalised(struct vec v, const struct format *f, num *per) {
+struct per {
+    num factor;
+};
+
+static inline num over(num a, struct per per) {
+    return a * per.factor;
+}
+
+static inline struct vec normalised(struct vec v, const struct format *f, struct per *per) {
     num square = sum3(v, v, f), least = set(1e-30f);
-    *per = set(1) / root_of(choose(less(square, least), least, square));
-    return (struct vec){v.x * *per, v.y * *per, v.z * *per};
+    num x = set(1) / root_of(choose(less(square, least), least, square));
+    per->factor = x;
+    return (struct vec){v.x * x, v.y * x, v.z * x};
 }
 
 #endif

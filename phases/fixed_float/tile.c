@@ -33,8 +33,8 @@ static struct vec light_at(struct vec p, struct vec n, struct vec along, const s
     struct vec base = look_up_vec(w->colour, hit->shape);
     struct vec colour = {times(base.x, ambient, f), times(base.y, ambient, f),
                          times(base.z, ambient, f)};
-    num per_distance;
-    struct vec way = vec_minus(vec_set(w->light), p), l = normalised(way, f, &per_distance);
+    struct per distance;
+    struct vec way = vec_minus(vec_set(w->light), p), l = normalised(way, f, &distance);
     num facing = sum3(n, l, f);
     mask lit = both(hit->found, positive(facing));
     if (w->shadows && any(lit)) {
@@ -55,9 +55,8 @@ static struct vec light_at(struct vec p, struct vec n, struct vec along, const s
     num specular = choose(positive(shine), power(shine, look_up(w->shine, hit->shape), w), set(0));
     specular = times(specular, set(w->fifth), f);
     const one *e = w->emission;
-    struct vec reach = {capped(times(set(e[0]), per_distance, f)),
-                        capped(times(set(e[1]), per_distance, f)),
-                        capped(times(set(e[2]), per_distance, f))};
+    struct vec reach = {capped(over(set(e[0]), distance)), capped(over(set(e[1]), distance)),
+                        capped(over(set(e[2]), distance))};
     struct vec light = {
         plus(colour.x, times(reach.x, plus(times(base.x, facing, f), specular), f)),
         plus(colour.y, times(reach.y, plus(times(base.y, facing, f), specular), f)),
@@ -75,7 +74,7 @@ struct seen {
 static struct vec normal_of(struct vec p, const struct hit *hit, const struct world *w) {
     ACTIVE(count_of(hit->found));
     COUNT(normal_of, call);
-    num nothing;
+    struct per nothing;
     num at = choose(hit->found, hit->shape, set(0));
     return normalised(vec_minus(p, look_up_vec(w->centre, at)), &w->format, &nothing);
 }

@@ -11,7 +11,7 @@
 //     times(a, b, f)            a·b; sum3(…, f): a·x + b·y + c·z with one shift at the end, as the article stacks them
 //     positive  less            choose(m, yes, no)  both  but_not(a, b): b where not a
 //     any(m)  bit_of(m, i)      whether the lane i is among them
-//     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|: roots.h
+//     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|, which over(a, per) takes: a/|v|: roots.h
 //     look_up(table, at)        table[at] of each lane; bit_set(a, k): lanes whose whole number has that bit
 //     unload(a, scale, to)      as floats, times scale; unload_wide: as doubles
 #ifndef FIXED_NUMBER_H

@@ -60,16 +60,28 @@ static inline num root(num a, const struct format *f) {
     return right_each(product(r.m, r.y), minus(set(59), r.h));
 }
 
+// 1/|v| as a factor and its bits of fraction: as many as the format has, or as few as leave it one where |v| is small.
+struct per {
+    num factor, fraction;
+};
+
+// a/|v|
+static inline num over(num a, struct per per) {
+    return shifted_each(product(a, per.factor), per.fraction);
+}
+
 // v/|v|, and 1/|v|; 0 where v is.
-static inline struct vec normalised(struct vec v, const struct format *f, num *per) {
+static inline struct vec normalised(struct vec v, const struct format *f, struct per *per) {
     if (f->steps == 0) {
-        *per = article_inverse_root(greatest(sum3(v, v, f), set(f->least)), f);
-        return (struct vec){times(v.x, *per, f), times(v.y, *per, f), times(v.z, *per, f)};
+        num x = article_inverse_root(greatest(sum3(v, v, f), set(f->least)), f);
+        *per = (struct per){x, set(f->bits)};
+        return (struct vec){times(v.x, x, f), times(v.y, x, f), times(v.z, x, f)};
     }
     num square = plus(plus(product(v.x, v.x), product(v.y, v.y)), product(v.z, v.z));
     struct inverse r = inverse_root(greatest(square, set(1)), f);
     num down = minus(plus(r.h, set(30)), set(f->bits));
-    *per = right_each(r.y, greatest(minus(down, set(f->bits)), set(0)));
+    num more = greatest(minus(down, set(f->bits)), set(0));
+    *per = (struct per){right_each(r.y, more), minus(down, more)};
     return (struct vec){shifted_each(product(v.x, r.y), down),
                         shifted_each(product(v.y, r.y), down),
                         shifted_each(product(v.z, r.y), down)};

@@ -25,7 +25,7 @@ struct world {
     // Of the frame:
     one light[3], emission[3], position[3];
     one forward[3], right[3], up[3];
-    one per_height; // with `bits` + `finer` bits: half of a pixel's side, a unit away
+    one per_height; // half of a pixel's side, a unit away, in 30 bits: a place times that goes right by `finer`
     int finer;
 };
 

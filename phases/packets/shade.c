@@ -159,9 +159,9 @@ struct ray {
     struct vec point, direction;
 };
 
-// What the hits in `mirrors` see waits for the next round.
+// What the hits in `mirrors` see waits for the next round. own: the shapes that they are on.
 static void reflect(const struct work *work, mask mirrors, struct ray from, struct vec normal,
-                    real weight, int first) {
+                    real weight, real own, int first) {
     struct desk *desk = work->desk;
     struct rays *rays = &desk->rays;
     COUNT(reflect, call);
@@ -171,7 +171,7 @@ static void reflect(const struct work *work, mask mirrors, struct ray from, stru
     pack_vec(mirrors, vec_reflect(from.direction, normal), to->direction, to->count);
     pack(mirrors, weight, to->weight + to->count);
     pack(mirrors, load(rays->pixel + first), to->pixel + to->count);
-    pack(mirrors, load(desk->shape + first), to->own + to->count);
+    pack(mirrors, own, to->own + to->count);
     to->count += count_of(mirrors);
 }
 
@@ -230,7 +230,10 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
         mask mirrors = both(found, greater(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && any(mirrors)) {
             COUNT(shade_packet, mirrors);
-            reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share,
+            // A ray that started inside of a solid was hit there, not on its surface; so may the next one be.
+            real own = choose(less(t, set((float)-model->march.surface_offset)), set(-1.0f),
+                              load(desk->shape + first));
+            reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share, own,
                     first);
         }
     } else if (normals) {

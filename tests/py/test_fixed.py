@@ -394,6 +394,30 @@ def test_directions_longer_than_all_lengths_are_normalised_too(draw, words):
     assert np.array_equal(made["id"] >= 0, np.hypot(x, y) < rim) and (made["id"] >= 0).sum() == 4
 
 
+# Pixels up to 280 units off the camera's axis, a unit away: no factor with 28 bits of fraction is that large.
+SCENES["broad"] = WIDE | {"shapes": [ball(1, [x, 0, 0.1 * x]) for x in (-6, -3, 0, 3, 6)]}
+SCENES["broad"]["camera"] = WIDE["camera"] | {"vertical_fov_degrees": 160}
+# In a unit of 512 a light that is 3 away is 1/171 of it away, and 171 is no factor with 28 bits of fraction.
+SCENES["spacious"] = LITTLE | {"shapes": [*LITTLE["shapes"], ball(500, [0, -503, 0])]}
+SCENES["spacious"]["march"] = LITTLE["march"] | {"bounds_radius": 2000}
+SCENES["spacious"]["light"] = LITTLE["light"] | {"position": [2, 2, -3]}
+
+
+@needs_simd
+@pytest.mark.parametrize("bits", [24, 28])
+@pytest.mark.parametrize(("name", "size"), [("broad", (200, 4)), ("spacious", SIZE)])
+def test_no_factor_leaves_its_32_bits(draw, name, size, bits):
+    """Of what the ranges let pass: all hits and colours are truth's."""
+    exact, _ = draw("truth", name, size=size)
+    for phase in PHASES[:2]:
+        made, _ = draw(phase, name, f"bits={bits} unit=auto roots=3 clear=never", size)
+        assert (made["id"] != exact["id"]).sum() <= 2  # a small ball's square is a few last bits
+        hit = (made["id"] >= 0) & (exact["id"] >= 0)
+        assert hit.sum() > 10 and np.allclose(made["Z"][hit], exact["Z"][hit], rtol=0, atol=1e-2)
+        off = np.abs(images.clamped(images.rgb(made)) - images.clamped(images.rgb(exact)))
+        assert np.quantile(off, 0.99) < 2e-3 and off.mean() < 1e-4
+
+
 def test_directions_shorter_than_the_articles_root_takes_are_refused(tmp_path):
     """At bits=11 a camera 800 away leaves 1/root squares of more than 2; at 170° the shortest is 4^-3."""
     far = scene([ball(10, [0, 0, 0])], light={"shadows": "hard"}, march={"bounds_radius": 100})

@@ -115,6 +115,14 @@ SCENES = {
         )
         for name, low, height in (("oblate", 1.5, 1e-4), ("oblate_up", 1e-3, 1e-5))
     },
+    "within": scene(
+        [
+            shape("box", half_size=[0.3, 0.2, 0.1], position=[0.5, 1.1, -5], material="mirror"),
+            *many(9, 6, spread=1.5),
+        ],
+        light={"shadows": "none", "position": [0.45, 1.1, -5]},
+        march={"max_bounces": 3},
+    ),
     "planes": scene([FLOOR, shape("plane", normal=[0, 0, -1], offset=-5)], **HARD),
     "flat": scene(
         [
@@ -311,6 +319,15 @@ def test_pictures_are_truths(draw, name, limit):
         whole = exact["status.all"] >= 2
         assert np.percentile(off[whole], 99) < 1e-4 and (off[whole] > 1 / 255).sum() <= 6
         assert images.non_finite(mine) == 0
+
+
+def test_a_mirror_that_the_camera_is_in_is_met_again(draw):
+    """As by a march, which each of its rays ends at its first step: its surface is not where they start."""
+    mine, _ = draw("packets", "within")
+    there, _ = draw("baseline", "within")
+    assert (mine["id"] == 0).all() and np.array_equal(mine["id"], there["id"])
+    off = np.abs(images.clamped(images.rgb(mine)) - images.clamped(images.rgb(there)))
+    assert np.quantile(off, 0.99) < 1e-3 and images.rgb(there).max() > 0.05
 
 
 @pytest.mark.parametrize("words", ["rays=together", "rays=alone"])
