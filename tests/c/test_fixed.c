@@ -162,7 +162,7 @@ static void vectors_become_unit(void **state) {
                                            (long double)v.z * (long double)v.z);
                 if (!(length > 0))
                     continue;
-                num per;
+                struct per per;
                 struct vec unit = normalised(v, &f, &per);
                 const num found[] = {unit.x, unit.y, unit.z}, of[] = {v.x, v.y, v.z};
                 for (int k = 0; k < 3; k++) {
@@ -171,12 +171,13 @@ static void vectors_become_unit(void **state) {
                         fail_msg("%lld of %Lg, %d bits: %lld, not %Lg", (long long)of[k], length,
                                  bits, (long long)found[k], exact);
                 }
-                long double inverse = ldexpl(1 / length, 2 * bits);
-                if (inverse < 0x1p29L &&
-                    !(fabsl((long double)per - inverse) <= 1 + 2e-8L * inverse))
-                    fail_msg("1/%Lg, %d bits: %lld", length, bits, (long long)per);
+                long double inverse = ldexpl(1 / length, bits + (int)per.fraction);
+                if (!(per.fraction >= 0 && per.factor < INT64_C(1) << 31 &&
+                      fabsl((long double)per.factor - inverse) <= 1 + 2e-8L * inverse))
+                    fail_msg("1/%Lg, %d bits: %lld with %lld", length, bits, (long long)per.factor,
+                             (long long)per.fraction);
             }
-            num per;
+            struct per per;
             struct vec nothing = normalised((struct vec){0, 0, 0}, &f, &per);
             assert_true(nothing.x == 0 && nothing.y == 0 && nothing.z == 0);
         }
