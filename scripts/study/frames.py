@@ -252,7 +252,8 @@ def measure(
 
     def once(point: tuple[Spec, Case], padding: int) -> Any:
         spec, case = point
-        how = {"threads": _threads(spec, settings), "env_bytes": padding, "warmup": 1}
+        how = {"cpu": run.USABLE[-1], "threads": _threads(spec, settings)}
+        how |= {"env_bytes": padding, "warmup": 1}
         how["reps"] = reps_of(taken[point])
         with contextlib.closing(run.frames(spec, *_size(case), **how)) as made:
             timed = [frame for frame in made if not frame["warmup"]]

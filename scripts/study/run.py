@@ -162,8 +162,8 @@ def _child(
 
 
 def _in_child(cpus: set[int] | None) -> None:
-    if cpus:
-        os.sched_setaffinity(0, cpus)
+    # Not what this process has: `interleaved` keeps it off the measured CPU; threads would share the others.
+    os.sched_setaffinity(0, cpus or USABLE)
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 

@@ -142,3 +142,14 @@ def test_the_child_dies_with_a_reader_that_is_killed():
         time.sleep(0.01)
     os.kill(drivers[0], 9)
     pytest.fail("the driver outlived its reader")
+
+
+@pytest.mark.skipif(len(run.USABLE) < 2, reason="one CPU: nothing to keep off")
+def test_a_child_that_is_not_pinned_has_every_cpu() -> None:
+    """Also while this process is kept off the measured one: its threads would share the others."""
+
+    def once(_: str, padding: int) -> float:
+        (line,) = run._lines(["nproc"], None, padding)
+        return float(line)
+
+    assert run.interleaved(["a"], 1, 1, run.USABLE[-1], once) == {"a": [len(run.USABLE)]}
