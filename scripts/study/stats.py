@@ -64,6 +64,17 @@ def median_interval(values: ArrayLike) -> Interval:
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
+def resampled_ratios(
+    base: ArrayLike, other: ArrayLike, random: np.random.Generator, count: int, rounds: bool = True
+) -> np.ndarray:
+    """Ratios of medians of `count` draws with replacement, shape (count,). `rounds`: see ratio_interval."""
+    base, other = np.asarray(base, float).ravel(), np.asarray(other, float).ravel()
+    drawn = random.integers(len(base), size=(count, len(base)))
+    together = rounds and len(base) == len(other)
+    again = drawn if together else random.integers(len(other), size=(count, len(other)))
+    return np.median(base[drawn], axis=1) / np.median(other[again], axis=1)
+
+
 def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: bool = True) -> Interval:
     """median(base) / median(other): the speed-up of `other` when both are times.
 
@@ -75,11 +86,7 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     value = float(np.median(base) / np.median(other)) if launches else np.nan
     if launches < ENOUGH:
         return Interval(value, np.nan, np.nan, launches, False)
-    random = np.random.default_rng(seed)
-    drawn = random.integers(len(base), size=(RESAMPLES, len(base)))
-    together = rounds and len(base) == len(other)
-    again = drawn if together else random.integers(len(other), size=(RESAMPLES, len(other)))
-    resampled = np.median(base[drawn], axis=1) / np.median(other[again], axis=1)
+    resampled = resampled_ratios(base, other, np.random.default_rng(seed), RESAMPLES, rounds)
     low, high = np.percentile(resampled, [2.5, 97.5])
     return Interval(value, float(low), float(high), launches, True)
 

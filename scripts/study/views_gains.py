@@ -54,16 +54,7 @@ def median_ratio(pairs: Sequence[tuple[Sequence[float], Sequence[float]]], seed:
     if launches < stats.ENOUGH:
         return Interval(value, math.nan, math.nan, launches, False)
     random = np.random.default_rng(seed)
-
-    def ratios(base: Sequence[float], own: Sequence[float]) -> np.ndarray:
-        """Launch k of both is of one round: they are drawn together (stats.ratio_interval)."""
-        some, other = np.asarray(base, float), np.asarray(own, float)
-        drawn = random.integers(len(some), size=(RESAMPLES, len(some)))
-        alike = len(some) == len(other)
-        again = drawn if alike else random.integers(len(other), size=(RESAMPLES, len(other)))
-        return np.median(some[drawn], axis=1) / np.median(other[again], axis=1)
-
-    drawn = np.median([ratios(base, own) for base, own in pairs], axis=0)
+    drawn = np.median([stats.resampled_ratios(*pair, random, RESAMPLES) for pair in pairs], axis=0)
     return Interval(value, *map(float, np.percentile(drawn, [2.5, 97.5])), launches, True)
 
 
