@@ -18,6 +18,7 @@ from study import (
     machine,
     moving,
     packets,
+    packets_figures,
     packets_moving,
     packets_page,
     packets_pictures,
@@ -74,7 +75,7 @@ def main() -> int:
     moving.forget(folder, ["packets"])
     paths = packets_pictures.write_pictures(folder, packets_rays.scenes(made), args.n)
     with matplotlib.rc_context(STYLE):
-        for name, drawing in packets_page.drawings(result).items():
+        for name, drawing in packets_figures.drawings(result).items():
             paths += save(drawing.make(), folder / "figures" / name, drawing.note)
     if args.json:
         cli.emit(result)

@@ -1,43 +1,36 @@
-"""The packet ray tracer as tables and figures: from packets.json alone."""
+"""The packet ray tracer as tables and sentences: from packets.json alone."""
 
 from __future__ import annotations
 
 import math
 
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
-
 from study import moving, show, verdicts
-from study.draw import COLOURS, HATCHES, MARKERS, Drawing, plain_log
-from study.functions import VECTORS as ARTICLE_VECTORS
-from study.packets import EMBREE, ENOUGH_DB, Row, reached, target_of
+from study.packets import EMBREE, Row, reached, target_of
 from study.sections import Part, part
 from study.show import Column
 from study.stats import Interval
 
-FIGURE, EQUAL = "packets-rays", "packets-equal-error"
 OF_KIND = {
     "primary": "camera",
     "shadow": "to the light",
     "mirror": "mirrored",
     "scattered": "in any direction, in no order",
 }
-
-
 WAYS = dict(zip(EMBREE, ("packets of 16", "single rays", "256 rays a call"), strict=True))
 
 
-def _variant(row: Row, name: str) -> Row | None:
+def variant(row: Row, name: str) -> Row | None:
+    """Of a row of rays: one of ours by its name; None where it was not timed."""
     return next((v for v in row["variants"] if v["name"] == name), None)
 
 
-def _rate(row: Row | None) -> str:
+def rate(row: Row | None) -> str:
+    """Million rays a second with the interval."""
     return show.NOTHING if row is None else show.interval(row, "mrays", 3)
 
 
 def _of(name: str):
-    return lambda row: _rate(_variant(row, name))
+    return lambda row: rate(variant(row, name))
 
 
 def _ratio(key: str):
@@ -50,7 +43,8 @@ def fastest(row: Row) -> str | None:
     return max(timed, key=lambda way: row[way]["mrays"], default=None)
 
 
-def _over_fastest(row: Row) -> str:
+def over_fastest(row: Row) -> str:
+    """Our rate over that of Embree's fastest way, with the way and its version."""
     way = fastest(row)
     if way is None:
         return f"{show.NOTHING} over {row['embree']}"
@@ -68,7 +62,8 @@ def verdict(row: Row, goals: Row) -> str:
     return f"≥ {goal:g}×: {verdicts.goal(ratio, goal)}"
 
 
-def _agreement(row: Row) -> str:
+def agreement(row: Row) -> str:
+    """How many hits are others than Embree's, and how far off the same ones are in scene units."""
     found = row["agreement"]
     if found is None:
         return show.NOTHING
@@ -82,13 +77,13 @@ def ray_columns(goals: Row) -> list[Column]:
         Column("", "scene", lambda r: r["scene"]),
         Column("", "rays", lambda r: f"{OF_KIND[r['kind']]} ({r['rays']:,})"),
         Column(many, "here", _of("own")),
-        *(Column(many, f"Embree, {text}", lambda r, w=way: _rate(r.get(w))) for way, text in WAYS.items()),
+        *(Column(many, f"Embree, {text}", lambda r, w=way: rate(r.get(w))) for way, text in WAYS.items()),
         *(
             Column("here over Embree [95 %]", text, _ratio(f"{way}_ratio"))
             for way, text in zip(EMBREE, ("packets", "single", "256 a call"), strict=True)
         ),
         Column("", "goal, by the fastest", lambda r: verdict(r, goals)),
-        Column("", "hits, ours and Embree's", _agreement),
+        Column("", "hits, ours and Embree's", agreement),
     ]
 
 
@@ -180,9 +175,9 @@ NOTE = (
 def sentences(result: Row) -> list[str]:
     """For a terminal."""
     found = [
-        f"{r['scene']}, {r['kind']}: {_rate(_variant(r, 'own'))} million rays a second; over Embree's "
+        f"{r['scene']}, {r['kind']}: {rate(variant(r, 'own'))} million rays a second; over Embree's "
         + ", ".join(f"{text} {_ratio(f'{way}_ratio')(r)}" for way, text in WAYS.items())
-        + f"; {_agreement(r)}"
+        + f"; {agreement(r)}"
         for r in result["rays"]
     ]
     return found + [
@@ -192,7 +187,6 @@ def sentences(result: Row) -> list[str]:
     ]
 
 
-LAST_MARCHED = ("opt8_streams",)  # of the ladder: behind it, closed forms are in it too
 MOST_OTHERS = 1e-4  # of the rays: those that graze
 
 
@@ -214,79 +208,6 @@ def faults(result: Row) -> list[str]:
         for row in d["rows"]
         if not (row["non_finite"] <= 0)
     ]
-
-
-ARTICLES_ROOT = "rsqrtps + 1"  # the approximate root and one Newton step
-
-
-def normalise_rows(result: Row) -> list[Row]:
-    """The article's only figures, of normalising vectors: scalar, by SSE, and the one over the other."""
-    rows = {(r["isa"], r["layout"], r["name"]): r for r in result.get("normalise", [])}
-    scalar = rows.get(("scalar", "AoS", "1/sqrt"))
-    if scalar is None:
-        return []
-    said, many = result["article"], f"normalising {scalar['vectors']:,} vectors"
-
-    def error(row: Row) -> str:
-        return f"≤ {show.number(row['max_ulp'], 2)} ulp"
-
-    def timed(row: Row, how: str, key: str) -> Row:
-        alike = scalar["vectors"] == ARTICLE_VECTORS
-        return {
-            "what": f"{many}, {how}, ms",
-            "article": f"{said[key]} ({said['cpu']})" if alike else show.NOTHING,
-            "ours": show.interval(row, "ms", 3),
-            "ratio": show.number(said[key] / row["ms"]) + "× its speed" if alike else show.NOTHING,
-            "error": error(row),
-        }
-
-    found = [timed(scalar, "scalar", "scalar_ms")]
-    for isa in dict.fromkeys(isa for isa, _, name in rows if name == ARTICLES_ROOT):
-        one = rows[isa, "SoA", ARTICLES_ROOT]
-        found.append(timed(one, f"{isa}, approximate root and a Newton step", "sse_ms"))
-        over = {
-            "what": f"{many}, {isa} over scalar",
-            "article": f"{said['speed_up']}×",
-            "ours": show.interval(one, "gain", 3, "×"),
-            "ratio": show.number(one["gain"] / said["speed_up"]) + "× of it",
-            "error": error(one),
-        }
-        found.append(over)
-    return [{"system": "packet ray tracer (P2)", **row} for row in found]
-
-
-def system_rows(result: Row) -> list[Row]:
-    """Rows of the table of all systems. The article times the normalising of vectors, and no rays."""
-    found = normalise_rows(result)
-    for row in result["rays"]:
-        own = _variant(row, "own")
-        found.append(
-            {
-                "system": "packet ray tracer (P2)",
-                "what": f"{row['scene']}, rays {OF_KIND[row['kind']]}, million a second",
-                "article": "“millions of rays per second, per core”",
-                "ours": _rate(own),
-                "ratio": _over_fastest(row),
-                "error": show.NOTHING if row["agreement"] is None else f"against Embree: {_agreement(row)}",
-            }
-        )
-    for drawn in result["drawn"]:
-        rows = {row["phase"]: row for row in drawn["rows"]}
-        own, marched = rows["packets"], [row for name, row in rows.items() if name in LAST_MARCHED]
-        for other in marched:
-            timed, said = other["threads"][0], equal(drawn, other)
-            with_what = "at equal error" if said == "reached" else f"equal error {said}"
-            found.append(
-                {
-                    "system": "packet ray tracer (P2)",
-                    "what": f"{drawn['scene']} {drawn['width']}×{drawn['n']}, ms a frame, one thread",
-                    "article": show.NOTHING,
-                    "ours": show.interval(own["threads"][0], "ms", 3),
-                    "ratio": f"{show.interval(timed, 'gain', 3, '×')} over {other['phase']}, {with_what}",
-                    "error": f"{show.number(own['psnr_db'])} dB, {own['wrong_ppm']:,.0f} ppm wrong hits",
-                }
-            )
-    return found
 
 
 def parts(result: Row) -> list[Part]:
@@ -311,105 +232,3 @@ def remarks(result: Row) -> list[str]:
     beside = [BESIDE] * any(r["embree16"] is not None for r in result["rays"])
     moved = [f"The animation: {moving.NOTE}"] * bool(result.get("animation"))
     return [*beside, NOTE, *moved, *(f"Embree: {text}." for text in sorted(which))]
-
-
-def _timed(row: Row, bar: str) -> Row | None:
-    """Of a row of rays: one of Embree's ways, or a variant of ours; None where it was not timed."""
-    found: Row | None = row.get(bar) if bar.startswith("embree") else _variant(row, bar)
-    return found
-
-
-def draw_rays(result: Row) -> Figure:
-    """Million rays a second of ours and Embree's, a panel a scene."""
-    names = list(dict.fromkeys(r["scene"] for r in result["rays"]))
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
-    every = ("4 lanes", "8 lanes", "kd-tree", "own", *EMBREE)
-    # Without AVX-512 eight lanes are the widest, and no row beside it.
-    made = {bar: [_timed(r, bar) for r in result["rays"]] for bar in every}
-    bars = [bar for bar in every if any(made[bar])]
-    widest = "/".join(sorted({str(one["lanes"]) for one in made["own"] if one and one.get("lanes")}, key=int))
-    labels = {
-        "4 lanes": "here, 4 lanes (SSE2)",
-        "8 lanes": "here, 8 lanes (AVX2)",
-        "kd-tree": "here, kd-tree",
-        "own": f"here, BVH, {widest or 'widest'} lanes",
-        **{way: f"Embree, {text}" for way, text in WAYS.items()},
-    }
-    for panel, name in zip(panels, names, strict=True):
-        rows = [r for r in result["rays"] if r["scene"] == name]
-        for i, bar in enumerate(bars):
-            found = [_timed(r, bar) for r in rows]
-            at = [
-                place + (i - (len(bars) - 1) / 2) / (len(bars) + 1) for place, one in enumerate(found) if one
-            ]
-            panel.bar(
-                at,
-                [one["mrays"] for one in found if one],
-                1 / (len(bars) + 1),
-                color=COLOURS[(i + 1) % len(COLOURS)],
-                hatch=HATCHES[i],
-                edgecolor="white",
-            )
-        panel.set(yscale="log", title=name)
-        panel.set_xticks(range(len(rows)), [r["kind"] for r in rows], fontsize=9)
-        plain_log(panel.yaxis)
-    panels[0].set_ylabel("million rays a second, one thread")
-    marks = [
-        Patch(
-            facecolor=COLOURS[(i + 1) % len(COLOURS)], hatch=HATCHES[i], edgecolor="white", label=labels[bar]
-        )
-        for i, bar in enumerate(bars)
-    ]
-    figure.legend(handles=marks, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
-    return figure
-
-
-def draw_equal(result: Row) -> Figure:
-    """Time on one thread against error to truth, a panel a scene."""
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
-    panels = figure.subplots(1, len(result["drawn"]), squeeze=False)[0]
-    names = list(dict.fromkeys(row["phase"] for d in result["drawn"] for row in d["rows"]))
-    looks = {
-        name: {
-            "marker": "*" if name == "packets" else MARKERS[i % len(MARKERS)],
-            "color": COLOURS[4] if name == "packets" else COLOURS[(0, 1, 2, 3, 5, 6)[i % 6]],
-            "markersize": 14 if name == "packets" else 7,
-            "linestyle": "none",
-        }
-        for i, name in enumerate(names)
-    }
-    for panel, drawn in zip(panels, result["drawn"], strict=True):
-        for row in drawn["rows"]:
-            if row["non_finite"]:  # no PSNR for another reason than 160 dB's
-                continue
-            shown = 160 if row["psnr_db"] is None else row["psnr_db"]
-            panel.plot([row["threads"][0]["ms"]], [shown], **looks[row["phase"]])
-        panel.axhline(ENOUGH_DB, color="#888888", linestyle=":", linewidth=1)
-        panel.set(xscale="log", title=drawn["scene"], xlabel="ms a frame, one thread", ylim=(20, 165))
-        panel.margins(x=0.25)
-        plain_log(panel.xaxis)
-    panels[0].set_ylabel("PSNR to truth, dB (dotted: nobody sees more)")
-    marks = [Line2D([], [], label=name, **looks[name]) for name in names]
-    figure.legend(handles=marks, loc="outside upper center", ncols=len(names), frameon=False, fontsize=9)
-    return figure
-
-
-def drawings(result: Row) -> dict[str, Drawing]:
-    """What packets.json suffices for."""
-    if not result["rays"]:
-        return {}
-    found = {
-        FIGURE: Drawing(
-            "Rays a second: the packet ray tracer by lanes and tree, and Embree (higher is better)",
-            "The same rays, one thread; scattered: from the hits in any direction, in no order.",
-            lambda: draw_rays(result),
-        )
-    }
-    if result["drawn"]:
-        found[EQUAL] = Drawing(
-            "Ray tracing (star) against sphere tracing: time and error (upper left is better)",
-            "Each marching phase by the hit distance and step cap with which it is fastest at equal error.",
-            lambda: draw_equal(result),
-        )
-    return found

@@ -13,9 +13,11 @@ from study import (
     lattice,
     lattice_page,
     packets,
+    packets_figures,
     packets_moving,
     packets_page,
     packets_pictures,
+    packets_systems,
     rods,
     rods_page,
     rods_pictures,
@@ -57,7 +59,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         *rods_page.system_rows(rods.read(path / rods.FILE), rods.read(path / rods.THROTTLE)),
         *(lattice_page.system_rows(latticed) if latticed["rows"] else []),
         *fixed_page.system_rows(integers),
-        *packets_page.system_rows(traced),
+        *packets_systems.system_rows(traced),
         *packets_moving.system_rows(traced),
     ]
 
@@ -102,10 +104,10 @@ def section(path: Path) -> Section:
             pictures[path / "images" / f"{fixed_pictures.PICTURES}.png"] = fixed_pictures.CAPTION
     with reading(path / packets.FILE, f"scripts/packets.py --run {path}"):
         traced = packets.read(path / packets.FILE)
-        drawn = drawn | packets_page.drawings(traced)
+        drawn = drawn | packets_figures.drawings(traced)
         parts += packets_page.parts(traced) + packets_moving.parts(traced)
         remarks += packets_page.remarks(traced)
-        rows += packets_page.system_rows(traced) + packets_moving.system_rows(traced)
+        rows += packets_systems.system_rows(traced) + packets_moving.system_rows(traced)
         if traced["rays"]:
             pictures[path / "images" / f"{packets_pictures.PICTURES}.png"] = packets_pictures.CAPTION
     if rows:

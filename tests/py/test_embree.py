@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import packets, packets_page, packets_rays, store
+from study import packets, packets_figures, packets_rays, store
 from study.build import build
 from study.registry import ROOT, Scene, find_scene
 
@@ -274,7 +274,7 @@ def test_the_script_from_rays_to_its_file(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "balls, mirror:" in said and "spheres40" in said and "animation, packets, 1 threads" in said
     assert (tmp_path / "images" / "packets-pictures.png").exists()
-    assert (tmp_path / "figures" / f"{packets_page.FIGURE}.svg").exists()
+    assert (tmp_path / "figures" / f"{packets_figures.FIGURE}.svg").exists()
 
 
 def test_a_build_with_assertions_is_told(tmp_path) -> None:

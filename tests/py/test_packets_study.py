@@ -14,10 +14,12 @@ from conformance.feature_scenes import FLOOR, scene, shape
 from study import (
     moving,
     packets,
+    packets_figures,
     packets_moving,
     packets_page,
     packets_pictures,
     packets_rays,
+    packets_systems,
     run,
     show,
     systems,
@@ -105,7 +107,7 @@ def made_up(embree: bool = True) -> dict:
 def test_the_page_by_hand(tmp_path):
     (tmp_path / packets.FILE).write_text(json.dumps(made_up()))
     section = systems.section(tmp_path)
-    assert [p.name for p in section.parts][:1] == ["systems"] and packets_page.FIGURE in section.drawn
+    assert [p.name for p in section.parts][:1] == ["systems"] and packets_figures.FIGURE in section.drawn
     text = show.markdown(show.table(made_up()["rays"], packets_page.ray_columns(packets.GOALS)))
     primary, shadow, mirror, scattered = text.splitlines()[-4:]
     assert "≥ 1×: missed" in primary and "≥ 0.5×: met" in mirror and "≥ 0.5×: met" in scattered  # 0.55
@@ -113,7 +115,7 @@ def test_the_page_by_hand(tmp_path):
     drawn = show.markdown(show.table(packets_page.drawn_rows(made_up()), packets_page.DRAWN))
     assert drawn.count("base") == 1 and drawn.count("4.00× [3.00") == 2
     assert any("Embree's time" in remark for remark in section.remarks)
-    said = {row["what"]: row for row in packets_page.system_rows(made_up())}
+    said = {row["what"]: row for row in packets_systems.system_rows(made_up())}
     camera = said["spheres40, rays camera, million a second"]
     assert camera["error"].startswith("against Embree: 0 of 1,000 others")
     said_of_it = "over Embree by single rays (Embree 3.13.5)"
@@ -122,7 +124,7 @@ def test_the_page_by_hand(tmp_path):
     assert whole["ratio"].startswith("4.00×") and whole["ratio"].endswith("over opt8_streams, at equal error")
     assert whole["ours"].startswith("2.00") and whole["error"] == "90.0 dB, 0 ppm wrong hits"
     assert packets_page.faults(made_up()) == []
-    for name in packets_page.drawings(made_up()).values():
+    for name in packets_figures.drawings(made_up()).values():
         assert name.make() is not None
 
 
@@ -155,7 +157,7 @@ def test_a_file_of_before_there_were_streams_is_still_read(tmp_path):
     (tmp_path / packets.FILE).write_text(json.dumps(result))
     tables = {part.name: part.markdown for part in systems.section(tmp_path).parts}
     assert "256" not in tables["packets"] and "0.600×" in tables["packets"]
-    assert packets_page.fastest(result["rays"][0]) == "embree1" and packets_page.draw_rays(result)
+    assert packets_page.fastest(result["rays"][0]) == "embree1" and packets_figures.draw_rays(result)
     assert "256 rays a call –" in packets_page.sentences(result)[0]
 
 
@@ -315,14 +317,14 @@ def test_the_article_s_own_figures_by_hand(monkeypatch):
     monkeypatch.setattr(packets.functions, "normalise", normalise)
     found = packets.normalised(size, 1)
     assert len(found) == 2 and found[1]["ms"] == found[1]["ms_high"] == pytest.approx(200)
-    scalar, sse, over = packets_page.system_rows(made_up() | {"normalise": found})[:3]
+    scalar, sse, over = packets_systems.system_rows(made_up() | {"normalise": found})[:3]
     assert scalar["what"] == "normalising 20,000,000 vectors, scalar, ms" and scalar["error"] == "≤ 3.0 ulp"
     assert scalar["article"] == "3156 (Core 2 Duo, 1.6 GHz)" and scalar["ratio"] == "1.58× its speed"
     assert sse["ours"].split()[0] == "200" and sse["ratio"] == "0.860× its speed"
     assert (
         over["ours"].startswith("10.0×") and over["ratio"] == "0.545× of it" and over["article"] == "18.35×"
     )
-    less = packets_page.normalise_rows(made_up() | {"normalise": packets.normalised(4096, 1)})
+    less = packets_systems.normalise_rows(made_up() | {"normalise": packets.normalised(4096, 1)})
     assert less[0]["article"] == less[0]["ratio"] == show.NOTHING, "another size than the article's"
 
 
@@ -380,7 +382,7 @@ def test_the_bars_are_of_the_lanes_that_ran(lanes: int, beside: bool) -> None:
     ran = {"own": lanes, "kd-tree": lanes, "4 lanes": 4} | ({"8 lanes": 8} if beside else {})
     row = {"scene": "balls", "kind": "primary", "embree16": None, "embree1": {"mrays": 3.0}}
     row["variants"] = [{"name": name, "lanes": n, "mrays": 2.0} for name, n in ran.items()]
-    figure = packets_page.draw_rays({"rays": [row]})
+    figure = packets_figures.draw_rays({"rays": [row]})
     named = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert ("here, 8 lanes (AVX2)" in named) == beside and f"here, BVH, {lanes} lanes" in named
     assert len(named) == len(figure.axes[0].patches) == len(ran) + 1
