@@ -30,7 +30,7 @@ from study import backend, machine, perf, store
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Counts, Measured
 from study.registry import ROOT, Spec, cpu_flags
-from study.run import GENERAL, _arguments, cpu_set, render
+from study.run import GENERAL, _arguments, cpu_set, environment, render
 
 FOLDER = ROOT / "scripts" / "study" / "events"
 PARANOID = Path("/proc/sys/kernel/perf_event_paranoid")
@@ -220,7 +220,7 @@ def _stat(
                 capture_output=True,
                 text=True,
                 errors="replace",
-                env={**os.environ, **GENERAL, "LC_ALL": "C"},
+                env=environment(more=GENERAL | {"LC_ALL": "C"}),
                 preexec_fn=(lambda: os.sched_setaffinity(0, cpus)) if cpus else None,
             )
         except OSError as error:

@@ -14,6 +14,7 @@ from study import machine, pmu
 from study.cli import CANNOT_RUN, StudyError
 from study.counts import Measured
 from study.registry import find_scene
+from study.run import UNTIMED
 
 FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "perf"
 FILES = sorted(pmu.FOLDER.glob("*.json"))
@@ -251,6 +252,22 @@ def test_a_frame(ice_lake: Path, shared: bool) -> None:
     assert (found.measured.phase, found.measured.width, found.measured.height) == ("opt3", 21, 12)
     assert Measured.from_json(json.loads(json.dumps(found.measured.to_json()))) == found.measured
     assert found.topdown and found.topdown["retiring"] == of("topdown_retiring") / of("slots")
+
+
+def test_what_is_counted_has_its_clocks_and_the_general_code(
+    ice_lake: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As what is timed, whatever this process's environment says."""
+    monkeypatch.setenv(UNTIMED, "1")
+    monkeypatch.setenv("STEPWISE_CC", "gcc")
+    stand_in(
+        ice_lake,
+        "import os\nfound = {k: os.environ.get(k) for k in ('STEPWISE_UNTIMED', 'STEPWISE_CC', 'LC_ALL')}\n"
+        "if list(found.values()) != [None, 'none', 'C']:\n    sys.exit(str(found))\n"
+        "for event in events:\n    print(f'7;;{event};1000;100.00;;', file=out)\n",
+    )
+    works, reason = pmu.available()
+    assert works, reason
 
 
 def test_a_perf_that_does_not_start_is_none(ice_lake: Path, monkeypatch: pytest.MonkeyPatch) -> None:
