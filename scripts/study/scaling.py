@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import heapq
 import math
+import signal
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -33,6 +34,7 @@ LATE = FAST + 2  # turn of what comes last
 EARLY_SHARE = 0.6  # of the time: what one kind of points may take before the next kind has had its turn
 OVERHEAD = 0.1  # s of a launch beside its frames: the process, and the calibration of clocks
 TRUTH_SHARE = 0.2  # of a series' seconds for truth's pictures
+BEYOND_MEMORY = "beyond a point that memory did not suffice for"
 MOST_JUDGED = 2_100_000  # pixels of a picture that is kept with its planes; larger ones are only timed
 
 
@@ -79,7 +81,8 @@ def choose(
     refused: type[Exception] = DriverError,
 ) -> Plan:
     """Takes points by their worth (the module's head), while `seconds` last. `first` renders one, or raises
-    `refused`: that point alone is left out, and what the refusal took is spent."""
+    `refused`: that point alone is left out (where memory was short: and the program's larger ones, unasked),
+    and what the refusal took is spent."""
     plan, order, fast = Plan(), series.order, newest(specs)
     first_ones = len(series.first) or EARLY
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
@@ -103,6 +106,14 @@ def choose(
         about = {"series": series.name, "x": point.x, "phase": str(point.spec)}
         plan.left_out.append(about | {"reason": reason, "foreseen_s": guess})
 
+    def leave_beyond(point: Point, step: int, reason: str) -> None:
+        """The program's larger points that are still to come: they are not asked."""
+        spec = point.spec
+        for x in [x for x in ready[spec] if x > point.x and x in order[step + 1 :]]:
+            ready[spec].remove(x)
+            further = guessed(known[spec], x, series.grows) if known[spec] else None
+            leave(Point(series.name, x, spec), reason, further)
+
     # Equal guesses go by the order of the programs; 0 s: nothing is known before a program's first point.
     queue: list[tuple[int, float, int, int]] = []
     for number in range(len(specs)):
@@ -111,7 +122,7 @@ def choose(
         turn, guess, step, number = heapq.heappop(queue)
         spec = specs[number]
         point = Point(series.name, order[step], spec)
-        if point.x not in ready[spec]:  # beyond one that took too long
+        if point.x not in ready[spec]:  # beyond one that took too long, or had no memory
             push(number, step + 1)
             continue
         needed = guess + cost(guess, launches) + OVERHEAD
@@ -122,17 +133,16 @@ def choose(
             continue
         if plan.spent + needed > seconds:
             leave(point, too_long(needed, seconds), guess)
-            for x in [x for x in ready[spec] if x > point.x and x in order[step + 1 :]]:
-                ready[spec].remove(x)
-                further = guessed(known[spec], x, series.grows) if known[spec] else None
-                leave(Point(series.name, x, spec), "beyond a point that took too long", further)
+            leave_beyond(point, step, "beyond a point that took too long")
             push(number, step + 1)
             continue
         begun = time.monotonic()
         try:
             found = first(point)
         except refused as error:
-            leave(point, getattr(error, "message", None) or str(error))
+            leave(point, why(error))
+            if short_of_memory(error):
+                leave_beyond(point, step, BEYOND_MEMORY)
             push(number, step + 1)  # what comes later in the order may be smaller
             continue
         finally:
@@ -146,6 +156,18 @@ def choose(
             plan.taken[point] = found
         push(number, step + 1)
     return plan
+
+
+def short_of_memory(error: Exception) -> bool:
+    """Whether the driver said so, or ended as the kernel ends what it has no memory for."""
+    return getattr(error, "status", None) in (run.NO_MEMORY, -signal.SIGKILL)
+
+
+def why(error: Exception) -> str:
+    """What a table says of a driver that did not render."""
+    said = getattr(error, "message", None) or str(error)
+    killed = getattr(error, "status", None) == -signal.SIGKILL
+    return said + " (as the kernel does where memory is short)" * killed
 
 
 def too_long(needed: float, seconds: float) -> str:

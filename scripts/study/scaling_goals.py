@@ -10,7 +10,7 @@ from typing import Any
 from study import registry, run, scaling_fit, scaling_scenes, stats
 from study.registry import Spec
 from study.run import DriverError
-from study.scaling import above_frame
+from study.scaling import above_frame, why
 from study.scaling_series import Picture, Row, Series
 from study.stats import Interval
 
@@ -148,7 +148,7 @@ def memory(
         try:
             made.append(about | at_4k(spec, about, seed, folder))
         except DriverError as error:
-            left_out.append(about | {"reason": error.message, "foreseen_s": foreseen})
+            left_out.append(about | {"reason": why(error), "foreseen_s": foreseen})
     return made, left_out
 
 

@@ -274,6 +274,31 @@ def test_a_refused_point_is_left_out_alone() -> None:
     assert [p.x for p in plan.taken if p.spec == BASE] == [1, 16, 64]
 
 
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [(-9, "killed by SIGKILL (as the kernel does where memory is short)"), (5, "out of memory")],
+)
+def test_what_had_no_memory_is_not_asked_for_more(status: int, said: str) -> None:
+    """As 16, 1, 4, 64 with 16 and more too large: what is smaller is asked, what is larger says why not."""
+    asked = []
+
+    def first(point: Point) -> First:
+        asked.append((str(point.spec), point.x))
+        if point.spec == BASE and point.x >= 16:
+            raise DriverError(status, said.partition(" (")[0])
+        return First(0.001, 0, None)
+
+    some = dataclasses.replace(line(), first=(16, 1, 4))
+    plan = scaling.choose(some, [BASE, OPT4], 1e9, 6, first)
+    assert ("baseline", 64) not in asked and asked.count(("baseline", 16)) == 1
+    assert {p.x for p in plan.taken if p.spec == BASE} == {1, 4}
+    assert sum(p.spec == OPT4 for p in plan.taken) == 4
+    assert [(r["phase"], r["x"], r["reason"]) for r in plan.left_out] == [
+        ("baseline", 16, said),
+        ("baseline", 64, "beyond a point that memory did not suffice for"),
+    ]
+
+
 def test_a_large_point_that_is_asked_first_and_refused_drops_no_smaller_one() -> None:
     """As 4,096 of 16, 4,096, 256: each x is taken or left out, and what the refusal took is of the time."""
 
