@@ -110,6 +110,8 @@ class Sweep:
         self.frames: dict[tuple[str, int], set[int]] = {}  # (config, launch) -> numbers of its frames
         self.seconds: dict[str, list[float]] = {}  # config -> durations of this process's launches
         self.crashes: dict[str, int] = {}
+        self.rounds = 0  # of those who measured into this run before
+        self.now = 0  # the round: a launch that is made up for is of another than its number says
         self.deadline = time.monotonic() + (float("inf") if budget is None else budget)
 
     def load(self) -> float:
@@ -117,6 +119,7 @@ class Sweep:
         frames = self.run.frames()
         for row in frames.to_dict("records"):
             self.frames.setdefault((row["config"], row["launch"]), set()).add(row["frame"])
+        self.rounds = 0 if frames.empty else int(stats.rounds_of(frames).fillna(frames["launch"]).max()) + 1
         return 0 if frames.empty else float((frames["ns"] + frames["present_ns"]).sum()) / 1e9
 
     def reps(self, config: Config) -> int:
@@ -192,7 +195,12 @@ class Sweep:
                 frame["frame"] += 0 if frame["warmup"] else offset
                 if frame["frame"] in there:  # warm-up that the launch's first process has stored
                     continue
-                head = {"schema": frame["schema"], "config": config.config, "launch": number}
+                head = {
+                    "schema": frame["schema"],
+                    "config": config.config,
+                    "launch": number,
+                    "round": self.now,
+                }
                 self.run.append_frame(head | frame | {"env_bytes": padding, "time": now()})
                 there.add(frame["frame"])
         if self.timed(config, number) < self.reps(config):
@@ -208,6 +216,7 @@ class Sweep:
         pause = 0.1 if sys.stderr.isatty() else 10
         with tqdm(total=total, bar_format=form, mininterval=pause, dynamic_ncols=True) as bar:
             for number in itertools.count():
+                self.now = self.rounds + number
                 chosen = self.round(number)
                 if not chosen and number >= self.plan["launches"]:  # a round may come late, for the budget
                     break

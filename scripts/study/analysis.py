@@ -30,7 +30,8 @@ NEEDED = {
 
 @dataclass(frozen=True)
 class Cell:
-    """One configuration. `values`: a row per launch (medians of its timed frames); times in ns."""
+    """One configuration. `values`: a row per launch (medians of its timed frames), its index the rounds that
+    they were of (stats.rounds_of); times in ns."""
 
     scene: str
     spec: str
@@ -142,6 +143,7 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
     frames = frames.assign(
         core_hz=(frames["core_hz_before"] + frames["core_hz_after"]) / 2,
         presented_ns=frames["ns"] + frames["present_ns"],
+        round=stats.rounds_of(frames),
     )
     optional = tuple(name for name in ("core_hz_load", "kernel_compile_ns") if name in frames)
     columns = (
@@ -164,6 +166,7 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         values = pd.DataFrame({column: launch[column].median() for column in columns})
         first = group.sort_values("frame").groupby("launch").first()  # right after set-up, warm-up or not
         values["setup_first_ns"] = first["prepare_ns"] + first["ns"]
+        values.index = pd.Index(launch["round"].first(), name="round")
         facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
         facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
         cells.append(Cell(*key, facts, values))

@@ -64,25 +64,50 @@ def median_interval(values: ArrayLike) -> Interval:
     return Interval(value, float(values[k - 1]), float(values[-k]), len(values), True)
 
 
+def of_one_round(base: ArrayLike, other: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Places in `base` and in `other` of the launches that were of one round, in its order.
+
+    Of two Series their index tells the round (NaN: unknown). Of others launch k of both is of round k, if
+    they are as many.
+    """
+    both = base, other
+    if all(isinstance(some, pd.Series) and not some.index.hasnans for some in both):
+        return np.intersect1d(base.index, other.index, return_indices=True)[1:]
+    together = np.arange(np.size(base) if np.size(base) == np.size(other) else 0)
+    return together, together
+
+
 def resampled_ratios(
     base: ArrayLike, other: ArrayLike, random: np.random.Generator, count: int, rounds: bool = True
 ) -> np.ndarray:
-    """Ratios of medians of `count` draws with replacement, shape (count,). `rounds`: see ratio_interval."""
-    base, other = np.asarray(base, float).ravel(), np.asarray(other, float).ravel()
-    drawn = random.integers(len(base), size=(count, len(base)))
-    together = rounds and len(base) == len(other)
-    again = drawn if together else random.integers(len(other), size=(count, len(other)))
-    return np.median(base[drawn], axis=1) / np.median(other[again], axis=1)
+    """Ratios of medians of `count` draws with replacement, shape (count,). `rounds`: see ratio_interval.
+
+    Each draw has as many launches of both as there are: rounds of both, and by themselves launches that the
+    other has none beside.
+    """
+    pairs = of_one_round(base, other) if rounds else (np.arange(0), np.arange(0))
+
+    def draws(places: np.ndarray) -> np.ndarray:
+        if not len(places):
+            return np.empty((count, 0), int)
+        return places[random.integers(len(places), size=(count, len(places)))]
+
+    drawn = draws(np.arange(len(pairs[0])))
+    medians = []
+    for values, places in zip((base, other), pairs, strict=True):
+        alone = draws(np.setdiff1d(np.arange(np.size(values)), places))
+        taken = np.concatenate([places[drawn], alone], axis=1)
+        medians.append(np.median(np.asarray(values, float).ravel()[taken], axis=1))
+    return medians[0] / medians[1]
 
 
 def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: bool = True) -> Interval:
     """median(base) / median(other): the speed-up of `other` when both are times.
 
-    `rounds`: launch k of both is of one round of an interleaved run, and what slows a round slows both: they
-    are drawn together. Of other launches, as of other counts, each is drawn by itself.
+    `rounds`: they are of one interleaved run, and what slows a round of it slows both: launches of one round
+    (of_one_round) are drawn together. Of other runs, and beside a launch that was lost, each by itself.
     """
-    base, other = np.asarray(base, float).ravel(), np.asarray(other, float).ravel()
-    launches = min(len(base), len(other))
+    launches = min(np.size(base), np.size(other))
     value = float(np.median(base) / np.median(other)) if launches else np.nan
     if launches < ENOUGH:
         return Interval(value, np.nan, np.nan, launches, False)
@@ -94,13 +119,21 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
 def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:
     """Median of the non-warm-up frames per configuration and launch.
 
-    Columns: those of CONFIG, launch, value (unit of `column`); sorted by configuration and launch.
+    Columns: those of CONFIG, launch, round, value (unit of `column`); sorted by configuration and launch.
     """
     if frames.empty:
-        return pd.DataFrame(columns=[*CONFIG, "launch", "value"])
+        return pd.DataFrame(columns=[*CONFIG, "launch", "round", "value"])
     timed = frames[~frames["warmup"].astype(bool)]
-    values = timed.groupby([*CONFIG, "launch"], sort=True)[column].median()
-    return values.rename("value").reset_index()
+    timed = timed.assign(round=rounds_of(timed))
+    values = timed.groupby([*CONFIG, "launch"], sort=True).agg(
+        round=("round", "first"), value=(column, "median")
+    )
+    return values.reset_index()
+
+
+def rounds_of(frames: pd.DataFrame) -> pd.Series:
+    """The round of each frame, NaN in older files. A launch's number is less where a round left it out."""
+    return frames["round"] if "round" in frames else pd.Series(np.nan, frames.index)
 
 
 def distinguishable(a: ArrayLike, b: ArrayLike, seed: int = 1, rounds: bool = True) -> bool:

@@ -46,13 +46,14 @@ def rows(frames: pd.DataFrame) -> list[dict[str, Any]]:
     for config, group in table.groupby("config", sort=False):
         row = group.iloc[0]
         pixels = row["width"] * row["height"]
-        ns = group["value"].to_numpy(float)
+        ns = group.set_index("round")["value"]
         same = table[(table["scene_hash"] == row["scene_hash"]) & (table["width"] == row["width"])]
         same = same[same["height"] == row["height"]]
 
         def speedup(base: str | None, row=row, same=same, ns=ns) -> stats.Interval | None:
             for threads in (row["threads"], 1):
-                times = same[(same["spec"] == base) & (same["threads"] == threads)]["value"]
+                times = same[(same["spec"] == base) & (same["threads"] == threads)]
+                times = times.set_index("round")["value"]
                 if len(times) and base != row["spec"]:
                     return stats.ratio_interval(times, ns)
             return None
@@ -96,7 +97,7 @@ def indistinguishable(frames: pd.DataFrame) -> list[str]:
         ["scene", "width", "height", "threads"]
     ):
         where = f"{scene} {width}x{height}, threads {threads}"
-        times = {spec: rows["value"].to_numpy(float) for spec, rows in group.groupby("spec")}
+        times = {spec: rows.set_index("round")["value"] for spec, rows in group.groupby("spec")}
         if min(map(len, times.values())) < stats.ENOUGH:
             sentences.append(f"{where}: under {stats.ENOUGH} launches, so no two phases can be told apart")
             continue

@@ -337,7 +337,7 @@ def documented_keys() -> set[str]:
     text = (ROOT / "results/README.md").read_text().split("## frames.jsonl")[1].split("\n## ")[0]
     rows = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
     keys = {key for row in rows for key in re.findall(r"`([^`]+)`", row)}
-    return keys - {"config", "launch", "env_bytes", "time"} | {"image"}
+    return keys - {"config", "launch", "round", "env_bytes", "time"} | {"image"}
 
 
 CLOCKS = ("tsc_hz", "core_hz_before", "core_hz_after", "core_cycles")

@@ -62,6 +62,49 @@ def test_the_ratio_of_rounds_that_share_their_noise(common):
     assert width < {0: 1.02, 0.7: 0.8, 0.95: 0.4}[common]
 
 
+def lost(times, rounds) -> pd.Series:
+    """Those launches, one a round, that were not lost."""
+    return pd.Series(times)[list(rounds)]
+
+
+def test_what_a_lost_launch_leaves_is_paired_by_its_round(monkeypatch):
+    """Of eight rounds one program lost the second, the other the seventh: by their order the second to sixth
+    of the seven launches of each stand beside those of another round."""
+    monkeypatch.setattr(stats, "RESAMPLES", 1000)
+    random = np.random.default_rng(11)
+    shared, own = random.normal(size=(400, 1, 8)), random.normal(size=(400, 2, 8))
+    times = np.exp(0.15 * (0.95 * shared + np.sqrt(1 - 0.95**2) * own))
+    some, others = [0, 2, 3, 4, 5, 6, 7], [0, 1, 2, 3, 4, 5, 7]
+    by_round = [stats.ratio_interval(14 * lost(a, some), lost(b, others)) for a, b in times]
+    by_order = [stats.ratio_interval(14 * a[some], b[others]) for a, b in times]
+    assert all(a.value == b.value and a.launches == 7 for a, b in zip(by_round, by_order, strict=True))
+    assert 0.915 <= np.mean([i.low <= 14 <= i.high for i in by_round]) <= 0.99
+
+    def width(some) -> float:
+        return np.mean([np.log(i.high / i.low) for i in some])
+
+    assert width(by_round) < 0.75 * width(by_order)
+    fewer = [stats.ratio_interval(14 * pd.Series(a), lost(b, others)) for a, b in times]
+    apart = [stats.ratio_interval(14 * a, b[others]) for a, b in times]
+    assert width(fewer) < 0.6 * width(apart) and fewer[0].launches == 7
+
+
+def test_launches_of_no_common_round_are_drawn_apart():
+    a, b = np.arange(1.0, 9), np.arange(2.0, 10)
+    apart = stats.ratio_interval(a, b, rounds=False)
+    assert stats.ratio_interval(pd.Series(a), pd.Series(b, index=range(8, 16))) == apart
+    assert stats.ratio_interval(pd.Series(a), pd.Series(b), rounds=False) == apart
+    assert stats.ratio_interval(pd.Series(a), pd.Series(b)) == stats.ratio_interval(a, b) != apart
+
+
+def test_launches_of_unknown_rounds_are_paired_by_their_order_if_they_are_as_many():
+    """A launch's number is not its round's where a budget left a comparison out of one."""
+    a, b = np.arange(1.0, 9), np.arange(2.0, 10)
+    unknown = pd.Series(b, index=[np.nan] * 8)
+    assert stats.ratio_interval(pd.Series(a), unknown) == stats.ratio_interval(a, b)
+    assert stats.ratio_interval(pd.Series(a), unknown[:7]) == stats.ratio_interval(a, b[:7], rounds=False)
+
+
 def test_ratio_interval_covers_the_true_ratio_19_times_in_20():
     random = np.random.default_rng(6)
     base, other = random.lognormal(np.log(14), 0.1, (400, 12)), random.lognormal(0, 0.2, (400, 12))
@@ -116,6 +159,13 @@ def test_a_launch_counts_by_the_median_of_its_timed_frames():
     assert table["launch"].tolist() == [0, 1]
     assert table["value"].tolist() == [5, 15]
     assert set(stats.CONFIG) < set(table.columns)
+
+
+def test_a_launchs_round_is_that_of_its_first_timed_frame():
+    some = frames([[5, 1], [10, 20], [7, 7]])
+    some["round"] = [0, 0, 0, 4, 5, 6, 7, 7, 7]
+    assert stats.launch_values(some, "ns")["round"].tolist() == [0, 5, 7]
+    assert stats.launch_values(some.drop(columns="round"), "ns")["round"].isna().all()
 
 
 def test_no_frames_no_values():

@@ -159,7 +159,7 @@ def test_a_round_is_a_shuffle_that_the_seed_fixes():
 def play(made: module.Sweep, budget=float("inf"), crash=(), actual=None) -> list[tuple[str, int]]:
     """Let the sweep measure with a clock and a driver that are made up; returns (config, launch).
 
-    `actual`: config -> seconds where they are not as estimated.
+    `crash`: configs, or (config, round); `actual`: config -> seconds where they are not as estimated.
     """
     clock, launched = [0.0], []
     made.deadline = budget
@@ -168,7 +168,7 @@ def play(made: module.Sweep, budget=float("inf"), crash=(), actual=None) -> list
         number = made.done(config)
         launched.append((config.config, number))
         clock[0] += (actual or {}).get(config.config, config.estimate_s)
-        if config.config in crash:
+        if {config.config, (config.config, made.now)} & set(crash):
             raise DriverError(-11, "killed by SIGSEGV")
         made.frames[(config.config, number)] = set(range(-1, made.plan["reps"]))
 
@@ -228,6 +228,31 @@ def test_a_crash_is_recorded_and_the_rest_goes_on(tmp_path, capsys):
     assert "failed: opt1 a: killed by SIGSEGV" in capsys.readouterr().err
 
 
+def test_a_lost_launch_is_made_up_for_in_a_round_of_its_own(tmp_path):
+    """Of four rounds the second is lost: its launch is of the third, the last of a fifth."""
+    made = planned({"a": [1, 1]}, launches=4)
+    made.run, made.plan["failures"], made.rounds = store.Run(tmp_path / "run"), [], 7
+    rounds = []
+    made.frames = Noted(lambda key: rounds.append((*key, made.now)))
+    play(made, crash={("c1", 8)})
+    assert sorted(rounds) == [
+        *(("c0", launch, 7 + launch) for launch in range(4)),
+        *(("c1", launch, 7 + launch + (launch > 0)) for launch in range(4)),
+    ]
+
+
+class Noted(dict):
+    """Tells of every key that is set."""
+
+    def __init__(self, tell) -> None:
+        super().__init__()
+        self.tell = tell
+
+    def __setitem__(self, key, value) -> None:
+        self.tell(key)
+        super().__setitem__(key, value)
+
+
 # The real driver
 
 
@@ -261,6 +286,7 @@ def test_rounds_are_interleaved(measured):
         block = launches.iloc[4 * number : 4 * number + 4]
         assert (block["launch"] == number).all()
         assert block["config"].nunique() == 4
+    assert (frames["round"] == frames["launch"]).all()
 
 
 def test_result_is_one_json_object(measured):
@@ -342,7 +368,9 @@ def test_a_cut_off_launch_is_completed(tmp_path, kept):
     target.frames_path.write_bytes(prefix)
     assert sweep("--run", target.path).returncode == 0
     assert target.frames_path.read_bytes().startswith(prefix)
-    assert sorted(keys(target.frames())) == sorted(everything(target.plan))
+    frames = target.frames()
+    assert sorted(keys(frames)) == sorted(everything(target.plan))
+    assert frames["round"].tolist() == [0] * 4 + [1] * kept + [3] * (4 - kept)  # the second of its rounds
 
 
 def test_a_run_of_other_programs_or_machine_is_not_continued(measured, tmp_path):

@@ -14,7 +14,7 @@ import pytest
 import started
 
 import tables
-from study import analysis, claims, ladder, paper, show
+from study import analysis, claims, ladder, paper, show, stats, summary
 from study.cli import StudyError
 from study.verdicts import OPEN, PART
 
@@ -271,6 +271,23 @@ def test_no_timed_frame_is_an_error_only_where_a_table_is_wanted(run: Path, empt
         analysis.load(run)
     data = analysis.load(run, strict=False)
     assert ladder.rows(data).empty and any("no timed frame" in note for note in data.notes)
+
+
+def test_launches_stand_side_by_side_by_the_round_that_they_were_of(run: Path) -> None:
+    """opt4 lost its third round: its third launch was made up for in the fourth, and so on."""
+
+    def change(frame: dict) -> None:
+        frame["round"] = frame["launch"] + (frame["phase"] == "opt4" and frame["launch"] >= 2)
+
+    edit(run, change)
+    data = analysis.load(run)
+    base, made = (data.cell("scene0", spec, 180, 320) for spec in ("baseline", "opt4"))
+    assert list(made.values.index) == [0, 1, 3, 4, 5, 6] and list(base.values.index) == [0, 1, 2, 3, 4, 5]
+    times = [cell.values["ns"].to_numpy() for cell in (base, made)]
+    by_round, by_order = made.over(base), stats.ratio_interval(*times)
+    assert by_round.value == by_order.value and by_round.low != by_order.low
+    said = {(r["spec"], r["scene"], r["height"]): r for r in summary.rows(data.frames)}
+    assert said["opt4", "scene0", 180]["speedup"] == by_round
 
 
 def test_overridden_frames_and_old_scenes_are_left_out(run: Path) -> None:
