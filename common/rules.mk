@@ -37,6 +37,10 @@ LIBS = -Wl,--as-needed $(shell pkg-config --libs jansson OpenEXR) -lpthread -lm
 COMMON_INCLUDES = $(shell pkg-config --cflags jansson OpenEXR)
 # For pictures alone: what is emulated is neither counted nor timed, and stands in no folder that a script takes.
 EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
+# By which headers: the shim and all of SIMDe's, where the compiler looks for them. Their ages say nothing to make: those
+# of a package are of the day that it was built.
+SIMDE_INCLUDE ?= /usr/local/include /usr/include
+EMULATED_BY := $(if $(EMULATE),$(shell { cat tests/emulate/immintrin.h; find -L $(firstword $(wildcard $(SIMDE_INCLUDE:%=%/simde)) /dev/null) -name '*.h' -printf '%P %T@ %s\n' | sort; } | cksum | tr ' ' -))
 ifneq ($(EMULATE),)
 ifeq ($(abspath $(BUILD)),$(CURDIR)/build)
 $(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
@@ -69,6 +73,10 @@ patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I -S s
 $(BUILD)/common/toolchain: FORCE
 	@mkdir -p $(@D)
 	@echo '$(TOOLCHAIN) $(SANITIZERS)' | cmp -s - $@ || echo '$(TOOLCHAIN) $(SANITIZERS)' >$@
+
+$(BUILD)/common/emulated_by: FORCE
+	@mkdir -p $(@D)
+	@echo '$(EMULATED_BY)' | cmp -s - $@ || echo '$(EMULATED_BY)' >$@
 
 $(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/common/toolchain
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -c $< -o $@
@@ -118,7 +126,7 @@ PARSED := $(BUILD)/common/parsed
 # What it is parsed from, as an upgrade of either changes it: clang refuses a header that is older, gcc would go on.
 HEADERS_ARE = $(shell stat -L -c '%Y %s' /usr/include/stdlib.h "$$($(CC) -print-file-name=include/immintrin.h)" 2>/dev/null)
 parse_once = set -f; words="$$(echo "$$* $(filter-out -c -S -fsyntax-only,$(1))" | sed 's/-iquote [^ ]*//g; s/-D\(LANES=\|VARIANT\|STEPWISE_\)[^ ]*//g')"; \
-parsed=$(PARSED)/$$(echo "$(HEADERS_ARE) $(TOOLCHAIN)$(if $(EMULATE), $(shell cksum <tests/emulate/immintrin.h)) $$words" | cksum | tr ' ' -).h; \
+parsed=$(PARSED)/$$(echo "$(HEADERS_ARE) $(TOOLCHAIN)$(EMULATED_BY:%= %) $$words" | cksum | tr ' ' -).h; \
 test -e "$$parsed.gch" || { mkdir -p $(PARSED); echo '\#include <immintrin.h>' >"$$parsed.$$$$"; \
     ln "$$parsed.$$$$" "$$parsed" 2>/dev/null; rm "$$parsed.$$$$"; \
     $$words -x c-header "$$parsed" -o "$$parsed.$$$$" && mv "$$parsed.$$$$" "$$parsed.gch" || exit 1; }; set +f
@@ -156,7 +164,7 @@ endef
 $(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 
-$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),tests/emulate/immintrin.h)
+$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),$(BUILD)/common/emulated_by)
 	$(if $(SANITIZED),$(call compile_recipe,),$(call assemble_recipe))
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)

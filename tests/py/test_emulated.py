@@ -204,6 +204,28 @@ def same_or_nan(made: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return same | (np.isnan(made) & np.isnan(wanted)) if wanted.dtype.kind == "f" else same
 
 
+def test_other_headers_to_emulate_by_build_anew(tmp_path: Path) -> None:
+    """Of SIMDe any header, whose age says nothing; what is as it was is left alone. Phases and the intrinsics
+    that are parsed once hang on it (rules.mk)."""
+    header = tmp_path / "include" / "simde" / "x86" / "avx512" / "add.h"
+    header.parent.mkdir(parents=True)
+    made = tmp_path / "build" / "common" / "emulated_by"
+
+    def said(text: str, seconds: int) -> tuple[str, int]:
+        header.write_text(text)
+        os.utime(header, (seconds, seconds))
+        words = ["make", "-s", "-C", registry.ROOT, "EMULATE=1", f"BUILD={tmp_path / 'build'}"]
+        words += [f"SIMDE_INCLUDE={tmp_path / 'include'}", made]
+        subprocess.run([str(word) for word in words], check=True, capture_output=True)
+        return made.read_text(), made.stat().st_mtime_ns
+
+    first = said("0.7.4", 2_000_000)
+    assert said("0.7.4", 2_000_000) == first
+    older = said("0.7.2", 1_000_000)
+    longer = said("0.7.2.", 1_000_000)
+    assert len({text for text, _ in (first, older, longer)}) == 3
+
+
 def check_14_bits(made: np.ndarray, exact: np.ndarray, normal: np.ndarray) -> None:
     made = np.ascontiguousarray(made).view(exact.dtype)[:, : exact.shape[1]].astype(float)
     exact = exact.astype(float)
