@@ -75,15 +75,16 @@ def decibels(square: float) -> float | None:
 
 
 def errors(exact: Picture, made: Picture, colour: bool = True) -> Row:
-    """How far a picture is from truth: wrong hits in ppm of the pixels that truth proves (of a fractal, which
-    it does not, of those that converged), |Δt| in scene units where the shape is right, PSNR in dB of linear
-    colours in [0, 1]. As study.accuracy has them. `known`: share of the pixels that truth knows.
+    """How far a picture is from truth: wrong hits in ppm of the pixels that truth proves (where it proves
+    none, of those that converged), whose share `judged` is; |Δt| in scene units where the shape is right;
+    PSNR in dB of linear colours in [0, 1]. As study.accuracy has them. `known`: share that truth knows.
     """
     least = accuracy.PROVED if (exact["status"] == accuracy.PROVED).any() else accuracy.CONVERGED
     count = int((exact["status"] >= least).sum())
     off = accuracy.right_distances(exact, made, least)
     found: Row = {
         "evaluations": float((made["evals"] + made.get("rods", 0)).mean()),
+        "judged": count / exact["status"].size,
         "known": float((exact["status"] >= truth.CONVERGED).mean()),
         **{
             f"{kind}_ppm": float(mask.sum() / count * 1e6) if count else math.nan

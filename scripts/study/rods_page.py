@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -12,6 +14,7 @@ from study.rods import Row
 from study.show import Column
 
 TRADE = "rods-trade"
+JUDGED = 0.9995  # of the pixels: less is said
 
 
 def _ms(row: Row) -> str:
@@ -26,11 +29,22 @@ def _of(name: str, key: str, digits: int = 3):
     return lambda row: show.number(row[name][key], digits)
 
 
+def hits(row: Row, key: str = "wrong_ppm", form: Callable[[float], str] = show.number) -> str:
+    """Wrong hits in ppm; where truth judges not all of the pixels (the air about a fractal, not its edges),
+    of which share. Older files do not say it."""
+    judged = row.get("judged", 1)
+    return form(row[key]) + (f" (of {show.percent(judged)} of the pixels)" if judged < JUDGED else "")
+
+
+def _hits(name: str, key: str):
+    return lambda row: hits(row[name], key)
+
+
 def _errors(name: str, group: str) -> list[Column]:
     return [
-        Column(group, "false hits, ppm", _of(name, "false_hits_ppm")),
-        Column(group, "false misses, ppm", _of(name, "false_misses_ppm")),
-        Column(group, "wrong shape, ppm", _of(name, "wrong_shape_ppm")),
+        Column(group, "false hits, ppm", _hits(name, "false_hits_ppm")),
+        Column(group, "false misses, ppm", _hits(name, "false_misses_ppm")),
+        Column(group, "wrong shape, ppm", _hits(name, "wrong_shape_ppm")),
         Column(group, "|Δt| 50 %", _of(name, "dt_p50", 2)),
         Column(group, "99 %", _of(name, "dt_p99", 2)),
         Column(group, "PSNR, dB", _of(name, "psnr_db")),
@@ -46,7 +60,7 @@ SCENES = [
     Column("evaluations a pixel", "rods", _of("rods", "evaluations")),
     Column("evaluations a pixel", "fewer", lambda r: show.number(r["fewer"]) + "×"),
     *_errors("rods", "rods to truth"),
-    Column("per pixel to truth", "wrong hits, ppm", _of("pixels", "wrong_ppm")),
+    Column("per pixel to truth", "wrong hits, ppm", _hits("pixels", "wrong_ppm")),
     Column("per pixel to truth", "PSNR, dB", _of("pixels", "psnr_db")),
 ]
 TRADES = [
@@ -57,7 +71,7 @@ TRADES = [
     Column("", "ms [95 %]", _ms),
     Column("", "over per pixel [95 %]", lambda r: _gain(r) if "gain" in r else show.NOTHING),
     Column("", "evaluations a pixel", show.plain("evaluations")),
-    Column("to truth", "wrong hits, ppm", show.plain("wrong_ppm")),
+    Column("to truth", "wrong hits, ppm", hits),
     Column("to truth", "|Δt| 50 %", show.plain("dt_p50", 2)),
     Column("to truth", "99 %", show.plain("dt_p99", 2)),
 ]
@@ -103,9 +117,13 @@ THROTTLE = [
     Column("evaluations a pixel", "rods first", _chosen("evaluations")),
     Column("evaluations a pixel", "packets alone", lambda r: show.number(r["plain"]["evaluations"])),
     Column("rods first, to truth", "PSNR, dB", _chosen("psnr_db")),
-    Column("rods first, to truth", "wrong hits, ppm", _chosen("wrong_ppm")),
+    Column(
+        "rods first, to truth",
+        "wrong hits, ppm",
+        lambda r: hits(r["chosen"]) if r["chosen"] else show.NOTHING,
+    ),
     Column("packets alone, to truth", "PSNR, dB ", lambda r: show.number(r["plain"]["psnr_db"])),
-    Column("packets alone, to truth", "wrong hits, ppm ", lambda r: show.number(r["plain"]["wrong_ppm"])),
+    Column("packets alone, to truth", "wrong hits, ppm ", lambda r: hits(r["plain"])),
 ]
 
 
@@ -123,11 +141,11 @@ def words_of(row: Row | None) -> str:
 
 def sentence(row: Row) -> str:
     """For a terminal."""
-    wrong, theirs = (row[name]["wrong_ppm"] for name in ("rods", "pixels"))
+    wrong, theirs = (hits(row[name], form="{:.4g} ppm".format) for name in ("rods", "pixels"))
     return (
         f"{row['scene']}, {row['width']}×{row['n']}: per pixel {_ms(row['pixels'])} ms, "
         f"rods {_ms(row['rods'])} ms, {_gain(row)}; {row['fewer']:.3g}× fewer evaluations; "
-        f"wrong hits {wrong:.4g} ppm (per pixel {theirs:.4g}), "
+        f"wrong hits {wrong}, per pixel {theirs}; "
         f"|Δt| 99 % {show.number(row['rods']['dt_p99'], 2)}"
     )
 
@@ -141,7 +159,7 @@ def choice(row: Row) -> str:
         f"{row['scene']}, {row['width']}×{row['n']}: {words_of(best)}: {_ms(best)} ms against "
         f"{_ms(row['plain'])} ms of packets alone, {_gain(row)}: {verdict(row)}; "
         f"{show.number(best['psnr_db'])} dB, "
-        f"{best['wrong_ppm']:.4g} ppm wrong ({row['within']} of {others} settings within)"
+        f"{hits(best, form='{:.4g} ppm wrong'.format)} ({row['within']} of {others} settings within)"
     )
 
 
@@ -161,7 +179,7 @@ def system_rows(result: Row, throttled: Row) -> list[Row]:
     pixels, by_rods = own["pixels"], own["rods"]
 
     def error(one: Row) -> str:
-        return f"{one['wrong_ppm']:,.0f} ppm wrong hits, |Δt| 99 % {show.number(one['dt_p99'], 2)}"
+        return f"{hits(one, form='{:,.0f} ppm wrong hits'.format)}, |Δt| 99 % {show.number(one['dt_p99'], 2)}"
 
     rows = [
         {
@@ -222,7 +240,7 @@ def hybrid_rows(row: Row) -> list[Row]:
             "ours": _ms(row["chosen"]),
             "ratio": f"{_gain(row)} over packets alone: {verdict(row)}",
             "error": f"{show.number(row['chosen']['psnr_db'])} dB, "
-            f"{row['chosen']['wrong_ppm']:,.0f} ppm wrong hits",
+            f"{hits(row['chosen'], form='{:,.0f} ppm wrong hits'.format)}",
         }
     ]
     if more := row.get("large"):

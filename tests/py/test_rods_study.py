@@ -49,6 +49,10 @@ def test_errors_by_hand():
     assert rods.errors(unknown, made)["false_hits_ppm"] == 0 and rods.errors(unknown, made)["known"] == 0.75
     assert rods.errors(unknown, made)["false_misses_ppm"] == pytest.approx(1e6 / 3), "of the proved pixels"
     assert math.isnan(rods.errors(planes(status=[0] * 4), made)["wrong_ppm"]), "of none there is no share"
+    beside = rods.errors(planes(status=[1, 1, 1, 2]), made)  # a fractal and the air about it, which is proved
+    assert (beside["wrong_ppm"], beside["judged"], beside["known"]) == (1_000_000, 0.25, 1)
+    assert rods_page.hits(beside) == "1,000,000 (of 25\u00a0% of the pixels)"
+    assert rods_page.hits(rods.errors(exact, made)) == rods_page.hits({"wrong_ppm": 750_000}) == "750,000"
     converged = planes(status=[1, 1, 1, 0])  # a fractal: nothing is proved
     assert rods.errors(converged, made)["false_misses_ppm"] == pytest.approx(1e6 / 3)
     found = rods.errors(exact, planes(Z=[1, 2, np.nan, np.inf]))
