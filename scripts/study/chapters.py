@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from study import breakeven_page, negative, rungs, sections, systems, truth_sections
+from study import breakeven_page, goals_page, negative, rungs, sections, systems, truth_sections
 from study.analysis import Data
 from study.sections import Section
 
@@ -18,6 +18,7 @@ def all_of(data: Data) -> list[Section]:
         sections.counted(path),
         sections.roofline(data),
         rungs.section(data),
+        goals_page.section(data),
         sections.hot(path, name),
         sections.steps(path),
         negative.section(path),

@@ -1,0 +1,61 @@
+#!/usr/bin/env python3
+"""What was set out to be reached, beside what runs have of it: a column per machine, met or missed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from study import cli  # first: it may start the script again with the venv's Python
+
+# isort: split
+from study import analysis, goals_page, show, store
+from study.cli import StudyError
+from study.registry import ROOT
+
+README = ROOT / "README.md"
+BEGIN, END = "<!-- goals:begin -->", "<!-- goals:end -->"
+
+
+def readme(text: str, table: str, note: str) -> str:
+    """README's text with the block between the marks made anew. Raises StudyError without marks."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise StudyError(f"README.md: lacks the lines {BEGIN} and {END}, between which the goals go")
+    return f"{before}{BEGIN}\n{table}\n{note}\n{END}{after}"
+
+
+def note(used: Mapping[str, str]) -> str:
+    """Below the table; `used`: machine → its runs."""
+    return f"{goals_page.NOTE} Runs: {'; '.join(f'{here}: {runs}' for here, runs in used.items())}."
+
+
+def main() -> int:
+    parser = cli.parser(__doc__)
+    add = parser.add_argument
+    add("runs", nargs="*", type=Path, metavar="RUN", help="folders of runs (all of results/reference)")
+    add("--readme", action="store_true", help="rewrite the table between the marks in README.md")
+    args = parser.parse_args()
+    folders = args.runs or sorted(p.parent for p in (ROOT / "results" / "reference").glob("*/context.json"))
+    if not folders:
+        raise StudyError(f"{ROOT / 'results' / 'reference'}: has no run; name one")
+    found, used = goals_page.rows([analysis.load(folder, strict=False) for folder in folders])
+    if not found:
+        raise StudyError(f"{', '.join(map(str, folders))}: no figure that a goal is about; make sweep N=720")
+    table = show.markdown(show.table(found, goals_page.columns(list(used))))
+    if args.readme:
+        try:
+            store.write_text(README, readme(README.read_text(encoding="utf-8"), table, note(used)))
+        except OSError as error:
+            raise StudyError(f"{README}: {error.strerror}") from None
+        print(README)
+    elif args.json:
+        cli.emit({"goals": found, "runs": used})
+    else:
+        print(f"{table}\n{note(used)}")
+    return cli.OK
+
+
+if __name__ == "__main__":
+    cli.main(main)

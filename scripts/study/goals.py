@@ -1,0 +1,236 @@
+"""What was set out to be reached, beside what runs have: a line each, judged by the whole interval.
+
+The speed-ups were asked of a CPU with AVX-512 at 1280×720, and half of each of one with AVX2 alone (8 lanes);
+"best" is the fastest phase. Where a run has several phases, the one nearest to the goal is shown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
+
+from study import (
+    accuracy,
+    drjit_measure,
+    frames,
+    ladder,
+    lattice,
+    packets,
+    packets_page,
+    registry,
+    scaling,
+    scaling_goals,
+    show,
+    verdicts,
+)
+from study.analysis import Data
+from study.sections import reading
+from study.stats import Interval
+
+HEIGHT = 720  # of the goals' pictures
+WIDE = 16  # lanes from which the whole goal is asked
+SPEEDUPS = {
+    "opt6_wide": {"scene0": 150.0, "mandelbulb": 27.0},
+    "opt7_tiles": {"scene0": 320.0, "mandelbulb": 40.0},
+    "opt8_streams": {"scene0": 530.0, "mandelbulb": 80.0},
+    "best": {"scene0": 3000.0, "mandelbulb": 130.0},
+}
+TWO_THREADS = 1.9
+RTRM = 14.0  # times CPU-RTRM's own figures
+DIGITS = 0.05  # dB: what is shown equal is taken to be equal
+Row = dict[str, Any]
+
+
+class Goal(NamedTuple):
+    """`asked` in the figure's unit; `found` with the same; `what` is the phase, `beside` its error."""
+
+    name: str
+    asked: float
+    found: Interval
+    verdict: str
+    what: str = ""
+    unit: str = "×"
+    beside: str = ""
+    at_most: bool = False
+    narrow: bool = False  # half of `asked` was asked, see NOTE
+
+
+def _interval(row: Row, name: str, launches: str = "launches") -> Interval:
+    ends = [math.nan if row.get(key) is None else row[key] for key in (name, f"{name}_low", f"{name}_high")]
+    return Interval(*ends, launches=row.get(launches) or 0, sufficient=all(map(math.isfinite, ends)))
+
+
+def _given(found: Row) -> Interval:
+    """Of a file, where NaN is null."""
+    return Interval(**{key: math.nan if value is None else value for key, value in found.items()})
+
+
+def _exact(value: float) -> Interval:
+    return Interval(value, value, value, 1, True)
+
+
+def _error(row: Row) -> str:
+    """Of a row of the ladder: PSNR to truth, a fractal's of 4×4 means."""
+    found = row.get("truth_psnr_db")
+    if found is None or math.isnan(found):
+        return ""
+    means = " (4×4)" if show.yes(row.get("truth_converged_only")) else ""
+    return f"{show.number(found)} dB{means}"
+
+
+def _speed(rows: Sequence[Row], rung: str, scene: str, asked: float) -> Iterable[Goal]:
+    """The rung's speed-up over baseline; of "best" the fastest phase's."""
+    mine = [r for r in rows if r["scene"] == scene and r["threads"] == 1 and math.isfinite(r["speedup"])]
+    mine = [r for r in mine if r["phase"] == rung or (rung == "best" and r["phase"] in registry.ladder())]
+    if not mine:
+        return
+    row = max(mine, key=lambda r: r["speedup"])
+    narrow = (row["lanes"] or 0) < WIDE
+    least, found = asked / 2 if narrow else asked, _interval(row, "speedup")
+    yield Goal(
+        f"{rung} on {scene} over baseline, 1280×720, one thread", asked, found, verdicts.goal(found, least),
+        row["phase"] if rung == "best" else "", beside=_error(row), narrow=narrow,
+    )  # fmt: skip
+
+
+def _two(rows: Sequence[Row], scene: str) -> Iterable[Goal]:
+    """Two threads over one: opt5_threads, and the fastest phase."""
+    mine = [r for r in rows if r["scene"] == scene and r["threads"] == 2]
+    mine = [r for r in mine if math.isfinite(r["over_one_thread"])]
+    own = [r for r in mine if r["phase"] == "opt5_threads"]
+    for name, some in (("opt5_threads", own), ("best", mine)):
+        if some:
+            row = min(some, key=lambda r: r["ms"])
+            found = _interval(row, "over_one_thread")
+            verdict = verdicts.goal(found, TWO_THREADS)
+            what = row["phase"] if name == "best" else ""
+            yield Goal(f"{name} on {scene}, two threads over one", TWO_THREADS, found, verdict, what)
+
+
+def of_ladder(data: Data) -> Iterable[Goal]:
+    table = ladder.rows(data)
+    rows = [] if table.empty else [r for r in table.to_dict("records") if r["height"] == HEIGHT]
+    for rung, scenes in SPEEDUPS.items():
+        for scene, asked in scenes.items():
+            yield from _speed(rows, rung, scene, asked)
+    for scene in ("scene0", "mandelbulb"):
+        yield from _two(rows, scene)
+
+
+def of_errors(data: Data) -> Iterable[Goal]:
+    """scene0: no rung behind baseline, to both truths; Mandelbulb: none behind opt4. The worst is shown."""
+    rows = {(r["scene"], r["phase"]): r for r in accuracy.read(data.path)["rows"]}
+    phases = list(registry.ladder())
+    rungs = phases[phases.index("opt4") + 1 :]
+    kinds: tuple[tuple[str, str, str, Callable[[Row], float]], ...] = (
+        ("scene0", "baseline", "PSNR to truth", lambda r: r["psnr_db"]),
+        ("scene0", "baseline", "PSNR to truth with ideal shadows", lambda r: r["psnr_ideal_db"]),
+        ("scene0", "baseline", "wrong hits, ppm", _wrong),
+        ("mandelbulb", "opt4", "PSNR of 4×4 means to truth", lambda r: r["antialiased"]["psnr_db"]),
+    )
+    for scene, base, name, value in kinds:
+        mine = {p: value(rows[scene, p]) for p in (base, *rungs) if (scene, p) in rows}
+        if base not in mine or len(mine) < 2:
+            continue
+        ppm, limit = "ppm" in name, mine.pop(base)
+        worst = max(mine, key=lambda p: (math.isnan(mine[p]), mine[p] if ppm else -mine[p]))
+        good = mine[worst] <= limit if ppm else mine[worst] >= limit - DIGITS
+        yield Goal(
+            f"{scene}, {name}: no rung beyond opt4 behind {base}", limit, _exact(mine[worst]),
+            verdicts.MET if good else verdicts.MISSED, worst, "" if ppm else " dB", at_most=ppm,
+        )  # fmt: skip
+
+
+def _wrong(row: Row) -> float:
+    return sum(row[name] for name in ("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm"))
+
+
+def of_frames(data: Data) -> Iterable[Goal]:
+    rows = frames.read(data.path / frames.FILE)["rows"]
+    for scene, hit in dict.fromkeys((r["scene"], r["hit"]) for r in rows):
+        row = max(
+            (r for r in rows if (r["scene"], r["hit"]) == (scene, hit)),
+            key=lambda r: r["frames_per_s"]["value"],
+        )
+        found = row.get("marched") or row  # a coarse hit distance moves a marched floor, and no exact one
+        to = found.get("phase") if row.get("marched") else row["reference"]
+        error = f"{show.number(found['psnr_db'])} dB to {to}" if found["psnr_db"] else ""
+        yield Goal(
+            f"frames a second, {scene} {row['width']}×{row['n']}, all cores, hit distance {hit}", row["goal"],
+            _given(row["frames_per_s"]), row["verdict"], row["phase"], "", error,
+        )  # fmt: skip
+
+
+def of_drjit(data: Data) -> Iterable[Goal]:
+    rows = drjit_measure.read(data.path / drjit_measure.FILE)["rows"]
+    rows = [r for r in rows if r["verdict"] and r["threads"] == 1]
+    for scene in dict.fromkeys(r["scene"] for r in rows):
+        row = max((r for r in rows if r["scene"] == scene), key=lambda r: r["ratio"]["value"])
+        error = f"{show.number(row['psnr_db'])} dB to {row['reference']}"
+        name = f"{scene} over Dr.Jit, by the scene's own limits, one thread"
+        yield Goal(name, row["goal"], _given(row["ratio"]), row["verdict"], row["program"], beside=error)
+
+
+def of_growth(data: Data) -> Iterable[Goal]:
+    found = scaling.read(data.path / scaling.FILE)
+    rows = [r for r in found.get("goals", []) if r["ratio"] and r["shapes"] == scaling_goals.MANY]
+    if rows:
+        row = min(rows, key=lambda r: r["ratio"]["value"])
+        name = "time of 4,096 scattered shapes over 16 at equal coverage, 1280×720"
+        yield Goal(
+            name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
+            at_most=True,
+        )  # fmt: skip
+    most = [r for r in found.get("goals", []) if r["above_frame_mib"] is not None]
+    if most:
+        row = max(most, key=lambda r: r["above_frame_mib"])
+        name, mib = "memory above the frame at 3840×2160, MiB", _exact(row["above_frame_mib"])
+        limit = scaling_goals.MOST_MIB
+        yield Goal(name, limit, mib, row["memory_goal"], row["phase"], "", at_most=True)
+
+
+def of_packets(data: Data) -> Iterable[Goal]:
+    """Against the fastest of Embree's ways, on the rays where that is least."""
+    result = packets.read(data.path / packets.FILE)
+    for kind, asked in result["goals"].items() if result.get("rays") else ():
+        rows = [(r, packets_page.fastest(r)) for r in result["rays"] if r["kind"] == kind]
+        ways = [(r, _interval(r, f"{way}_ratio", "")) for r, way in rows if way]
+        if asked is None or not ways:
+            continue
+        row, ratio = min(ways, key=lambda found: found[1].value)
+        name = f"rays {packets_page.OF_KIND[kind]}: over Embree's fastest way, rays a second"
+        yield Goal(name, asked, ratio, verdicts.goal(ratio, asked), f"packets on {row['scene']}")
+
+
+def of_lattice(data: Data) -> Iterable[Goal]:
+    result = lattice.read(data.path / lattice.FILE)
+    for threads in (1, 2):
+        row = lattice.best(result, threads)
+        if row is None:
+            continue
+        ms = _interval(row, "ms", "")
+        ratio = Interval(*(row["program_ms"] / x for x in (ms.value, ms.high, ms.low)), 0, ms.sufficient)
+        name = f"lattice over CPU-RTRM's {row['program_ms']:g} ms (another machine), threads {threads}"
+        error = f"{show.number(row['psnr_db'])} dB"
+        yield Goal(name, RTRM, ratio, verdicts.goal(ratio, RTRM), row["phase"], beside=error)
+
+
+SOURCES: tuple[tuple[str, str, Callable[[Data], Iterable[Goal]]], ...] = (
+    ("frames.jsonl", "scripts/sweep.py", of_ladder),
+    (accuracy.FILE, "scripts/accuracy.py", of_errors),
+    (frames.FILE, "scripts/frames.py", of_frames),
+    (drjit_measure.FILE, "scripts/drjit.py", of_drjit),
+    (scaling.FILE, "scripts/scaling.py", of_growth),
+    (packets.FILE, "scripts/packets.py", of_packets),
+    (lattice.FILE, "scripts/lattice.py", of_lattice),
+)
+
+
+def of_run(data: Data) -> list[tuple[int, Goal]]:
+    """Goals that the run has a figure for, and their source's place. Raises StudyError for a broken file."""
+    made: list[tuple[int, Goal]] = []
+    for place, (file, script, goals) in enumerate(SOURCES):
+        with reading(data.path / file, f"{script} --run {data.path}"):
+            made += [(place, goal) for goal in goals(data)]
+    return made
