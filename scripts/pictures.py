@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 from study import cli  # first: it may start the script again with the venv's Python
@@ -12,7 +13,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 import numpy as np
 from matplotlib.figure import Figure
 
-from study import images, panels, store
+from study import accuracy, images, panels, store
 from study.cli import StudyError
 from study.registry import phases
 
@@ -42,14 +43,42 @@ def thumbnail(path: Path) -> np.ndarray:
     return images.to_display(images.box_average(linear, max(1, linear.shape[1] // THUMBNAIL)))
 
 
+def chosen(verified: dict, scenes: Sequence[str] | None, specs: Sequence[str] | None) -> dict:
+    """Of these scenes and phases alone. Raises StudyError for one that was not verified."""
+    made = dict(verified)
+    for key, wanted in (("scene", scenes), ("phase", specs)):
+        known = {pair[key] for pair in verified["pairs"]} | (
+            {verified["reference"]} if key == "phase" else set()
+        )
+        for name in wanted or ():
+            if name not in known:
+                raise StudyError(f"no {key} '{name}' was verified; there are {', '.join(sorted(known))}")
+        if wanted:
+            made["pairs"] = [pair for pair in made["pairs"] if pair[key] in wanted]
+            made["skipped"] = [one for one in made["skipped"] if one[key] in wanted]
+    return made
+
+
+def to_truth(folder: Path) -> dict[tuple[str, str], str]:
+    """(scene, phase) → its error to truth in words, where the run has accuracy.json."""
+    rows = accuracy.read(folder)["rows"]
+    return {
+        (r["scene"], r["phase"]): f"to truth {decibels(r['antialiased']['psnr_db'])} (4×4)"
+        if r["converged_only"]
+        else f"to truth {decibels(r['psnr_db'])}"
+        for r in rows
+    }
+
+
 def contact_sheet(folder: Path, verified: dict) -> Figure:
     """Scenes down, phases across; the reference first. Red: outside the phase's tolerance."""
+    truth = to_truth(folder)
     pairs = {(p["scene"], p["phase"]): p for p in verified["pairs"]}
     why = {(s["scene"], s["phase"]): s["reason"] for s in verified["skipped"]}
     rows = list(dict.fromkeys(scene for scene, _ in pairs))
     specs = list(dict.fromkeys([verified["reference"], *(spec for _, spec in [*pairs, *why])]))
     figure = Figure(figsize=(3.1 * len(specs) + 0.4, 2.15 * len(rows) + 1.3), dpi=100, layout="constrained")
-    title = f"Every scene by every phase: PSNR of linear RGB against {verified['reference']}"
+    title = f"Scenes by phases: PSNR of linear RGB against {verified['reference']}"
     figure.suptitle(title, fontsize=16)
     grid = figure.subplots(len(rows), len(specs), squeeze=False)
     for scene, line in zip(rows, grid, strict=True):
@@ -65,6 +94,7 @@ def contact_sheet(folder: Path, verified: dict) -> Figure:
                 path, text, colour = None, textwrap.fill(f"skipped: {reason}", 36), panels.QUIET
             shown = thumbnail(folder / path) if path else np.full((9, 16, 3), 225, np.uint8)
             panels.show(axes, shown)
+            text += f"\n{truth[scene, spec]}" if (scene, spec) in truth else ""
             axes.set_xlabel(text, color=colour, fontsize=11)
     for spec, axes in zip(specs, grid[0], strict=True):
         phase = phases().get(spec)
@@ -84,6 +114,8 @@ def run() -> int:
         "--run", type=Path, metavar="DIR", help="what scripts/verify.py wrote; default: the latest run"
     )
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: RUN/figures")
+    parser.add_argument("--scene", nargs="+", metavar="NAME", help="of the contact sheet; default: all")
+    parser.add_argument("--phase", nargs="+", metavar="SPEC", help="of the contact sheet; default: all")
     args = parser.parse_args()
     folder = args.run or store.latest().path
     if not (folder / "verify.json").is_file():
@@ -94,7 +126,9 @@ def run() -> int:
     out = args.out or folder / "figures"
     heat = panels.evaluations(evaluation_planes(folder, verified), verified["reference"])
     made = {
-        "contact_sheet": panels.save(contact_sheet(folder, verified), out / "contact-sheet.png"),
+        "contact_sheet": panels.save(
+            contact_sheet(folder, chosen(verified, args.scene, args.phase)), out / "contact-sheet.png"
+        ),
         "evaluations": panels.save(heat, out / "evaluations.png"),
     }
     if args.json:

@@ -87,8 +87,11 @@ def pace(rows: pd.DataFrame) -> Figure:
     return against_n(rows, "ns_per_pixel", "ns per pixel", "Time per pixel against picture height")
 
 
+LEFT = 0.8  # where bars begin, on a logarithmic axis
+
+
 def speedups(rows: pd.DataFrame) -> Figure:
-    """Bars over baseline at each scene's headline size, the paper's values on them, the error beside each."""
+    """Bars over baseline at each scene's headline size, the paper's values on them, and its errors."""
     rows = rows[rows["headline"] & rows["speedup"].notna()]
     figure, grid = panels(rows, 0.5 * rows.groupby("scene").size().max() + 1.0, 6.2, 2)
     figure.suptitle("Speed-up over baseline in one interleaved run, and its error", x=0.01, ha="left")
@@ -100,18 +103,29 @@ def speedups(rows: pd.DataFrame) -> Figure:
         for (i, row), style in zip(group.iterrows(), styles, strict=True):
             hollow, colour = style["hollow"], style["color"]
             face, edge = ("white", colour) if hollow else (colour, "white")
-            axes.barh(i, row["speedup"], height=0.7, color=face, edgecolor=edge, hatch=style["hatch"])
+            axes.barh(
+                i,
+                row["speedup"] - LEFT,
+                left=LEFT,
+                height=0.7,
+                color=face,
+                edgecolor=edge,
+                hatch=style["hatch"],
+            )
             axes.errorbar(row["speedup"], i, xerr=ends[:, [i]], color="black", capsize=3, linestyle="none")
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
             axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
             axes.text(1.19, i, error_text(row), **beside, color=text_colour(row))
+            axes.text(1.43, i, truth_text(row), **beside)
         paper_marks(axes, group)
         axes.set_yticks(range(len(group)), [style["label"] for style in styles])
-        axes.set(xlim=(0, None), ylim=(len(group) - 0.4, -0.6), xlabel="speed-up over baseline, ×")
+        axes.set(xscale="log", xlim=(LEFT, None), ylim=(len(group) - 0.4, -0.6))
+        axes.set_xlabel("speed-up over baseline (logarithmic), ×")
+        plain_log(axes.xaxis)
         axes.set_title(f"{scene}, {group['width'][0]}×{group['height'][0]}", loc="left")
-        axes.text(
-            1.19, 1.0, "PSNR (linear)", transform=axes.transAxes, fontsize=8, va="bottom", color="#444444"
-        )
+        heads = {"transform": axes.transAxes, "fontsize": 8, "va": "bottom", "color": "#444444"}
+        axes.text(1.19, 1.0, "PSNR, linear,\nto baseline", **heads)
+        axes.text(1.43, 1.0, "to truth", **heads)
         axes.grid(False, axis="y")
         if group["implied"].notna().any():
             axes.legend(loc="upper right", fontsize=8, title="the paper, over its baseline", title_fontsize=8)
@@ -129,6 +143,14 @@ def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
         axes.scatter(there[name], there.index + shift, marker=marker, s=size + 40, color="white", zorder=3)
         style = {"marker": marker, "s": size, "color": face, "edgecolor": "black", "zorder": 4}
         axes.scatter(there[name], there.index + shift, **style, label=label if len(there) else None)
+
+
+def truth_text(row: pd.Series) -> str:
+    """PSNR to truth, a fractal's of 4×4 means; – where it was not measured."""
+    found = row.get("truth_psnr_db")
+    if found is None or pd.isna(found):
+        return show.NOTHING
+    return f"{show.number(found)} dB{' (4×4)' if show.yes(row.get('truth_converged_only')) else ''}"
 
 
 def error_text(row: pd.Series) -> str:

@@ -125,6 +125,19 @@ def test_captions_of_the_contact_sheet(run_folder):
     assert [i for i, colour in enumerate(colours) if colour == panels.BAD] == [2]
 
 
+def test_a_sheet_of_some_scenes_and_phases_with_their_error_to_truth(run_folder, monkeypatch):
+    verified = json.loads((run_folder / "verify.json").read_text())
+    rows = [
+        {"scene": "mandelbulb", "phase": "opt4", "converged_only": True, "antialiased": {"psnr_db": 51.4}}
+    ]
+    monkeypatch.setattr(pictures.accuracy, "read", lambda run: {"rows": rows})
+    some = pictures.chosen(verified, ["mandelbulb"], ["baseline", "opt4"])
+    captions = [a.get_xlabel() for a in pictures.contact_sheet(run_folder, some).axes]
+    assert captions == ["reference", "PSNR 47.2 dB\n4×4 averaged 51.0 dB\nto truth 51.4 dB (4×4)"]
+    with pytest.raises(StudyError, match="no scene 'x' was verified; there are mandelbulb, trio"):
+        pictures.chosen(verified, ["x"], None)
+
+
 @pytest.mark.parametrize(
     "pair, text",
     [
