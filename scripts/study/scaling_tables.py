@@ -52,14 +52,9 @@ def _mark(name: str) -> Callable[[Row], str]:
 CLOSED = "none: closed forms count 1 for every camera ray"
 
 
-def closed(row: Row) -> bool:
-    """Whether a program meets shapes by closed forms: the 1 in its plane of evaluations is no count."""
-    phase = registry.phases().get(row["phase"].partition("@")[0].partition("+")[0])
-    return phase is not None and phase.exact_hits
-
-
 def _evaluations(text: Callable[[Row], str], instead: str) -> Callable[[Row], str]:
-    return lambda row: instead if closed(row) else text(row)
+    """`instead` for a program that meets shapes by closed forms: the 1 in its plane is no count."""
+    return lambda row: instead if registry.is_exact(row["phase"]) else text(row)
 
 
 EXPONENTS = [

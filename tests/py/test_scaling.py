@@ -19,9 +19,18 @@ import started
 
 import scaling as command
 from run_study import SCALING_SECONDS
-from study import cli, run, scaling, scaling_errors, scaling_fit, scaling_goals, scaling_page, scaling_scenes
+from study import (
+    cli,
+    run,
+    scaling,
+    scaling_errors,
+    scaling_fit,
+    scaling_goals,
+    scaling_page,
+    scaling_scenes,
+    scaling_tables,
+)
 from study import scaling_series as series
-from study import scaling_tables
 from study.cli import StudyError
 from study.draw import STYLE, save
 from study.registry import ROOT, Spec
