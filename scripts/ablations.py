@@ -32,7 +32,7 @@ def arguments(argv: list[str] | None = None) -> argparse.Namespace:
     add("--phase", nargs="+", metavar="NAME", help="opt2, or an ablation like opt2+horizontal; default: all")
     add("--scene", nargs="+", default=["scene0", "mandelbulb"], metavar="NAME", help="default: %(default)s")
     add("-n", type=cli.at_least(1), default=120, help="height in pixels; default: 120")
-    add("--launches", type=cli.at_least(1), default=6, help="process launches of each; default: 6")
+    add("--launches", type=cli.at_least(1), default=10, help="process launches of each; default: 10")
     add("--seed", type=int, help="of order and padding; default: random")
     add("--cpu", type=int, default=run.USABLE[-1], metavar="C", help="CPU to pin to; default: the last one")
     add("--no-flops", action="store_true", help="do not count FLOPs (saves the counting builds)")

@@ -41,7 +41,9 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add("--ray-n", type=cli.at_least(16), default=360, metavar="N", help="height of the rays' picture: 360")
     add("-n", type=cli.at_least(16), default=180, help="height of the pictures; default: 180")
-    add("--frames", type=cli.at_least(2), default=30, help="of the animation; 900 for all of it; default: 30")
+    add("--frames", type=cli.at_least(2), default=900,
+        help="of the animation by the phase's own tree on every core, a quarter of them else; default: 900, "
+        "as scripts/fixed.py has")  # fmt: skip
     add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--reps", type=cli.at_least(1), default=5, help="of the rays in each; default: 5")

@@ -212,6 +212,7 @@ def page(data: Data, out: Path, height: int | None = None) -> str:
         skipped=facts.skipped(data),
         headlines=headlines(rows),
         ladders=ladders,
+        closed=[] if rows.empty else [name for name in rows["phase"].unique() if registry.is_exact(name)],
         runtime=show.table(rows.to_dict("records"), columns.RUNTIME),
         figures={figure["name"]: figure for figure in figures(data, rows, figures_folder)},
         sections=found,

@@ -91,12 +91,13 @@ def _common(row: Row) -> str:
     return f"{show.number(row['common_ms'], 4)} (first {row['common_frames']:,})"
 
 
+COMMON = Column("ms a frame, update and all", "mean of the frames that all rows have", _common)
 ANIMATION = [
     Column("", "program", _who),
     Column("", "shadows", lambda r: "none" if r.get("shadows") is False else "hard"),
     Column("", "cores", lambda r: str(r["threads"])),
     *moving.COLUMNS[2:4],
-    Column("ms a frame, update and all", "mean of the frames that all rows have", _common),
+    COMMON,
     *moving.COLUMNS[4:],
     Column("", "pixels per core and second, × the article's", _per_article),
 ]

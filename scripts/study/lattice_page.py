@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 from study import lattice, show
 from study.lattice import Row
 from study.show import Column
@@ -35,6 +38,30 @@ def share(row: Row) -> str:
         return show.NOTHING
     return show.interval({k: row[k] and 100 * row[k] for k in ("light", "light_low", "light_high")}, "light",
                          2, " %")  # fmt: skip
+
+
+def foot(rows: Sequence[Row]) -> str:
+    """What shading takes: where time does not tell it, the FLOPs alone do. "" for rows without either."""
+    timed = [row for row in rows if row["light"] is not None]
+    ends = [[math.nan if row[f"light_{end}"] is None else row[f"light_{end}"] for end in ("low", "high")]
+            for row in timed]  # fmt: skip
+    told = [row["phase"] for row, (low, high) in zip(timed, ends, strict=True) if low > 0 or high < 0]
+    least = [row["shading"] for row in rows if row.get("shading") is not None]
+    words = []
+    if timed and not told:
+        words.append(
+            "What share of the time is our shading cannot be told from times here: no interval is clear of 0."
+        )
+    elif timed:
+        words.append(
+            f"What share of the time is our shading can be told from times of {', '.join(told)} alone: the "
+            "other intervals hold 0."
+        )
+    if timed and least:
+        low, high = (show.percent(end) for end in (min(least), max(least)))
+        shares = low if low == high else f"{low} to {high}, by phase"
+        words.append(f"The figure is its share of the FLOPs: at least {shares}.")
+    return " ".join(words)
 
 
 def sentence(row: Row) -> str:

@@ -14,7 +14,7 @@ import markdown_it
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from study import ablations, machine, registry, show
+from study import ablations, machine, registry, show, verdicts
 from study.draw import BAD, Drawing
 from study.sections import Section, part, reading
 from study.show import Column
@@ -22,11 +22,13 @@ from study.show import Column
 HEADING = re.compile(r"^## +What did not pay\b.*$", re.MULTILINE | re.IGNORECASE)
 ASIDE = re.compile(r"(?:- )?\**did not pay\b", re.IGNORECASE)  # how a paragraph of another section begins
 PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
-FEW = "too few launches"
+UNTOLD = verdicts.UNSURE  # 1 is in the interval, and so is a gain
 ABOUT = (
     "Steps that are described as faster and are not here, or are faster for another picture. Each is a patch "
     "(phases/NAME/ablations) timed in this run, interleaved with what it is put into; shown are all scenes "
-    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. PSNR is "
+    "of a step whose gain is not clear on every one of them, or whose picture is only approximate. “No "
+    f"gain”: all of the interval is below {verdicts.NO_GAIN:g}; “{verdicts.UNSURE}”: it holds 1 and reaches "
+    "beyond that, and what a phase's notes say of the same step stands. PSNR is "
     "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
 )
 NOTES = (
@@ -45,10 +47,12 @@ def outcome(row: Mapping[str, Any]) -> str:
     """What a step is worth on a scene, its whole interval asked."""
     _, low, high = _ends(row)
     if not math.isfinite(low):
-        return FEW
+        return verdicts.TOO_FEW
     if low > 1:
         return COSTS if row["verdict"] in ("approximate", "OUTSIDE") else PAYS
-    return SLOWER if high < 1 else NOTHING_GAINED
+    if high < 1:
+        return SLOWER
+    return NOTHING_GAINED if high <= verdicts.NO_GAIN else UNTOLD
 
 
 def chosen(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
@@ -104,7 +108,7 @@ def draw(rows: Sequence[Row]) -> Figure:
     )
     low, high = axes.get_xlim()
     axes.set_xlim(min(low, 0.95), max(high, 1.05) + 0.16 * (max(high, 1.05) - min(low, 0.95)))
-    kinds = ((SLOWER, BAD), ("no gain, or at an error", "#E69F00"), ("pays on this scene", "#009E73"))
+    kinds = ((SLOWER, BAD), ("no gain, untold, or at an error", "#E69F00"), ("pays on this scene", "#009E73"))
     marks = [Line2D([], [], color=c, marker="o", linewidth=2.2, label=text) for text, c in kinds]
     figure.legend(handles=marks, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
     return figure

@@ -16,17 +16,20 @@ Claim = dict[str, Any]
 
 
 def rtrm(data: Data, claim: Claim) -> Found:
-    """Beside figures of another machine: that decides nothing."""
+    """Beside figures of another machine: that decides nothing. The figure is of the claim's phase; without
+    a time of it the fastest one's stands in the words alone."""
     result = lattice.read(data.path / lattice.FILE)
     named = [r for r in result["rows"] if (r["phase"], r["threads"]) == (claim["phase"], 2) and r["program"]]
     fastest = lattice.best(result, 2)
-    if not named or fastest is None:
+    if fastest is None:
         return missing("time of scene lattice on two threads")
+    other = f"{fastest['phase']} {fastest['program']:.2f}×"
+    if not named:
+        text = f"{other} its figure of another machine; no time of {claim['phase']} on two threads"
+        return Found(text, NEVER, claim["note"], n=fastest["n"])
     one, ends = named[0], (named[0]["program_low"], named[0]["program_high"])
     low, high = (end if known(end) else math.nan for end in ends)
-    text = (
-        f"{one['program']:.2f}× its figure of another machine; {fastest['phase']} {fastest['program']:.2f}×"
-    )
+    text = f"{one['program']:.2f}× its figure of another machine; {other}"
     return Found(text, NEVER, claim["note"], one["program"], low, high, one["n"])
 
 

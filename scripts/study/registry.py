@@ -173,6 +173,13 @@ def _scenes_in(folder: Path) -> dict[str, Scene]:
     return found
 
 
+def is_exact(spec: str) -> bool:
+    """Whether a program of a run (opt9_convex, opt2@opt3) meets shapes where they are and marches to none.
+    False for what is no longer there."""
+    phase = phases().get(re.split("[@+]", spec)[0])
+    return phase is not None and phase.exact_hits
+
+
 def find_phase(name: str, root: Path = ROOT) -> Phase:
     """The phase of that name, or a StudyError that names the nearest ones.
 

@@ -263,6 +263,16 @@ NOTE = (
 )
 
 
+def throttle_foot(throttled: Row) -> str:
+    """Of which launches the gains are: files of before had no others than those that chose."""
+    if all("finalists" in row for row in throttled["rows"]):
+        return (
+            "A choice is the fastest of several finalists, whose times thereby say too much: gains are of "
+            "launches after it was made."
+        )
+    return "Gains are of the launches that made the choice, the least of several: they are upper bounds."
+
+
 def draw(result: Row) -> Figure:
     """Time against wrong hits and |Δt|, a line for each number of starting rods along the step caps."""
     figure = Figure(figsize=(11, 4.6), layout="constrained")

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from study import scaling_fit, show
+from study import registry, scaling_fit, show
 from study.scaling_goals import MOST_MIB, MOST_TIMES
 from study.scaling_page import level
 from study.scaling_series import LAW, Row
@@ -49,6 +49,14 @@ def _mark(name: str) -> Callable[[Row], str]:
     return lambda row: {"met": "good", "missed": "bad"}.get(row[name].partition(",")[0], "")
 
 
+CLOSED = "none: closed forms count 1 for every camera ray"
+
+
+def _evaluations(text: Callable[[Row], str], instead: str) -> Callable[[Row], str]:
+    """`instead` for a program that meets shapes by closed forms: the 1 in its plane is no count."""
+    return lambda row: instead if registry.is_exact(row["phase"]) else text(row)
+
+
 EXPONENTS = [
     Column("", "against", lambda r: r["title"]),
     Column("", "program", lambda r: r["phase"]),
@@ -59,7 +67,7 @@ EXPONENTS = [
     Column("exponent of time", "last two points [95 %]", _exponent("time.last")),
     Column("does a law fit?", "largest residual", _worst),
     Column("does a law fit?", "verdict", lambda r: r["verdict"]),
-    Column("", "exponent of evaluations per ray", _exponent("evals.exponent")),
+    Column("", "exponent of evaluations per ray", _evaluations(_exponent("evals.exponent"), CLOSED)),
 ]
 GOALS = [
     Column("", "program", lambda r: r["phase"]),
@@ -85,7 +93,7 @@ POINTS = [
     Column("", "program", lambda r: r["phase"]),
     Column("", "ms a frame [95 %]", _interval("ms", digits=4)),
     Column("", "ns/pixel [95 %]", _interval("ns_per_pixel", digits=4)),
-    Column("", "evaluations per ray", _plain("evals_per_ray")),
+    Column("", "evaluations per ray", _evaluations(_plain("evals_per_ray"), show.NOTHING)),
     Column("", "share of pixels hit", _plain("coverage")),
     Column("error", "reference", lambda r: r.get("reference") or r.get("why_none") or "too large to be kept"),
     Column("error", "PSNR, dB", lambda r: show.NOTHING if level(r) is None else show.number(level(r))),

@@ -20,13 +20,15 @@ from study.show import Column, Row, Table
 
 @dataclass(frozen=True)
 class Part:
-    """A table. `name` is its file's; `folded`: behind a summary on the page."""
+    """A table. `name` is its file's; `folded`: behind a summary on the page; `foot`: what stands under it,
+    on the page and in its Markdown file."""
 
     name: str
     caption: str
     rows: list[Row]
     table: Table
     folded: bool = False
+    foot: str = ""
 
     @property
     def frame(self) -> pd.DataFrame:
@@ -34,7 +36,7 @@ class Part:
 
     @property
     def markdown(self) -> str:
-        return show.markdown(self.table)
+        return show.markdown(self.table) + (f"\n{self.foot}\n" if self.foot else "")
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,17 @@ def reading(file: Path | str, script: str) -> Iterator[None]:
 
 
 def part(
-    name: str, caption: str, rows: Sequence[Row], shown: Sequence[Column], folded: bool = False
+    name: str,
+    caption: str,
+    rows: Sequence[Row],
+    shown: Sequence[Column],
+    folded: bool = False,
+    foot: str = "",
 ) -> list[Part]:
     rows = list(rows)
     if not rows:
         return []
-    made = Part(name, caption, rows, show.table(rows, shown), folded)
+    made = Part(name, caption, rows, show.table(rows, shown), folded, foot)
     _ = made.markdown  # here, where a cell that is no text is still known to be the file's
     return [made]
 

@@ -85,13 +85,15 @@ def section(path: Path) -> Section:
         throttled = rods.read(path / rods.THROTTLE)
         if throttled["rows"]:
             caption = "Rods, then packets: the throttle's choice of each scene"
-            parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE)
+            foot = rods_page.throttle_foot(throttled)
+            parts += part("throttle", caption, throttled["rows"], rods_page.THROTTLE, foot=foot)
         rows = rods_page.system_rows(result, throttled)
     with reading(path / lattice.FILE, f"scripts/lattice.py --run {path}"):
         latticed = lattice.read(path / lattice.FILE)
         if latticed["rows"]:
             caption = "CPU-RTRM's scene by every phase of the ladder"
-            parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS)
+            foot = lattice_page.foot(latticed["rows"])
+            parts += part("lattice", caption, latticed["rows"], lattice_page.COLUMNS, foot=foot)
             remarks.append(lattice_page.note(latticed))
             rows += lattice_page.system_rows(latticed)
     with reading(path / fixed.FILE, f"scripts/fixed.py --run {path}"):

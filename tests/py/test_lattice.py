@@ -83,6 +83,33 @@ def test_the_table_of_systems(tmp_path):
         systems.section(tmp_path)
 
 
+def test_under_the_table_stands_what_shading_takes(tmp_path):
+    """By FLOPs alone where no interval of a time is clear of 0."""
+    made = made_up()
+
+    def lit(low: float | None, high: float | None) -> dict:
+        rows = [row for row in made["rows"] if row["light"] is not None]
+        assert [row["phase"] for row in rows] == list(NAMES)
+        for row, share in zip(rows, (0.07, None, 0.187), strict=True):
+            row |= {"light": 0.02, "light_low": low, "light_high": high, "shading": share}
+        return rows[0]
+
+    lit(-0.2, 0.2)
+    text = lattice_page.foot(made["rows"])
+    assert "cannot be told from times here" in text and text.endswith(
+        "at least 7\u00a0% to 18.7\u00a0%, by phase."
+    )
+    (tmp_path / lattice.FILE).write_text(json.dumps(made))
+    assert systems.section(tmp_path).parts[1].markdown.endswith(f" |\n\n{text}\n")
+    lit(None, None)
+    assert lattice_page.foot(made["rows"]) == text
+    lit(-0.2, 0.2).update(light_low=0.01)
+    assert "can be told from times of baseline alone: the other" in lattice_page.foot(made["rows"])
+    for row in made["rows"]:
+        row["light"] = None
+    assert lattice_page.foot(made["rows"]) == ""
+
+
 def test_shading_s_share_is_of_its_functions_alone(monkeypatch):
     scene, asked = registry.find_scene(lattice.SCENE), []
     parts = {"light_at": 10, "normal_at": 15, "sdf": 75}

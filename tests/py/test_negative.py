@@ -29,7 +29,11 @@ def row(name: str, low: float, high: float, scene: str = "scene0", verdict: str 
         (1.01, 1.2, "identical", "pays"),
         (1.01, 1.2, "approximate", "pays, at that error"),
         (1.01, 1.2, "OUTSIDE", "pays, at that error"),
-        (0.99, 1.2, "within", "no gain"),
+        (0.99, 1.2, "within", "cannot be told here"),
+        (0.93, 1.64, "approximate", "cannot be told here"),
+        (1, 1.06, "within", "cannot be told here"),
+        (0.97, 1.05, "within", "no gain"),
+        (0.97, 1, "within", "no gain"),
         (0.8, 0.99, "approximate", "slower"),
     ],
 )

@@ -265,7 +265,7 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     section = systems.section(tmp_path)
     (table,) = (p for p in section.parts if p.name == "packets-animation")
     first = next(line for line in table.markdown.splitlines() if line.startswith("| BVH"))
-    assert "| 9 at 1000×500 | 20.00 | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
+    assert "| 9 at 1000×500 | 20.00 | 20.00 (first 9) | 20.0 | 18.0 | 25.0 | 40.0 | 0.25 | 40.0 |" in first
     one, two = packets_moving.system_rows(animated())  # of its own tree alone
     assert (
         one["what"]
@@ -275,6 +275,14 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     assert "95 % of frames under 25.0 ms; the tree 0.25" in one["ours"]
     assert packets_moving.sentences(animated())[2].endswith("building the kd-tree 0.25 ms of it")
     assert any("no interval" in remark and "one process" in remark for remark in section.remarks)
+    assert table.foot == ""
+    fewer = animated()
+    fewer["animation"][2] |= {"frames": 4, "all_ms": [30.0] * 4}
+    fewer["animation"][0]["all_ms"] = [10.0] * 4 + [28.0] * 5
+    (table,) = packets_moving.parts(fewer)
+    rows = [line for line in table.markdown.splitlines() if line.startswith(("| BVH", "| kd"))]
+    assert [row.split(" | ")[5] for row in rows] == [f"{ms} (first 4)" for ms in ("10.00", "20.00", "30.00")]
+    assert table.foot.startswith("9 frames by the phase's own tree on every core, 4 by the others")
     assert not packets_moving.parts(made_up()) + packets_moving.system_rows(made_up())  # an older file
 
 
@@ -389,13 +397,13 @@ def test_the_bars_are_of_the_lanes_that_ran(lanes: int, beside: bool) -> None:
 
 
 def test_frames_of_its_animation_outlive_an_interruption(tmp_path, monkeypatch) -> None:
-    """Of the first tree on one thread all frames are there, of the next two: both are asked for 5."""
+    """Of the first tree on one thread all frames are there, of the next two: then 20 are asked for."""
     monkeypatch.setattr(moving, "thread_counts", lambda: [1])
     first = packets_moving.study(2, 16, tmp_path)
     kept = sorted((tmp_path / moving.FOLDER).glob("packets-*.jsonl"))
     assert len(kept) == 2  # a file for each tree
-    again = packets_moving.study(5, 16, tmp_path)
-    for row, before in zip(again, first, strict=True):
+    again = packets_moving.study(20, 16, tmp_path)
+    for row, before, count in zip(again, first, (20, 5), strict=True):  # of the other tree a quarter
         assert row["resumed_at"] == [2] and row["all_ms"][:2] == before["all_ms"]
-        assert len(row["all_ms"]) == 5
+        assert len(row["all_ms"]) == row["frames"] == count and row["common_frames"] == 5
     assert sorted((tmp_path / moving.FOLDER).glob("packets-*.jsonl")) == kept

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import html
 import json
 import os
 import shutil
@@ -13,9 +14,20 @@ import numpy as np
 import pytest
 import started
 import test_fixed_study
+import test_packets_study
 import test_rods_study
 
-from study import fixed, images, rods, rods_pictures, store
+from study import (
+    fixed,
+    fixed_pictures,
+    images,
+    packets,
+    packets_pictures,
+    rods,
+    rods_pictures,
+    store,
+    systems_pictures,
+)
 from study.registry import ROOT
 
 FIXTURE = ROOT / "tests" / "fixtures" / "run"
@@ -78,7 +90,33 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert done.returncode == 0, done.stderr
     text = page.read_text()
     assert "the throttle&#39;s choice" in text and rods_pictures.CAPTION[:40] in text
-    assert (page.parent / "tables" / "throttle.md").read_text().count("\n") == 4
+    table, foot = (page.parent / "tables" / "throttle.md").read_text().split("\n\n")
+    assert (
+        table.count("\n") == 3
+        and foot
+        == "Gains are of the launches that made the choice, the least of several: they are upper bounds.\n"
+    )
+    assert foot.strip() in text
+
+
+def test_every_picture_of_the_systems_is_published(made, tmp_path):
+    """Of the four-corner test's fault, of rays, and the sheet of all: those that the run has, made small."""
+    store.write_json(made / packets.FILE, test_packets_study.made_up())
+    noise = np.random.default_rng(2).integers(0, 256, (400, 800, 3), dtype=np.uint8)
+    modules = (fixed_pictures, packets_pictures, rods_pictures, systems_pictures)
+    names = {f"{module.PICTURES}.png" for module in modules}
+    for name in names:
+        images.write_png(made / "images" / name, noise)
+    done = publish(made, tmp_path / "published")
+    assert done.returncode == 0, done.stderr
+    found = {file.name: file.stat().st_size for file in (tmp_path / "published" / "images").iterdir()}
+    assert found.keys() == names and all(100_000 < size <= 300_000 for size in found.values())
+    page = tmp_path / "page" / "index.html"
+    report = [sys.executable, str(ROOT / "scripts" / "report.py"), str(tmp_path / "published")]
+    done = started.run([*report, "-o", str(page)])
+    assert done.returncode == 0, done.stderr
+    text = html.unescape(page.read_text())
+    assert all(module.CAPTION in text for module in modules)
 
 
 def test_what_is_there_is_not_written_over(made, tmp_path):

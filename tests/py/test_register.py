@@ -204,6 +204,15 @@ def test_the_figure_of_another_program_and_machine_decides_nothing(data) -> None
     found = register.CHECKS["rtrm"](data, claim)
     assert found.verdict == NEVER and found.value == 0.5 and "another machine" in found.why
     assert found.here == "0.50× its figure of another machine; opt10_scene 10.00×"
+    put(data, "lattice.json", {"rows": [fast, row | {"threads": 1}]})
+    found = register.CHECKS["rtrm"](data, claim)
+    assert found.verdict == NEVER and math.isnan(found.value) and found.n == 720
+    assert found.here == (
+        "opt10_scene 10.00× its figure of another machine; no time of opt5_threads on two threads"
+    )
+    put(data, "lattice.json", {"rows": [row | {"threads": 1}]})
+    found = register.CHECKS["rtrm"](data, claim)
+    assert found.verdict == OPEN and found.why == "this run has no time of scene lattice on two threads"
 
 
 def paired(ms: float) -> list[float]:

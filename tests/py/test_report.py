@@ -258,6 +258,15 @@ def test_phases_come_from_the_plan_with_their_notes(
     assert found[0]["notes"] is None and "<strong>bound</strong>" in found[1]["notes"]
 
 
+def test_a_rung_that_leaves_sphere_tracing_is_said_beside_the_ladder(run: Path, made: Made, quick) -> None:
+    said = "plain sphere tracing: camera rays meet the shapes by closed forms"
+    assert said not in made.page.text
+    for name in ("frames.jsonl", "plan.json", "verify.json"):
+        text = (run / name).read_text().replace("opt4", "opt9_convex")
+        (run / name).write_text(text)
+    assert f"opt9_convex leaves {said}" in quick(run).text
+
+
 def test_a_phase_of_several_widths_says_what_ran(run: Path) -> None:
     plan = json.loads((run / "plan.json").read_text())
     wide = [{"lanes": 16, "isa": ["avx512f"], "flags": "-mavx512f"}, {"lanes": 8, "isa": [], "flags": ""}]

@@ -139,6 +139,13 @@ def test_a_timed_launch_is_on_as_many_cpus_as_it_has_threads(threads, monkeypatc
     assert len(said[0][0]) == min(threads, len(run.USABLE))
 
 
+def test_under_the_throttles_table_stands_which_launches_its_gains_are_of():
+    """Those that chose say too much: older files have no others."""
+    chose, anew = {"rows": [{"gain": 1.1}]}, {"rows": [{"gain": 1.1, "finalists": {}}]}
+    assert rods_page.throttle_foot(chose).endswith("they are upper bounds.")
+    assert rods_page.throttle_foot(anew).endswith("gains are of launches after it was made.")
+
+
 def test_the_throttle_takes_the_fastest_within_the_error(monkeypatch):
     """Made-up pictures and times: the fastest is outside, a first look lies about the next two, and the
     choice's luck among the finalists is not its gain."""

@@ -19,7 +19,17 @@ import started
 
 import scaling as command
 from run_study import SCALING_SECONDS
-from study import cli, run, scaling, scaling_errors, scaling_fit, scaling_goals, scaling_page, scaling_scenes
+from study import (
+    cli,
+    run,
+    scaling,
+    scaling_errors,
+    scaling_fit,
+    scaling_goals,
+    scaling_page,
+    scaling_scenes,
+    scaling_tables,
+)
 from study import scaling_series as series
 from study.cli import StudyError
 from study.draw import STYLE, save
@@ -27,6 +37,7 @@ from study.registry import ROOT, Spec
 from study.run import DriverError
 from study.scaling import First
 from study.scaling_series import Picture, Point
+from study.sections import part
 from study.stats import Interval
 
 SCRIPT = ROOT / "scripts" / "scaling.py"
@@ -551,6 +562,18 @@ def result(rows: list[dict]) -> dict:
         **{"axes": {known[0].name: known[0].axis}, "titles": {known[0].name: known[0].title}, "context": {}},
     }
     return json.loads(json.dumps(cli.plain(made), allow_nan=False))  # as it comes back from the file
+
+
+@pytest.mark.parametrize("evals", [1.0, None])
+def test_closed_forms_have_no_exponent_of_evaluations(evals) -> None:
+    """Their plane holds a 1, of which older files fitted a 0.00; newer ones hold none."""
+    rows = [row("opt9_convex", x, 1e6 * x, evals_per_ray=evals) for x in (1, 16, 64)]
+    made = result([row("opt4", x, 1e6 * x) for x in (1, 16, 64)] + rows)
+    shown = {one[0]: part(*one[:4])[0].markdown for one in scaling_tables.tables(made) if one[2]}
+    four, nine = (next(r for r in shown["scaling"].splitlines() if p in r) for p in ("opt4", "opt9_convex"))
+    assert four.endswith("| 1.00 |") and nine.endswith("| none: closed forms count 1 for every camera ray |")
+    points = [r.split(" | ")[5] for r in shown["scaling-points"].splitlines()[2:]]
+    assert points == ["10.0", "160", "640", "–", "–", "–"]
 
 
 def test_figures_and_chapter_are_made_from_the_file_alone(tmp_path: Path) -> None:

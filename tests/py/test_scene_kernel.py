@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -205,15 +206,54 @@ def test_hash_is_the_scenes(shop: Workshop, tmp_path: Path) -> None:
     assert len(said.splitlines()) == 1 and "no such luck" in said
 
 
-def test_camera_inside_a_shape_has_the_general_code(shop: Workshop, tmp_path: Path) -> None:
+TRAP = """
+#include <stddef.h>
+#include <stdlib.h>
+static int tiles(const void *job) { return job ? 1 : 0; }
+static void tile(const void *job, int number, void *own) { abort(); }
+// struct scene_kernel of kernel.h
+const struct {
+    const char *tag, *compiler;
+    size_t own_size;
+    int (*tiles)(const void *);
+    void (*tile)(const void *, int, void *);
+} stepwise_kernel = {KERNEL_TAG, "trap", 1, tiles, tile};
+"""
+
+
+def trapped(shop: Workshop, folder: Path) -> dict[str, str]:
+    """The environment in which the kernel, once it draws, ends the program."""
+    (folder / "trap.c").write_text(TRAP)
+    compiler = shop.script(
+        "trap",
+        f"""for i in "$@"; do case "$i" in -DKERNEL_TAG=*) tag="$i";; *.so) out="$i";; esac; done
+        gcc -shared -fPIC "$tag" "{folder}/trap.c" -o "$out" """,
+    )
+    return {"STEPWISE_CC": str(compiler), "STEPWISE_CACHE": str(folder / "cache")}
+
+
+def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path: Path) -> None:
+    """There is a kernel, of the scene; but its frame is marched, which a kernel is not made for."""
     scene = json.loads(registry.scenes()["scene0"].path.read_text())
     scene["camera"] = scene["camera"] | {"position": [0, 0, 20], "look_at": [0, 0, 30]}
     inside = tmp_path / "inside.json"
     inside.write_text(json.dumps(scene))
     facts, _, picture = shop.run(inside)
     assert facts["generated"]
-    _, _, general = shop.run(inside, STEPWISE_CC="none")
-    same(general, picture)
+    trap = trapped(shop, tmp_path)
+    facts, said, other = shop.run(inside, **trap)
+    assert facts["generated"] and not said, "the trap was loaded and not drawn by"
+    same(other, picture)
+    drawn = subprocess.run(shop.command("scene0"), env=shop.environment(trap), capture_output=True)
+    assert drawn.returncode == -signal.SIGABRT, "from outside the kernel draws"
+    done = subprocess.run(
+        [build("opt9_convex"), inside, *SIZE, "--aov", "-o", tmp_path / "opt9.exr"], capture_output=True
+    )
+    assert done.returncode == 0, done.stderr
+    opt9 = images.read(tmp_path / "opt9.exr")
+    assert opt9.keys() == picture.keys() and (opt9["id"] >= 0).any()
+    for name in opt9:
+        assert np.array_equal(opt9[name].view(np.uint32), picture[name].view(np.uint32)), name
 
 
 @pytest.mark.parametrize(

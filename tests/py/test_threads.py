@@ -260,21 +260,64 @@ def test_a_worker_without_memory_ends_it(tmp_path) -> None:
 # --- data races
 
 
-def test_no_data_race(tmp_path) -> None:
-    """ThreadSanitizer, over several frames: more tiles than threads, more threads than tiles."""
-    probe = tmp_path / "probe"
-    (tmp_path / "probe.c").write_text("int main(void) { return 0; }\n")
-    made = shutil.which("gcc") and call("gcc", "-fsanitize=thread", tmp_path / "probe.c", "-o", probe)
+SANITIZER = "ThreadSanitizer does not run here (libtsan): it would look for data races"
+
+
+def sanitized(phase: str, folder: Path) -> Path:
+    """Its driver under ThreadSanitizer; where that does not run the test is left out."""
+    probe = folder / "probe"
+    (folder / "probe.c").write_text("int main(void) { return 0; }\n")
+    made = shutil.which("gcc") and call("gcc", "-fsanitize=thread", folder / "probe.c", "-o", probe)
     if not made or made.returncode or call(probe).returncode:
-        pytest.skip("ThreadSanitizer does not run here (libtsan): it would look for data races")
-    target = f"build/tsan/{PHASE}/render"
+        pytest.skip(SANITIZER)
+    target = f"build/tsan/{phase}/render"
     command = ["make", "-s", "-C", str(ROOT), "BUILD=build/tsan", "SANITIZE=thread", target]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    path = scene("everything", tmp_path)
+    return ROOT / target
+
+
+def test_no_data_race(tmp_path) -> None:
+    """ThreadSanitizer, over several frames: more tiles than threads, more threads than tiles."""
+    program, path = sanitized(PHASE, tmp_path), scene("everything", tmp_path)
     for size, threads in [((97, 41), 3), ((7, 3), 8)]:
         shape = ("-w", size[0], "-n", size[1])
-        mine = picture(ROOT / target, path, tmp_path, *shape, "--threads", threads, "--reps", 5)
+        mine = picture(program, path, tmp_path, *shape, "--threads", threads, "--reps", 5)
         check_same(mine, picture(build(PARENT), path, tmp_path, *shape), f"{size}, {threads} threads")
+
+
+@pytest.mark.parametrize(
+    ("phase", "name", "compiler"),
+    [
+        pytest.param("opt8_streams", "everything", None, id="opt8_streams"),
+        pytest.param("opt10_scene", "everything", "none", id="opt10_scene marching"),
+        pytest.param("opt10_scene", "scene0", "none", id="opt10_scene"),
+        pytest.param("opt10_scene", "spheres40", "none", id="opt10_scene's crowd"),
+        pytest.param("opt10_scene", "scene0", "gcc", id="opt10_scene's kernel"),
+        pytest.param("packets", "spheres40", None, id="packets"),
+    ],
+)
+def test_no_data_race_in_a_picture_of(phase, name, compiler, tmp_path, monkeypatch) -> None:
+    """The same, of what else has threads: a tiny picture, to the bit one thread's of the plain build."""
+    if missing := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"the CPU lacks what {phase} needs: {' '.join(missing)}")
+    program, path, shape = sanitized(phase, tmp_path), scene(name, tmp_path), ("-w", 97, "-n", 41)
+    monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "plain"))
+    monkeypatch.setenv("STEPWISE_CC", compiler or "none")
+    plain = picture(build(phase), path, tmp_path, *shape)
+    if compiler == "gcc":
+        monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "cache"))
+        monkeypatch.setenv("STEPWISE_CC", str(sanitizing(tmp_path)))
+    mine = picture(program, path, tmp_path, *shape, "--threads", 3, "--reps", 3)
+    check_same(mine, plain, f"{phase}, {name}")
+    assert (compiler == "gcc") == bool(list(tmp_path.glob("cache/*.so"))), "the kernel was generated"
+
+
+def sanitizing(folder: Path) -> Path:
+    """A compiler of kernels, under ThreadSanitizer, too."""
+    script = folder / "cc"
+    script.write_text('#!/bin/sh\nexec gcc "$@" -fsanitize=thread -g1 -O1\n')
+    script.chmod(0o755)
+    return script
 
 
 TEAM = """
@@ -313,7 +356,7 @@ def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
         *("-iquote", folder, source, folder / "threads.c", "-o", program),
     )
     if "tsan" in made.stderr:
-        pytest.skip("ThreadSanitizer does not run here (libtsan): it would look for data races")
+        pytest.skip(SANITIZER)
     assert made.returncode == 0, made.stderr
     for workers in (1, 2, 3, 8):
         for tiles in (1, 2, 7, 500, 2999):
