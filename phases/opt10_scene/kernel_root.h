@@ -11,6 +11,7 @@
 #include "clear.c"
 #include "color.c"
 #include "convex.c"
+#include "seen.c"
 #include "umbra.c"
 
 static int kernel_tiles(const struct job *job) {

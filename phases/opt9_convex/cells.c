@@ -2,7 +2,7 @@
 // ray tracing", Eurographics 1987), every lane in its own, until it meets the box about the copy there; when all
 // lanes have or are at their end, those are asked by the shape's closed form.
 //
-// Only of shapes that are in their cell and its mirror image (cells_hold() in render.c): there the wrapped distance is the
+// Only of shapes that are in their cell and its mirror image (cells_hold() in place.c): there the wrapped distance is the
 // distance to all copies, and what a march comes to is the first of them.
 #include "cells.h"
 #include "walk.h"

@@ -1,8 +1,10 @@
-// What a hit looks like: normals in closed form, light (Phong, as in shade.c), and what has to wait for a shadow or
-// a mirror ray.
+// What a group's hits look like: normals in closed form, light (light.h), and what has to wait for a shadow or a mirror
+// ray. Where nothing ever waits: seen.c.
+#include "bounds.h"
 #include "bulb.h"
 #include "crowd.h"
-#include "stage.h"
+#include "light.h"
+#include "occluders.h"
 
 // Forward differences of the estimate, the only normal it has.
 static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, float step) {
@@ -119,52 +121,6 @@ static struct vec grazed(struct vec light, mask grazes, const struct found *hit,
     return light;
 }
 
-static double dot3(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
-// plane's t, which is one of them. parts: origin, direction, t, shape.
-static mask in_bounds_nearly(const real parts[8], mask asked, const struct prepared *scene) {
-    double radius = scene->model.march.bounds_radius;
-    float lanes[8][LANES];
-    for (int i = 0; i < 8; i++)
-        unload(parts[i], lanes[i]);
-    unsigned in = 0;
-    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
-        int lane = __builtin_ctz(rest);
-        const struct placed *s = &scene->placed[(int)lanes[7][lane]];
-        double o[3], d[3], p[3], t = lanes[6][lane];
-        for (int k = 0; k < 3; k++) {
-            o[k] = lanes[k][lane];
-            d[k] = lanes[3 + k][lane];
-            p[k] = o[k] - s->centre[k];
-        }
-        if (s->way == LINEAR)
-            t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
-        for (int k = 0; k < 3; k++)
-            p[k] = o[k] + t * d[k];
-        in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
-    }
-    return lanes_of(in);
-}
-
-static inline mask in_bounds(const struct stage *at, const struct prepared *scene) {
-    double radius = scene->model.march.bounds_radius;
-    float bound = (float)(radius * radius);
-    real square = vec_dot(at->point, at->point);
-    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
-    if (!any(asked))
-        return all_lanes();
-    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
-    // A copy, so that what it is of stays in registers.
-    const real parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
-                           at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
-                           at->hit.t,           at->hit.shape};
-    return either(in_bounds_nearly(parts, asked, scene),
-                  but_not(asked, not_less(set(bound), square)));
-}
-
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
     struct ray *ray = &at->ray;
     ACTIVE(count_of(at->hit.found));
@@ -175,53 +131,6 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     at->lit = no_lane();
     if (any(at->hit.found))
         at->surface = surface_at(&at->hit, ray->direction, scene);
-}
-
-// shine: the cosine between the way back and the light's mirror image.
-static inline void bring_light(struct stage *at, real shine, real reach,
-                               const struct convex *work) {
-    const struct surface *surface = &at->surface;
-    COUNT(bring_light, call);
-    real specular = set(0.0f);
-    const float *e = work->emission;
-    mask shines = both(at->lit, greater(shine, surface->shine_from));
-    if (any(shines)) {
-        ACTIVE(count_of(shines));
-        COUNT(bring_light, shines);
-        specular =
-            keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
-    }
-    struct vec base = surface->color;
-    at->light = (struct vec){set(e[0]) * mul_add(base.x, at->facing, specular) * reach,
-                             set(e[1]) * mul_add(base.y, at->facing, specular) * reach,
-                             set(e[2]) * mul_add(base.z, at->facing, specular) * reach};
-}
-
-static inline void stage_light(struct stage *at, const struct convex *work) {
-    const struct model *model = &work->scene->model;
-    const struct ray *ray = &at->ray;
-    const struct surface *surface = &at->surface;
-    ACTIVE(count_of(at->hit.found));
-    COUNT(stage_light, call);
-    struct vec p = at->point, n = surface->normal, base = surface->color;
-    real weight = ray->weight, zero = set(0.0f);
-    if (model->features.fog) {
-        COUNT(stage_light, fog);
-        real far_sq = vec_dot(p, p);
-        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
-    }
-    at->weight = weight;
-    at->color = vec_choose(at->hit.found, vec_scale(base, weight * set(0.01f)),
-                           background(ray->weight, model)); // ambient
-    const float *light = work->light;
-    struct vec l = {set(light[0]) - p.x, set(light[1]) - p.y, set(light[2]) - p.z};
-    real square = vec_dot(l, l), per = set(1.0f) / root(square);
-    l = vec_scale(l, per);
-    real facing = vec_dot(n, l);
-    at->lit = both(at->hit.found, both(greater(facing, zero), greater(square, zero)));
-    at->facing = facing;
-    at->to_light = l;
-    bring_light(at, vec_dot(vec_reflect(l, n), ray->direction), weight * per, work);
 }
 
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
@@ -285,85 +194,6 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
     }
 }
 
-// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
-struct ball {
-    float centre[3], radius, to_light[3], spread;
-};
-
-static bool ball_of(const struct stage *stage, int count, const struct view *view,
-                    struct ball *ball) {
-    COUNT(ball_of, call);
-    COUNT(ball_of, scalar);
-    struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
-    struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
-    for (int i = 0; i < count; i++) {
-        COUNT(ball_of, packet);
-        mask lit = stage[i].lit;
-        struct vec p = stage[i].point;
-        least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
-                             choose(lit, least_of(p.y, least.y), least.y),
-                             choose(lit, least_of(p.z, least.z), least.z)};
-        most = (struct vec){choose(lit, most_of(p.x, most.x), most.x),
-                            choose(lit, most_of(p.y, most.y), most.y),
-                            choose(lit, most_of(p.z, most.z), most.z)};
-    }
-    const real low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
-    float square = 0, distance = 0;
-    for (int k = 0; k < 3; k++) {
-        float a = least_lane(low[k]), b = -least_lane(set(0.0f) - high[k]);
-        ball->centre[k] = 0.5f * (a + b);
-        square += 0.25f * (b - a) * (b - a);
-        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
-        distance += ball->to_light[k] * ball->to_light[k];
-    }
-    distance = sqrtf(distance);
-    ball->radius = sqrtf(square) * (1 + 1e-4f);
-    ball->spread = ball->radius / (distance - ball->radius);
-    for (int k = 0; k < 3; k++)
-        ball->to_light[k] /= distance;
-    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
-}
-
-// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
-static bool ball_clears(const struct ball *ball, const struct placed *s, float q) {
-    COUNT(ball_clears, call);
-    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
-    q += ball->spread;
-    for (int k = 0; k < 3; k++) {
-        float v = s->position[k] - ball->centre[k];
-        along += v * ball->to_light[k];
-        need += v * v;
-    }
-    float lean = along + q * radius;
-    if (!(need > 0 && q < 1) || lean <= 0)
-        return need > 0 && q < 1;
-    COUNT(ball_clears, leans);
-    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
-}
-
-// Which shapes can come between the group and the light.
-static void choose_shading(const struct stage *stage, int count, const struct convex *work) {
-    const struct prepared *scene = work->scene;
-    struct desk *desk = work->desk;
-    struct ball ball;
-    bool known = ball_of(stage, count, work->view, &ball);
-    desk->shadings = 0;
-    if (known && scene->tree.levels) {
-        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
-        desk->shadings = crowd_towards_light(ball.centre, ball.radius, ball.to_light,
-                                             q + ball.spread, work, desk->shading);
-        return;
-    }
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
-        if (s->type == SHAPE_MANDELBULB)
-            q /= BULB_SHARE;
-        if (!known || s->way == LINEAR || s->repeated || !ball_clears(&ball, s, q))
-            desk->shading[desk->shadings++] = i;
-    }
-}
-
 void color_all(struct stage *stage, int count, const struct convex *work) {
     COUNT(color_all, call);
     const struct model *model = &work->scene->model;
@@ -386,91 +216,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         }
 }
 
-// As stage_light(), of camera rays: the way to the light is told from the camera's, not of unit length.
-static inline void light_seen(struct stage *at, const struct convex *work) {
-    const struct model *model = &work->scene->model;
-    ACTIVE(count_of(at->hit.found));
-    COUNT(light_seen, call);
-    const struct surface *surface = &at->surface;
-    struct vec d = at->ray.direction, n = surface->normal;
-    real weight = set(1.0f), zero = set(0.0f), t = at->hit.t;
-    if (model->features.fog) {
-        COUNT(light_seen, fog);
-        real far_sq = vec_dot(at->point, at->point);
-        weight = exp_of(set((float)-model->fog) * far_sq * root(far_sq));
-    }
-    at->color = vec_choose(at->hit.found, vec_scale(surface->color, weight * set(0.01f)),
-                           background(set(1.0f), model));
-    const float *lamp = work->lamp;
-    struct vec l = {neg_mul_add(d.x, t, set(lamp[0])), neg_mul_add(d.y, t, set(lamp[1])),
-                    neg_mul_add(d.z, t, set(lamp[2]))};
-    real square = vec_dot(l, l), per = set(1.0f) / root(square), along = vec_dot(n, l);
-    real down = vec_dot(n, d), shine = neg_mul_add(along + along, down, vec_dot(l, d));
-    along = negate_where(greater(down, zero), along); // n may be that of the other side
-    at->facing = along * per;
-    at->lit = both(at->hit.found, both(greater(along, zero), greater(square, zero)));
-    bring_light(at, shine * per, weight * per, work);
-}
-
-static inline void material_seen(const struct sight *seen, const struct prepared *scene,
-                                 struct surface *all) {
-    COUNT(material_seen, call);
-    float id[LANES];
-    unload(seen->hit.shape, id);
-    unsigned rest = bits(seen->hit.found);
-    for (bool first = true; rest; first = false) {
-        int i = seen->only >= 0 ? seen->only : (int)id[__builtin_ctz(rest)];
-        const struct placed *s = &scene->placed[i];
-        if (first) {
-            all->color = vec_set(s->color);
-            all->shininess = set(s->shininess);
-            all->shine_from = set(s->shine_from);
-            if (seen->only >= 0)
-                return;
-        }
-        ACTIVE(count_of(seen->hit.found));
-        COUNT(material_seen, shape);
-        mask same = same_shape(seen->hit.shape, i);
-        rest &= ~bits(same);
-        if (first)
-            continue;
-        all->color = vec_choose(same, vec_set(s->color), all->color);
-        all->shininess = choose(same, set(s->shininess), all->shininess);
-        all->shine_from = choose(same, set(s->shine_from), all->shine_from);
-    }
-}
-
 void normals_seen(struct sight *seen, const struct prepared *scene) {
     if (any(seen->hit.found))
         seen->hit.local = surface_at(&seen->hit, seen->direction, scene).normal;
-}
-
-void color_seen(const struct sight *seen, struct stage *at, const struct convex *work) {
-    ACTIVE(count_of(seen->active));
-    COUNT(color_seen, call);
-    const struct prepared *scene = work->scene;
-    at->hit.found = seen->hit.found;
-    at->hit.t = seen->hit.t;
-    at->hit.shape = seen->hit.shape;
-    mask far = both(at->hit.found, greater(at->hit.t, set(work->inside)));
-    if (scene->model.features.fog || any(far)) {
-        COUNT(color_seen, point);
-        at->point = vec_along(at->ray.origin, at->ray.direction, at->hit.t);
-        if (any(far)) {
-            COUNT(color_seen, far);
-            COUNT(color_seen, far_scalar);
-            at->hit.found = both(at->hit.found, in_bounds(at, scene));
-        }
-    }
-    at->color = background(set(1.0f), &scene->model);
-    if (!any(at->hit.found))
-        return;
-    ACTIVE(count_of(at->hit.found));
-    COUNT(color_seen, hit);
-    at->surface.normal = seen->hit.local;
-    material_seen(seen, scene, &at->surface);
-    light_seen(at, work);
-    at->color.x = at->color.x + keep(at->lit, at->light.x);
-    at->color.y = at->color.y + keep(at->lit, at->light.y);
-    at->color.z = at->color.z + keep(at->lit, at->light.z);
 }

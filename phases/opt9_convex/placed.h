@@ -1,4 +1,4 @@
-// What render.c prepares once, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
+// What place.c works out once, and what render.c calls of the kernels, which are built for 8 and for 16 lanes: no
 // lanes in here.
 #ifndef OPT9_PLACED_H
 #define OPT9_PLACED_H
@@ -29,7 +29,7 @@ struct placed {
     float turn[3][3]; // rows: the three rotations as one matrix
     float cell[3], per_cell[3];
     float normal[3];              // plane: in the world's axes
-    float a, b, c;                // sizes: see place_shape() in render.c
+    float a, b, c;                // sizes: see place_shape() in place.c
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
     float size[3];                // box: half size; plane: normal
     float bailout;
@@ -62,11 +62,17 @@ struct prepared {
     bool repeats;          // a shape is repeated
     int plane;             // the first that there is, −1: none
     int bulbs;             // how many of them are Mandelbulbs
-    float lit_slope;       // see lit_slope() in render.c
+    float lit_slope;       // see lit_slope() in place.c
     struct tree tree;      // of the solids, if they are a crowd
     struct leaf *leaves;   // what it is made of
     int *planes, plane_count;
 };
+
+// A scene of this many shapes is a crowd, of two nodes of the tree or more, where plant() in place.c allows it.
+enum { CROWD = 2 * TREE_WIDTH };
+
+// All but `eyes`, in arrays that are there.
+void place_all(struct prepared *prepared, const struct model *model);
 
 // The camera as a shape sees it.
 struct eye {

@@ -1,0 +1,92 @@
+// Which shapes can come between a group of packets and the light: told once for all their rays, from a ball about their
+// hits and a cone about the way from there to the light.
+#ifndef OPT10_OCCLUDERS_H
+#define OPT10_OCCLUDERS_H
+
+#include "bulb.h"
+#include "cells.h"
+#include "crowd.h"
+#include "stage.h"
+
+// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+struct ball {
+    float centre[3], radius, to_light[3], spread;
+};
+
+static bool ball_of(const struct stage *stage, int count, const struct view *view,
+                    struct ball *ball) {
+    COUNT(ball_of, call);
+    COUNT(ball_of, scalar);
+    struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
+    struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
+    for (int i = 0; i < count; i++) {
+        COUNT(ball_of, packet);
+        mask lit = stage[i].lit;
+        struct vec p = stage[i].point;
+        least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
+                             choose(lit, least_of(p.y, least.y), least.y),
+                             choose(lit, least_of(p.z, least.z), least.z)};
+        most = (struct vec){choose(lit, most_of(p.x, most.x), most.x),
+                            choose(lit, most_of(p.y, most.y), most.y),
+                            choose(lit, most_of(p.z, most.z), most.z)};
+    }
+    const real low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
+    float square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        float a = least_lane(low[k]), b = -least_lane(set(0.0f) - high[k]);
+        ball->centre[k] = 0.5f * (a + b);
+        square += 0.25f * (b - a) * (b - a);
+        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
+        distance += ball->to_light[k] * ball->to_light[k];
+    }
+    distance = sqrtf(distance);
+    ball->radius = sqrtf(square) * (1 + 1e-4f);
+    ball->spread = ball->radius / (distance - ball->radius);
+    for (int k = 0; k < 3; k++)
+        ball->to_light[k] /= distance;
+    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+}
+
+// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+static bool ball_clears(const struct ball *ball, const struct placed *s, float q) {
+    COUNT(ball_clears, call);
+    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
+    q += ball->spread;
+    for (int k = 0; k < 3; k++) {
+        float v = s->position[k] - ball->centre[k];
+        along += v * ball->to_light[k];
+        need += v * v;
+    }
+    float lean = along + q * radius;
+    if (!(need > 0 && q < 1) || lean <= 0)
+        return need > 0 && q < 1;
+    COUNT(ball_clears, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
+}
+
+INLINE void shade_from(int i, const struct ball *ball, const struct convex *work) {
+    const struct prepared *scene = KNOWN(work->scene);
+    const struct placed *s = &scene->placed[i];
+    float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+    if (s->type == SHAPE_MANDELBULB)
+        q /= BULB_SHARE;
+    if (!ball || s->way == LINEAR || REPEATED(s) || !ball_clears(ball, s, q))
+        put_in(&work->desk->shading, i);
+}
+
+// To desk->shading: those that can shade the group.
+static void choose_shading(const struct stage *stage, int count, const struct convex *work) {
+    struct ball ball;
+    bool known = ball_of(stage, count, work->view, &ball);
+    if (known && IS_CROWD(work->scene)) {
+        const struct prepared *scene = work->scene;
+        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        fill_list(&work->desk->shading, crowd_towards_light, ball.centre, ball.radius,
+                  ball.to_light, q + ball.spread, work);
+        return;
+    }
+    none_of(&work->desk->shading);
+    EACH_SHAPE(work->scene, shade_from, known ? &ball : NULL, work);
+}
+
+#endif

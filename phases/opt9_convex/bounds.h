@@ -1,0 +1,55 @@
+// Whether a hit is within the scene's bounds: behind them a ray meets nothing.
+#ifndef OPT9_BOUNDS_H
+#define OPT9_BOUNDS_H
+
+#include "stage.h"
+
+static double dot3(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
+// plane's t, which is one of them. parts: origin, direction, t, shape.
+// Not inlined, as gcc would where there is one caller: 0.2 % more instructions a frame of opt9_convex.
+__attribute__((noinline)) static mask in_bounds_nearly(const real parts[8], mask asked,
+                                                       const struct prepared *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float lanes[8][LANES];
+    for (int i = 0; i < 8; i++)
+        unload(parts[i], lanes[i]);
+    unsigned in = 0;
+    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        const struct placed *s = &scene->placed[(int)lanes[7][lane]];
+        double o[3], d[3], p[3], t = lanes[6][lane];
+        for (int k = 0; k < 3; k++) {
+            o[k] = lanes[k][lane];
+            d[k] = lanes[3 + k][lane];
+            p[k] = o[k] - s->centre[k];
+        }
+        if (s->way == LINEAR)
+            t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
+        for (int k = 0; k < 3; k++)
+            p[k] = o[k] + t * d[k];
+        in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
+    }
+    return lanes_of(in);
+}
+
+static inline mask in_bounds(const struct stage *at, const struct prepared *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float bound = (float)(radius * radius);
+    real square = vec_dot(at->point, at->point);
+    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
+    if (!any(asked))
+        return all_lanes();
+    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
+    // A copy, so that what it is of stays in registers.
+    const real parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
+                           at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
+                           at->hit.t,           at->hit.shape};
+    return either(in_bounds_nearly(parts, asked, scene),
+                  but_not(asked, not_less(set(bound), square)));
+}
+
+#endif

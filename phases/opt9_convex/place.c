@@ -1,0 +1,272 @@
+// A scene's shapes as the kernels want them (placed.h), worked out once: their places, sizes and bounds, what can be had by
+// closed forms, which are repeated alike, the tree of a crowd. No lanes in here.
+#include <math.h>
+#include <string.h>
+
+#include "placed.h"
+
+// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
+// then (x,z), then (x,y).
+static void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static void to_floats(const double from[3], float to[3]) {
+    for (int i = 0; i < 3; i++)
+        to[i] = (float)from[i];
+}
+
+// See struct placed. A plane that is not repeated has one row.
+static void place_rows(struct placed *p, const struct shape *shape, double turn[3][3]) {
+    bool linear = p->way == LINEAR;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const double *n = shape->plane.normal;
+            p->row[i][j] =
+                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
+        }
+        p->centre[i] = shape->position[i];
+    }
+    if (p->way == POWER) {
+        p->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)p->radius_sq;
+    }
+    if (linear) {
+        p->offset = shape->plane.offset;
+        to_floats(p->row[0], p->normal);
+    }
+}
+
+// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
+// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// cheaper, and from many radii away more exact. 1e15: its square is a float.
+static enum way way_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+    if (repeated)
+        return AT_POINT;
+    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
+        shape->sphere.radius < 1e15)
+        return POWER;
+    return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
+}
+
+static struct placed place_shape(int index, const struct shape *shape,
+                                 const struct limits *limits) {
+    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1};
+    double turn[3][3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++) {
+        split(shape->position[i], &p.position[i], &p.position_lo[i]);
+        to_floats(turn[i], p.turn[i]);
+        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.repeated = p.repeated || shape->repeat[i] > 0.0;
+        p.cell[i] = (float)shape->repeat[i];
+        p.wide_cell[i] = shape->repeat[i];
+        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.per_cell[i] = (float)p.wide_per_cell[i];
+    }
+    p.way = way_of(shape, p.repeated, limits);
+    place_rows(&p, shape, turn);
+    switch (shape->type) {
+    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
+    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
+    case SHAPE_TORUS:
+        p.a = (float)shape->torus.major_radius;
+        p.b = (float)shape->torus.minor_radius;
+        // How near is there: some 4 ulps of its size, which is all that floats can tell.
+        p.c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
+        break;
+    case SHAPE_CONE: {
+        double across = shape->cone.top_radius - shape->cone.bottom_radius;
+        double up = 2.0 * shape->cone.half_height;
+        p.a = (float)shape->cone.bottom_radius;
+        p.b = (float)shape->cone.top_radius;
+        p.c = (float)shape->cone.half_height;
+        p.slope[0] = (float)across;
+        p.slope[1] = (float)up;
+        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
+        break;
+    }
+    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
+    case SHAPE_PLANE:
+        to_floats(shape->plane.normal, p.size);
+        p.a = (float)shape->plane.offset;
+        break;
+    default:
+        p.bailout = (float)shape->mandelbulb.bailout;
+        p.iterations = shape->mandelbulb.iterations;
+        break;
+    }
+    return p;
+}
+
+// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+static double bound_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_ROUNDED_BOX:
+        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
+    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
+    case SHAPE_CONE:
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                     shape->cone.half_height) *
+               (1 + 1e-5);
+    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    case SHAPE_MANDELBULB: return 1.15; // beyond 2^(1/7) every point escapes; see bulb.h
+    default: return INFINITY;
+    }
+}
+
+// A repeated shape whose copies have a closed form together: it is in its cell, and the cell's mirror image along every
+// axis that it is repeated on, or its wrapped distance would jump at a wall. A ray goes through no more cells than
+// MOST_CELLS, and float counts them.
+enum { MOST_CELLS = 4096 };
+
+static bool cells_hold(const struct shape *shape, struct placed *p, const struct limits *limits) {
+    double half[3] = {INFINITY, INFINITY, INFINITY}, cells = 0;
+    switch (shape->type) {
+    case SHAPE_SPHERE: half[0] = half[1] = half[2] = shape->sphere.radius; break;
+    case SHAPE_BOX: memcpy(half, shape->box.half_size, sizeof half); break;
+    case SHAPE_ROUNDED_BOX:
+        for (int i = 0; i < 3; i++)
+            half[i] = shape->box.half_size[i] + shape->box.rounding;
+        break;
+    case SHAPE_TORUS:
+        half[0] = half[2] = shape->torus.major_radius + shape->torus.minor_radius;
+        half[1] = shape->torus.minor_radius;
+        break;
+    case SHAPE_CONE:
+        half[0] = half[2] = fmax(shape->cone.bottom_radius, shape->cone.top_radius);
+        half[1] = shape->cone.half_height;
+        break;
+    case SHAPE_OCTAHEDRON: half[0] = half[1] = half[2] = shape->octahedron.radius; break;
+    default: return false;
+    }
+    for (int i = 0; i < 3; i++) {
+        if (shape->repeat[i] > 0.0 && half[i] > shape->repeat[i] / 2)
+            return false;
+        if (shape->repeat[i] > 0.0)
+            cells += 2 * limits->bounds_radius / shape->repeat[i];
+        p->box[i] = (float)(half[i] + 0x1p-19 * limits->bounds_radius);
+    }
+    bool jumps = shape->type == SHAPE_CONE && shape->repeat[1] > 0.0;
+    return !jumps && cells < MOST_CELLS;
+}
+
+static void place_solid(struct placed *p, const struct shape *shape, const struct model *model) {
+    double bound = bound_of(shape);
+    p->bound = (float)bound;
+    p->bound_sq = (float)(bound * bound);
+    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    const struct material *m = &model->materials[shape->material];
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+    if (p->way == LINEAR)
+        p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
+                       p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
+}
+
+// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
+// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+static float lit_slope(double strength) {
+    double low = 0, high = 1;
+    for (int i = 0; i < 60; i++) {
+        double q = (low + high) / 2, r = (1 + q) / 2;
+        double away = q * sqrt(1 - r * r) / (1 - q * r);
+        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
+    }
+    return (float)(high * (1 + 1e-5));
+}
+
+// No crowd with a Mandelbulb, whose shadow streams ask every shape. Nor where a low step cap may end a soft shadow: the
+// rays of a crowd's packet wait for each other, and their steps are not counted ray by ray.
+enum { FEW_STEPS = 256 };
+
+static void plant(struct prepared *prepared) {
+    int count = prepared->model.shape_count, solids = 0;
+    prepared->tree.levels = 0;
+    if (count < CROWD || !prepared->solids || prepared->repeats || prepared->bulbs ||
+        prepared->model.march.max_steps < FEW_STEPS)
+        return;
+    for (int i = 0; i < count; i++) {
+        const struct placed *p = &prepared->placed[i];
+        if (p->way == LINEAR)
+            continue;
+        struct leaf *leaf = &prepared->leaves[solids++];
+        *leaf = (struct leaf){.radius = p->bound, .shape = i};
+        for (int k = 0; k < 3; k++)
+            leaf->centre[k] = p->position[k];
+    }
+    tree_build(&prepared->tree, prepared->leaves, solids);
+    for (int i = 0; i < solids; i++) {
+        struct placed *p = &prepared->placed[prepared->tree.shape[i]];
+        p->alone = tree_gap(&prepared->tree, i);
+        p->rank = i;
+    }
+}
+
+// Of a repeated shape the others behind it that are repeated so in the same frame.
+static void find_alike(struct placed *placed, int first, int count) {
+    struct placed *s = &placed[first], *last = s;
+    memcpy(s->around, s->box, sizeof s->box);
+    for (int i = first + 1; i < count && s->repeated && !s->led; i++) {
+        struct placed *p = &placed[i];
+        if (!p->repeated || memcmp(p->centre, s->centre, sizeof s->centre) != 0 ||
+            memcmp(p->row, s->row, sizeof s->row) != 0 ||
+            memcmp(p->wide_cell, s->wide_cell, sizeof s->wide_cell) != 0)
+            continue;
+        last->alike = i;
+        last = p;
+        p->led = true;
+        for (int k = 0; k < 3; k++)
+            s->around[k] = fmaxf(s->around[k], p->box[k]);
+    }
+}
+
+void place_all(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    prepared->solids = true;
+    prepared->repeats = false;
+    prepared->plane = -1;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
+    prepared->lit_slope = lit_slope(model->shadow_strength);
+    prepared->plane_count = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        struct placed *p = &prepared->placed[i];
+        *p = place_shape(i, &model->shapes[i], &model->march);
+        place_solid(p, &model->shapes[i], model);
+        if (p->way == LINEAR && prepared->plane < 0)
+            prepared->plane = i;
+        if (p->way == LINEAR)
+            prepared->planes[prepared->plane_count++] = i;
+        prepared->repeats = prepared->repeats || p->repeated;
+        if ((p->repeated &&
+             (prepared->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
+            p->way == POWER ||
+            // of two Mandelbulbs each one's estimate is a part of the other's steps
+            (p->type == SHAPE_MANDELBULB &&
+             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
+              prepared->bulbs > 1)))
+            prepared->solids = false;
+    }
+    for (int i = 0; i < model->shape_count && prepared->repeats; i++)
+        find_alike(prepared->placed, i, model->shape_count);
+    plant(prepared);
+}
