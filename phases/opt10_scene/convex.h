@@ -78,6 +78,7 @@ struct desk {
     int mirrors, shadows;
     struct near *near;            // of the packets of shadow rays in work, one per shape and packet
     struct shapes listed;         // those that the tile's camera rays may meet
+    int *cut, cuts[GROUP];        // of a crowd: of those what each block of a row may meet
     struct shapes shading;        // those that can matter to the light on the group in work
     struct shapes casters[CASTS]; // those that a packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.

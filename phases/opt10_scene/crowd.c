@@ -76,6 +76,40 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
     return take_marked(desk, scene, list);
 }
 
+// The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
+void crowd_in_row(const struct window *row, float across, const int *list, int count,
+                  const struct prepared *scene, const struct eye *eyes, struct desk *desk) {
+    _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
+    COUNT(crowd_in_row, call);
+    COUNT(crowd_in_row, scalar);
+    real left = mul_add(lane_numbers(), set(across), set(row->left)), right = left + set(across);
+    real left_side = root(mul_add(left, left, set(1.0f))),
+         right_side = root(mul_add(right, right, set(1.0f)));
+    float bottom = sqrtf(1 + row->bottom * row->bottom), top = sqrtf(1 + row->top * row->top);
+    for (int k = 0; k < GROUP; k++)
+        desk->cuts[k] = 0;
+    for (int k = 0; k < count; k++) {
+        int i = list[k];
+        const struct placed *s = &scene->placed[i];
+        const float *c = eyes[i].centre;
+        unsigned which = (1u << GROUP) - 1;
+        if (s->way != LINEAR) {
+            COUNT(crowd_in_row, solid);
+            float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
+            if (row->bottom * c[2] - c[1] > r * bottom || c[1] - row->top * c[2] > r * top)
+                continue;
+            COUNT(crowd_in_row, blocks);
+            real x = set(c[0]), z = set(c[2]);
+            which &= bits(both(less(mul_sub(left, z, x), set(r) * left_side),
+                               less(neg_mul_add(right, z, x), set(r) * right_side)));
+        }
+        for (; which; which &= which - 1) {
+            int block = __builtin_ctz(which);
+            desk->cut[block * scene->model.shape_count + desk->cuts[block]++] = i;
+        }
+    }
+}
+
 int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                         const struct convex *work, int *list) {
     COUNT(crowd_towards_light, call);

@@ -75,8 +75,9 @@ struct desk {
         met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    int listed;        // shapes that the tile's camera rays may meet
-    struct near *near; // of the packets of shadow rays in work, one per shape and packet
+    int listed;            // shapes that the tile's camera rays may meet
+    int *cut, cuts[GROUP]; // of a crowd: of those what each block of a row may meet
+    struct near *near;     // of the packets of shadow rays in work, one per shape and packet
     int *list;
     int *shading; // shapes that can matter to the light on the group in work
     int shadings; // how many
