@@ -167,16 +167,19 @@ static inline bool too_far(const struct vicinity *v, int k, int i, const struct 
 static inline unsigned long long awake_of(const struct vicinity *v, int first, int i,
                                           const struct walk *w) {
     COUNT(awake_of, call);
-    int end = v->count - first < 64 ? v->count : first + 64;
-    mask still = stands_still(w);
-    real until = w->least + w->march.t;
+    int count = lesser(v->count - first, 64);
+    // One that stands still wakes none but planes, which are awake.
+    real until = choose(stands_still(w), set(-INFINITY), w->least + w->march.t);
+    const real *wakes = &v->wakes[first * BEAM + i];
     unsigned long long awake = 0;
-    for (int k = first; k < end; k++) {
-        COUNT(awake_of, shape);
-        mask wakes = not_less(until, v->wakes[k * BEAM + i]);
-        awake |= (unsigned long long)any(but_not(still, wakes)) << (k - first);
+    for (int k = 0; k < count; k += 4, wakes += 4 * BEAM) {
+        COUNT(awake_of, four);
+        unsigned which =
+            any_of_four(not_less(until, wakes[0]), not_less(until, wakes[BEAM]),
+                        not_less(until, wakes[2 * BEAM]), not_less(until, wakes[3 * BEAM]));
+        awake |= (unsigned long long)which << k;
     }
-    return awake;
+    return awake & ~0ull >> (64 - count); // what is read behind the last is of no shape
 }
 
 // The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
