@@ -37,6 +37,7 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
         COUNT(find_close_by, shape);
         const struct placed *s = &scene->placed[v->list[k]];
         v->shapes[k].shape = s;
+        v->shapes[k].bound = s->way == LINEAR ? INFINITY : s->bound;
         for (int i = 0; i < 3; i++)
             v->shapes[k].place[i] = s->position[i] - place[i];
     }
@@ -77,12 +78,16 @@ static inline real surely_off(const struct close_by *c, struct vec at) {
     COUNT(surely_off, call);
     struct vec to = {at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
     real square = most_of(vec_dot(to, to), set(1e-30f));
-    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->bound);
 }
 
 // What was h at t, or a bound of it, wakes where h + t is no more than the nearest shape's distance + t, see nearest().
 static inline real wakes_at(real h, const struct walk *w) {
     return (h + w->march.t) * set(1.0f - 0x1p-18f);
+}
+
+static inline real beginning(const struct walk *w) {
+    return choose(stands_still(w), set(-INFINITY), set(INFINITY));
 }
 
 void vicinity_wakes(struct beam *beam) {
@@ -93,7 +98,7 @@ void vicinity_wakes(struct beam *beam) {
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_wakes, packet);
         struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
-        real nearest = set(INFINITY);
+        real nearest = beginning(w);
         w->recent = 0;
         for (int k = 0; k < v->count; k++) {
             if (v->shapes[k].shape->way == LINEAR) {
@@ -103,7 +108,7 @@ void vicinity_wakes(struct beam *beam) {
             COUNT(vicinity_wakes, shape);
             real far = surely_off(&v->shapes[k], at);
             v->wakes[k * BEAM + i] = wakes_at(far, w);
-            w->recent = any(but_not(stands_still(w), less(far, nearest))) ? k : w->recent;
+            w->recent = any(less(far, nearest)) ? k : w->recent;
             nearest = least_of(far, nearest);
         }
     }
@@ -144,7 +149,7 @@ static inline void ask_about(const struct vicinity *v, int k, int i, struct walk
     COUNT(ask_about, call);
     real h = distance_to(&v->shapes[k], w);
     v->wakes[k * BEAM + i] = wakes_at(h, w);
-    w->recent = any(but_not(stands_still(w), less(h, w->least))) ? k : w->recent;
+    w->recent = any(less(h, w->least)) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
 
@@ -152,12 +157,8 @@ static inline void ask_about(const struct vicinity *v, int k, int i, struct walk
 // that much, is then when it wakes.
 static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
     COUNT(too_far, call);
-    const struct close_by *c = &v->shapes[k];
-    if (c->shape->way == LINEAR)
-        return false;
-    COUNT(too_far, solid);
-    real wakes = wakes_at(surely_off(c, w->at), w);
-    if (any(but_not(stands_still(w), not_less(w->least + w->march.t, wakes))))
+    real wakes = wakes_at(surely_off(&v->shapes[k], w->at), w);
+    if (any(not_less(w->least + w->march.t, wakes))) // so it is of planes
         return false;
     v->wakes[k * BEAM + i] = wakes;
     return true;
@@ -168,8 +169,7 @@ static inline unsigned long long awake_of(const struct vicinity *v, int first, i
                                           const struct walk *w) {
     COUNT(awake_of, call);
     int count = lesser(v->count - first, 64);
-    // One that stands still wakes none but planes, which are awake.
-    real until = choose(stands_still(w), set(-INFINITY), w->least + w->march.t);
+    real until = w->least + w->march.t;
     const real *wakes = &v->wakes[first * BEAM + i];
     unsigned long long awake = 0;
     for (int k = 0; k < count; k += 4, wakes += 4 * BEAM) {
@@ -195,7 +195,7 @@ void vicinity_nearest(struct beam *beam) {
         COUNT(vicinity_nearest, packet);
         moving |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
-        w->least = set(INFINITY);
+        w->least = beginning(w);
         if (v->count > 0)
             ask_about(v, w->recent, i, w);
     }
