@@ -84,8 +84,9 @@ struct desk {
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
     int *ahead, aheads; // solids that the packet of shadow rays in work may meet
-    int row,
-        leaf; // of the tree's leaves: what was in a shadow ray's way the last time, −1: nothing yet
+    // Of the tree's leaves: what was in a shadow ray's way the last time, of those asked before and in their march; −1:
+    // nothing yet.
+    int leaf, far;
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
     unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };

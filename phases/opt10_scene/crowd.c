@@ -66,7 +66,7 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
                         set(w->top),
                         {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
                          root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
-    desk->row = desk->leaf = -1;
+    desk->far = desk->leaf = -1;
     int count = list_those(&scene->tree, lies_across, &seen, list);
     for (int k = 0; k < count; k++)
         mark(desk, list[k]);
