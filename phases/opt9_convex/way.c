@@ -25,13 +25,14 @@ static float most_lane(mask of, real x) {
     return -least_lane(choose(of, set(0.0f) - x, set(INFINITY)));
 }
 
-// Some rays from the first one's place and in its direction: how far they are from it at most, and how much they turn.
+// Rays from near the first one's place: how far they are from it at most, and how much they turn from its direction.
 struct sheaf {
+    mask rays;
     struct vec centre, to_light;
     float radius, spread;
 };
 
-static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of) {
+static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near) {
     COUNT(sheaf_of, call);
     COUNT(sheaf_of, scalar);
     mask one = lanes_of(bits(of) & (0u - bits(of)));
@@ -42,24 +43,28 @@ static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of) {
         first[k] = set(most_lane(one, from[k]));
     struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
     struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
-    return (struct sheaf){{first[0], first[1], first[2]},
+    real away = vec_dot(v, v);
+    mask those = either(one, both(of, less(away, set(near * near))));
+    return (struct sheaf){those,
+                          {first[0], first[1], first[2]},
                           {first[3], first[4], first[5]},
-                          sqrtf(most_lane(of, vec_dot(v, v))) * (1 + 1e-4f),
-                          sqrtf(most_lane(of, vec_dot(l, l))) * 1.01f + 1e-4f};
+                          sqrtf(most_lane(those, away)) * (1 + 1e-4f),
+                          sqrtf(most_lane(those, vec_dot(l, l))) * 1.01f + 1e-4f};
 }
 
-// Those that meet a leaf are left with where it ends.
-static inline mask ends_at(const struct tree *tree, int leaf, const struct cone_of_one *rays,
-                           mask open, real *until) {
-    COUNT(ends_at, call);
+// Those that do not meet a leaf; for the others, where they leave it. Rays do not meet the shape that they are from, `own`.
+static inline mask passes(const struct tree *tree, int leaf, const struct cone_of_one *rays,
+                          real own, mask open, real *until) {
+    COUNT(passes, call);
     const struct spheres *s = &tree->level[0];
     real lean, rest;
     mask meets =
-        both(open, in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
-                              set(s->radius[leaf]), &lean, &rest));
+        both(but_not(same_shape(own, tree->shape[leaf]), open),
+             in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
+                        set(s->radius[leaf]), &lean, &rest));
     if (any(meets)) {
         ACTIVE(count_of(meets));
-        COUNT(ends_at, met);
+        COUNT(passes, met);
         real leaves = (lean + root(most_of(rest, set(0.0f)))) / rays->narrow;
         *until = choose(meets, leaves, *until);
     }
@@ -70,7 +75,8 @@ static inline mask ends_at(const struct tree *tree, int leaf, const struct cone_
 // when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
 // long.
 static void ask_behind(const struct tree *tree, const struct cone_of_one *about, real wider,
-                       const struct cone_of_one *rays, mask open, real *until, int *leaf) {
+                       const struct cone_of_one *rays, real own, mask open, real *until,
+                       int *leaf) {
     COUNT(ask_behind, call);
     int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
     waiting[0] = tree->levels - 1;
@@ -102,7 +108,7 @@ static void ask_behind(const struct tree *tree, const struct cone_of_one *about,
             for (; which; which &= which - 1) {
                 int entry = first + __builtin_ctz(which);
                 ACTIVE(count_of(open));
-                mask left = ends_at(tree, entry, rays, open, until);
+                mask left = passes(tree, entry, rays, own, open, until);
                 *leaf = bits(left) == bits(open) ? *leaf : entry;
                 open = left;
                 if (!any(open))
@@ -112,32 +118,30 @@ static void ask_behind(const struct tree *tree, const struct cone_of_one *about,
     }
 }
 
-// Of each lane asked, for its own cone: where something that it meets is left, -1 where nothing is met. Asked for all at once
-// if they are near to each other.
-static real ways_end(const struct tree *tree, const struct cone_of_one *rays, real t, mask asked,
-                     int *leaf) {
+// Of each lane asked, for its own cone: where something that it meets is left, −1 where nothing is met. Asked for all at
+// once that are near to each other.
+static real ways_end(const struct tree *tree, const struct cone_of_one *rays, real t, real own,
+                     mask asked, int *leaf) {
     COUNT(ways_end, call);
     real until = set(-1.0f);
     mask open = asked;
     if (*leaf >= 0)
-        open = ends_at(tree, *leaf, rays, open, &until);
+        open = passes(tree, *leaf, rays, own, open, &until);
     while (any(open)) {
         ACTIVE(count_of(open));
+        struct sheaf sheaf = sheaf_of(rays, open, tree->spacing);
+        float q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+        if (!(q < 0.995f)) {
+            sheaf = sheaf_of(rays, open, 0.0f);
+            q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+        }
         COUNT(ways_end, asked);
         COUNT(ways_end, scalar);
-        mask those = open;
-        struct sheaf sheaf = sheaf_of(rays, those);
-        float q = most_lane(those, rays->q) + sheaf.spread;
-        if (!(q < 0.995f && sheaf.radius < tree->spacing)) {
-            those = lanes_of(bits(open) & (0u - bits(open)));
-            sheaf = sheaf_of(rays, those);
-            q = most_lane(those, rays->q) + sheaf.spread;
-        }
-        float narrow = 1 - q * q, from = least_lane(choose(those, t, set(INFINITY)));
+        float narrow = 1 - q * q, from = least_lane(choose(sheaf.rays, t, set(INFINITY)));
         struct cone_of_one about = {sheaf.centre, sheaf.to_light, set(q), set(narrow),
                                     set(narrow * from)};
-        ask_behind(tree, &about, set(sheaf.radius), rays, those, &until, leaf);
-        open = but_not(those, open);
+        ask_behind(tree, &about, set(sheaf.radius), rays, own, sheaf.rays, &until, leaf);
+        open = but_not(sheaf.rays, open);
     }
     return until;
 }
@@ -158,71 +162,9 @@ mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
     asked = but_not(blocked, asked);
     real narrow = neg_mul_add(q, q, set(1.0f));
     struct cone_of_one rays = {r->point, r->to_light, q, narrow, narrow * t};
-    real ends = ways_end(&scene->tree, &rays, t, asked, &work->desk->far);
+    real ends = ways_end(&scene->tree, &rays, t, set(-1.0f), asked, &work->desk->far);
     *until = choose(blocked, set(INFINITY), ends);
     return both(asked, less(ends, set(0.0f)));
-}
-
-static struct shaft shaft_about(const struct cone_of_one *rays, float q, mask of) {
-    COUNT(shaft_about, call);
-    COUNT(shaft_about, scalar);
-    struct sheaf s = sheaf_of(rays, of);
-    real reach = absolute(s.centre.x) + absolute(s.centre.y) + absolute(s.centre.z);
-    return shaft_of(s.centre, s.to_light, s.radius, reach, q + s.spread);
-}
-
-static inline mask in_way_of(const struct tree *tree, int leaf, const struct cone_of_one *rays,
-                             real own) {
-    COUNT(in_way_of, call);
-    const struct spheres *s = &tree->level[0];
-    real lean, rest;
-    mask meets = in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
-                            set(s->radius[leaf]), &lean, &rest);
-    return but_not(same_shape(own, tree->shape[leaf]), meets);
-}
-
-// Which of the rays' cones of slope q meet a shape that the ray is not from: the rays in the lanes, for those shapes that are
-// in a shaft about all of them. What was in the way of those before is asked first.
-static mask blocked_by_others(const struct tree *tree, const struct cone_of_one *rays, float q,
-                              real own, mask asked, struct desk *desk) {
-    COUNT(blocked_by_others, call);
-    mask open = asked;
-    if (desk->leaf >= 0)
-        open = but_not(in_way_of(tree, desk->leaf, rays, own), open);
-    if (!any(open))
-        return asked;
-    struct shaft shaft = shaft_about(rays, q, open);
-    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
-    waiting[0] = tree->levels - 1;
-    for (int count = 1; count > 0;) {
-        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
-        const struct spheres *s = &tree->level[level];
-        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
-        unsigned which = 0; // of all rows: no branch foresees whether one has any
-        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
-            ACTIVE(lesser(LANES, end - first));
-            COUNT(blocked_by_others, spheres);
-            struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
-            mask matter =
-                both(in_shaft(centre, load(s->radius + first), &shaft), first_lanes(end - first));
-            which |= bits(matter) << (first - node * TREE_WIDTH);
-        }
-        for (; which; which &= which - 1) {
-            int entry = node * TREE_WIDTH + __builtin_ctz(which);
-            if (level > 0) {
-                waiting[count++] = level - 1 + TREE_LEVELS * entry;
-                continue;
-            }
-            ACTIVE(count_of(open));
-            mask blocked = both(open, in_way_of(tree, entry, rays, own));
-            // Without a branch: none foresees it.
-            desk->leaf ^= (desk->leaf ^ entry) & -(int)any(blocked);
-            open = but_not(blocked, open);
-            if (!any(open))
-                return asked;
-        }
-    }
-    return but_not(open, asked);
 }
 
 mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
@@ -252,6 +194,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
     if (!any(clear) || q >= 0.99f)
         return no_lane();
     COUNT(crowd_clears, asked);
-    struct cone_of_one cone = {point, to_light, set(q), set(1 - q * q), set(0.0f)};
-    return but_not(blocked_by_others(&scene->tree, &cone, q, shape, clear, work->desk), clear);
+    real zero = set(0.0f);
+    struct cone_of_one cones = {point, to_light, set(q), set(1 - q * q), zero};
+    real ends = ways_end(&scene->tree, &cones, zero, shape, clear, &work->desk->leaf);
+    return both(clear, less(ends, zero));
 }
