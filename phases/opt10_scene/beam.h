@@ -33,7 +33,7 @@ struct close_by {
 struct vicinity {
     struct vec start, along;
     float length, within, room; // room: for rays to take a step in it
-    int count;
+    int count, solids;          // those are the first ones, planes the others
     int *list;
     struct close_by *shapes;
     real *

@@ -64,6 +64,8 @@ enum bulb_field {
 enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
 enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + LANES };
 
+enum { ABOUT_ROOM = 256 };
+
 // A worker's own.
 struct desk {
     float color[3 * COLOR_ROOM]; // blocks one behind the other, their lanes in a row
@@ -84,6 +86,9 @@ struct desk {
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
     int *ahead, aheads; // solids that the packet of shadow rays in work may meet
+    // Those that the beam's may, their spheres; −1: more than there is room for.
+    int abouts, about_shape[ABOUT_ROOM];
+    float about[4][ABOUT_ROOM];
     // Of the tree's leaves: what was in a shadow ray's way the last time, of those asked before and in their march; −1:
     // nothing yet.
     int leaf, far;

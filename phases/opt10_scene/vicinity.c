@@ -32,7 +32,8 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     around.start = (struct vec){v->start.x + set(place[0]), v->start.y + set(place[1]),
                                 v->start.z + set(place[2])};
     around.within = v->within * (1 + 1e-4f) + slack;
-    v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
+    v->solids = list_those(&scene->tree, within_reach, &around, v->list);
+    v->count = and_planes(scene, v->list, v->solids);
     for (int k = 0; k < v->count; k++) {
         COUNT(find_close_by, shape);
         const struct placed *s = &scene->placed[v->list[k]];
@@ -82,8 +83,8 @@ static inline real surely_off(const struct close_by *c, struct vec at) {
 }
 
 // What was h at t, or a bound of it, wakes where h + t is no more than the nearest shape's distance + t, see nearest().
-static inline real wakes_at(real h, const struct walk *w) {
-    return (h + w->march.t) * set(1.0f - 0x1p-18f);
+static inline real wakes_at(real h, real t) {
+    return (h + t) * set(1.0f - 0x1p-18f);
 }
 
 static inline real beginning(const struct walk *w) {
@@ -98,19 +99,19 @@ void vicinity_wakes(struct beam *beam) {
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_wakes, packet);
         struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
-        real nearest = beginning(w);
-        w->recent = 0;
-        for (int k = 0; k < v->count; k++) {
-            if (v->shapes[k].shape->way == LINEAR) {
-                v->wakes[k * BEAM + i] = set(-INFINITY);
-                continue;
-            }
+        real nearest = beginning(w), t = w->march.t, *wakes = v->wakes + i;
+        int recent = 0, solids = v->solids;
+        const struct close_by *shapes = v->shapes;
+        for (int k = 0; k < solids; k++, wakes += BEAM) {
             COUNT(vicinity_wakes, shape);
-            real far = surely_off(&v->shapes[k], at);
-            v->wakes[k * BEAM + i] = wakes_at(far, w);
-            w->recent = any(less(far, nearest)) ? k : w->recent;
+            real far = surely_off(&shapes[k], at);
+            *wakes = wakes_at(far, t);
+            recent = any(less(far, nearest)) ? k : recent;
             nearest = least_of(far, nearest);
         }
+        w->recent = recent;
+        for (int k = solids; k < v->count; k++, wakes += BEAM)
+            *wakes = set(-INFINITY);
     }
 }
 
@@ -148,7 +149,7 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
 static inline void ask_about(const struct vicinity *v, int k, int i, struct walk *w) {
     COUNT(ask_about, call);
     real h = distance_to(&v->shapes[k], w);
-    v->wakes[k * BEAM + i] = wakes_at(h, w);
+    v->wakes[k * BEAM + i] = wakes_at(h, w->march.t);
     w->recent = any(less(h, w->least)) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
@@ -157,7 +158,7 @@ static inline void ask_about(const struct vicinity *v, int k, int i, struct walk
 // that much, is then when it wakes.
 static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
     COUNT(too_far, call);
-    real wakes = wakes_at(surely_off(&v->shapes[k], w->at), w);
+    real wakes = wakes_at(surely_off(&v->shapes[k], w->at), w->march.t);
     if (any(not_less(w->least + w->march.t, wakes))) // so it is of planes
         return false;
     v->wakes[k * BEAM + i] = wakes;

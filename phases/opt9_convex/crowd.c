@@ -110,13 +110,63 @@ void crowd_in_row(const struct window *row, float across, const int *list, int c
     }
 }
 
+static struct shaft shaft_from(const float centre[3], float radius, const float to_light[3],
+                               float q) {
+    COUNT(shaft_from, call);
+    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
+    return shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
+}
+
 int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                         const struct convex *work, int *list) {
     COUNT(crowd_towards_light, call);
-    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    struct shaft shaft = shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
     int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
     return and_planes(work->scene, list, count);
+}
+
+void crowd_about_beam(const float centre[3], float radius, const float to_light[3], float q,
+                      const struct convex *work) {
+    COUNT(crowd_about_beam, call);
+    const struct prepared *scene = work->scene;
+    struct desk *desk = work->desk;
+    desk->abouts = -1;
+    if (radius > scene->tree.spacing)
+        return;
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
+    int count = list_those(&scene->tree, in_shaft, &shaft, desk->ahead);
+    if (count > ABOUT_ROOM)
+        return;
+    desk->abouts = count;
+    for (int k = 0; k < count; k++) {
+        const struct placed *s = &scene->placed[desk->ahead[k]];
+        for (int i = 0; i < 3; i++)
+            desk->about[i][k] = s->position[i];
+        desk->about[3][k] = s->bound;
+        desk->about_shape[k] = desk->ahead[k];
+    }
+}
+
+void crowd_about_packet(const float centre[3], float radius, const float to_light[3], float q,
+                        const struct convex *work) {
+    COUNT(crowd_about_packet, call);
+    struct desk *desk = work->desk;
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
+    desk->aheads = 0;
+    if (desk->abouts < 0) {
+        desk->aheads = list_those(&work->scene->tree, in_shaft, &shaft, desk->ahead);
+        return;
+    }
+    for (int first = 0; first < desk->abouts; first += LANES) {
+        ACTIVE(lesser(LANES, desk->abouts - first));
+        COUNT(crowd_about_packet, spheres);
+        struct vec at = {load(&desk->about[0][first]), load(&desk->about[1][first]),
+                         load(&desk->about[2][first])};
+        unsigned which = bits(both(in_shaft(at, load(&desk->about[3][first]), &shaft),
+                                   first_lanes(desk->abouts - first)));
+        for (; which; which &= which - 1)
+            desk->ahead[desk->aheads++] = desk->about_shape[first + __builtin_ctz(which)];
+    }
 }
 
 struct bundle {
