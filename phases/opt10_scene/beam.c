@@ -235,9 +235,10 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
     COUNT(leave_solid, scalar);
     const struct prepared *scene = work->scene;
     const struct placed *s = &scene->placed[shape];
-    struct march *m = &w->march;
-    struct near near;
-    see_along(&w->rays, shape, &near, work);
+    struct near seen;
+    see_along(&w->rays, shape, &seen, work);
+    const struct near near = seen; // no store may change it
+    struct march own_march = w->march, *m = &own_march;
     real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
     mask still = either(not_in(own), m->done), done = m->done;
     for (int left = scene->model.march.max_steps; left > 0; left--) {
@@ -259,6 +260,7 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
         still = either(still, m->done);
     }
     m->done = done;
+    w->march = *m;
 }
 
 static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,

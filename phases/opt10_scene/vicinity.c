@@ -146,47 +146,53 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
 }
 
-static inline void ask_about(const struct vicinity *v, int k, int i, struct walk *w) {
+// c: shape k of the vicinity; when it wakes for these rays goes to *wakes.
+static inline void ask_about(const struct close_by *c, int k, struct walk *w, real *wakes) {
     COUNT(ask_about, call);
-    real h = distance_to(&v->shapes[k], w);
-    v->wakes[k * BEAM + i] = wakes_at(h, w->march.t);
+    real h = distance_to(c, w);
+    *wakes = wakes_at(h, w->march.t);
     w->recent = any(less(h, w->least)) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
 
 // Whether the bounding sphere alone says that no ray is as near to the shape as to what is known: its distance to 10 bits, less
 // that much, is then when it wakes.
-static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
+static inline bool too_far(const struct close_by *c, const struct walk *w, real *wakes) {
     COUNT(too_far, call);
-    real wakes = wakes_at(surely_off(&v->shapes[k], w->at), w->march.t);
-    if (any(not_less(w->least + w->march.t, wakes))) // so it is of planes
+    real t = w->march.t, then = wakes_at(surely_off(c, w->at), t);
+    if (any(not_less(w->least + t, then))) // so it is of planes
         return false;
-    v->wakes[k * BEAM + i] = wakes;
+    *wakes = then;
     return true;
 }
 
-// Which of the vicinity's shapes from `first` on, 64 at most, may be nearer to one of the rays than what is.
-static inline unsigned long long awake_of(const struct vicinity *v, int first, int i,
-                                          const struct walk *w) {
-    COUNT(awake_of, call);
-    int count = lesser(v->count - first, 64);
+enum { AT_ONCE = 64 }; // shapes; of each a byte, of each packet a bit
+_Static_assert((int)BEAM <= 8, "a bit for each");
+
+// Sets packet i's bit of those shapes from `first` on, AT_ONCE at most, that may be nearer to one of its rays than what is.
+static inline void wake(const struct vicinity *v, int first, int i, const struct walk *w,
+                        unsigned awake[AT_ONCE / 4]) {
+    COUNT(wake, call);
+    int count = lesser(v->count - first, AT_ONCE);
     real until = w->least + w->march.t;
     const real *wakes = &v->wakes[first * BEAM + i];
-    unsigned long long awake = 0;
-    for (int k = 0; k < count; k += 4, wakes += 4 * BEAM) {
-        COUNT(awake_of, four);
+    for (int k = 0; k < count;
+         k += 4, wakes += 4 * BEAM) { // what is read behind the last is of no shape
+        COUNT(wake, four);
         unsigned which =
             any_of_four(not_less(until, wakes[0]), not_less(until, wakes[BEAM]),
                         not_less(until, wakes[2 * BEAM]), not_less(until, wakes[3 * BEAM]));
-        awake |= (unsigned long long)which << k;
+        awake[k / 4] |= (which * 0x204081u & 0x01010101u) << i; // bit k of `which`: bit 8·k
     }
-    return awake & ~0ull >> (64 - count); // what is read behind the last is of no shape
 }
 
 // The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
 // one's distance waits for its root. And each is asked for all packets at once, for the same reason.
 void vicinity_nearest(struct beam *beam) {
     const struct vicinity *v = &beam->near;
+    const struct close_by *shapes = v->shapes; // what is stored may not change it
+    struct walk *walk = beam->walk;
+    real *wakes = v->wakes;
     unsigned moving = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
@@ -198,25 +204,26 @@ void vicinity_nearest(struct beam *beam) {
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = beginning(w);
         if (v->count > 0)
-            ask_about(v, w->recent, i, w);
+            ask_about(&shapes[w->recent], w->recent, w, &wakes[w->recent * BEAM + i]);
     }
-    for (int first = 0; first < v->count; first += 64) {
-        unsigned long long awake[BEAM], of_any = 0;
+    for (int first = 0; first < v->count; first += AT_ONCE) {
+        unsigned awake[AT_ONCE / 4] = {0};
         for (unsigned rest = moving; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest), asked = beam->walk[i].recent - first;
             ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
-            awake[i] = awake_of(v, first, i, &beam->walk[i]);
-            if (asked >= 0 && asked < 64)
-                awake[i] &= ~(1ull << asked);
-            of_any |= awake[i];
+            wake(v, first, i, &beam->walk[i], awake);
+            if (asked >= 0 && asked < AT_ONCE)
+                awake[asked / 4] &= ~(1u << (8 * (asked % 4) + i));
         }
-        for (; of_any; of_any &= of_any - 1) {
-            int k = __builtin_ctzll(of_any);
-            for (unsigned rest = moving; rest; rest &= rest - 1) {
+        int count = lesser(v->count - first, AT_ONCE);
+        for (int k = 0; k < count; k++) {
+            const struct close_by *c = &shapes[first + k];
+            real *row = &wakes[(first + k) * BEAM];
+            for (unsigned rest = ((const unsigned char *)awake)[k]; rest; rest &= rest - 1) {
                 int i = __builtin_ctz(rest);
-                ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
-                if (awake[i] >> k & 1 && !too_far(v, first + k, i, &beam->walk[i]))
-                    ask_about(v, first + k, i, &beam->walk[i]);
+                ACTIVE(LANES - count_of(stands_still(&walk[i])));
+                if (!too_far(c, &walk[i], &row[i]))
+                    ask_about(c, first + k, &walk[i], &row[i]);
             }
         }
     }
