@@ -80,6 +80,7 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
 void crowd_in_row(const struct window *row, float across, const int *list, int count,
                   const struct prepared *scene, const struct eye *eyes, struct desk *desk) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
+    ACTIVE(GROUP);
     COUNT(crowd_in_row, call);
     COUNT(crowd_in_row, scalar);
     real left = mul_add(lane_numbers(), set(across), set(row->left)), right = left + set(across);

@@ -352,12 +352,14 @@ static float most_lane(real x) {
     return -least_lane(set(0.0f) - x);
 }
 
-static struct ball ball_of(const struct walk *walk, int packets) {
-    COUNT(ball_of, call);
-    COUNT(ball_of, scalar);
+static struct ball ball_about(const struct walk *walk, int packets) {
+    ACTIVE(count_of(walk->rays.active));
+    COUNT(ball_about, call);
+    COUNT(ball_about, scalar);
     struct vec low = walk->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
-        COUNT(ball_of, box);
+        ACTIVE(count_of(walk[i].rays.active));
+        COUNT(ball_about, box);
         struct vec p = walk[i].rays.point;
         low = (struct vec){least_of(low.x, p.x), least_of(low.y, p.y), least_of(low.z, p.z)};
         high = (struct vec){most_of(high.x, p.x), most_of(high.y, p.y), most_of(high.z, p.z)};
@@ -372,7 +374,8 @@ static struct ball ball_of(const struct walk *walk, int packets) {
     struct vec c = vec_set(ball.centre), t = vec_set(ball.to_light);
     real away = set(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
-        COUNT(ball_of, packet);
+        ACTIVE(count_of(walk[i].rays.active));
+        COUNT(ball_about, packet);
         struct vec p = walk[i].rays.point, l = walk[i].rays.to_light;
         struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
         away = most_of(away, vec_dot(v, v));
@@ -402,10 +405,10 @@ static void cast_beam(int first, const struct convex *work) {
     do // one at least
         gather_walk(&beam.walk[beam.count++], at, &beam, work);
     while ((at += LANES) < desk->shadows && beam.count < BEAM);
-    struct ball ball = ball_of(beam.walk, beam.count);
+    struct ball ball = ball_about(beam.walk, beam.count);
     crowd_about_beam(ball.centre, ball.radius, ball.to_light, ball.spread, work);
     for (int i = 0; i < beam.count; i++) {
-        ball = ball_of(&beam.walk[i], 1);
+        ball = ball_about(&beam.walk[i], 1);
         crowd_about_packet(ball.centre, ball.radius, ball.to_light, ball.spread, work);
         begin_walk(&beam.walk[i], work);
         leave_solids(&beam.walk[i], desk->near, strength, hit, work);
