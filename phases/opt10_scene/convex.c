@@ -92,8 +92,33 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     mask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
     meet_nothing(&at->hit);
-    EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
+    if (!IS_CROWD(job->prepared)) {
+        EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
+        return;
+    }
+    int number = (block.column - tile->left) / BLOCK_WIDTH;
+    const int *list = desk->cut + number * job->prepared->model.shape_count;
+    for (int k = 0; k < desk->cuts[number]; k++)
+        meet(list[k], d, active, job->eyes, job->prepared, &at->hit);
 }
+
+#if !UNROLLED
+// Of a crowd: what each of the row's blocks can meet.
+static inline void cut_row(const struct tile *tile, int row, const struct job *job,
+                           struct desk *desk) {
+    struct frame *frame = job->frame;
+    float per = tile->per_height;
+    struct window window = {
+        (float)(2 * tile->left + 1 - frame->width) * per,
+        (float)(2 * tile->right - 1 - frame->width) * per,
+        (float)(frame->height + 1 - 2 * lesser(tile->bottom, row + BLOCK_HEIGHT)) * per,
+        (float)(frame->height - 1 - 2 * row) * per};
+    crowd_in_row(&window, 2 * BLOCK_WIDTH * per, desk->listed.index, desk->listed.count,
+                 job->prepared, job->eyes, desk);
+}
+#else
+#define cut_row(...) ((void)0)
+#endif
 
 INLINE void is_single(int i, const struct prepared *scene, bool *some) {
     *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
@@ -253,6 +278,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
             continue;
         }
+        if (IS_CROWD(job->prepared))
+            cut_row(&tile, row, job, desk);
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
             if (REPEATS(job->prepared)) {

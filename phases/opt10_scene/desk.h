@@ -5,7 +5,7 @@
 #include "bulb.h"
 #include "convex.h"
 
-enum { LISTS = 4 + CASTS, NEARS = POOLS };
+enum { LISTS = 4 + GROUP + CASTS, NEARS = POOLS };
 _Static_assert((int)NEARS >= (int)CASTS, "one for each packet in work, too");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 #define DESK_SIZE(shapes)                                                                          \
@@ -23,7 +23,9 @@ static inline struct desk *desk_at(void *own, int shape_count) {
     behind += WHOLE_LINES(shapes * sizeof(int));
     desk->vicinity = (int *)behind;
     behind += WHOLE_LINES(shapes * sizeof(int));
-    for (size_t i = 0; i + 2 < LISTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
+    desk->cut = (int *)behind;
+    behind += GROUP * WHOLE_LINES(shapes * sizeof(int));
+    for (size_t i = 0; i < 2 + CASTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
         struct shapes *list = i == 0   ? &desk->listed
                               : i == 1 ? &desk->shading
                                        : &desk->casters[i - 2];

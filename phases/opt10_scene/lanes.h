@@ -20,6 +20,7 @@
 //     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
 //     bits(a)                       bit i is lane i; any(a), all(a), count_of(a)
+//     any_of_four(a, b, c, d)       bit i: any lane of the i-th
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a
 //     negate_where(m, a)
 //

@@ -69,6 +69,11 @@ static inline unsigned bits(mask a) {
     return a.all;
 }
 
+static inline unsigned any_of_four(mask a, mask b, mask c, mask d) {
+    return (unsigned)(bits(a) != 0) | (unsigned)(bits(b) != 0) << 1 |
+           (unsigned)(bits(c) != 0) << 2 | (unsigned)(bits(d) != 0) << 3;
+}
+
 static inline real choose(mask m, real yes, real no) {
     return _mm512_mask_blend_ps(m.all, no, yes);
 }

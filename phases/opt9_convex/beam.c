@@ -34,8 +34,8 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
         const float *x = desk->shadow[S_POINT + k];
         float least = INFINITY, most = -INFINITY;
         for (int i = 0; i < count; i++) {
-            least = fminf(least, x[i]);
-            most = fmaxf(most, x[i]);
+            least = x[i] < least ? x[i] : least;
+            most = x[i] > most ? x[i] : most;
         }
         float per = most > least ? ((1 << PLACE_BITS) - 0.5f) / (most - least) : 0.0f;
         for (int i = 0; i < count; i++)
@@ -235,9 +235,10 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
     COUNT(leave_solid, scalar);
     const struct prepared *scene = work->scene;
     const struct placed *s = &scene->placed[shape];
-    struct march *m = &w->march;
-    struct near near;
-    see_along(&w->rays, shape, &near, work);
+    struct near seen;
+    see_along(&w->rays, shape, &seen, work);
+    const struct near near = seen; // no store may change it
+    struct march own_march = w->march, *m = &own_march;
     real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
     mask still = either(not_in(own), m->done), done = m->done;
     for (int left = scene->model.march.max_steps; left > 0; left--) {
@@ -259,6 +260,7 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
         still = either(still, m->done);
     }
     m->done = done;
+    w->march = *m;
 }
 
 static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,
@@ -301,13 +303,13 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
     return moves;
 }
 
-static void begin_walk(struct walk *w, int first, const struct beam *beam,
-                       const struct convex *work) {
+static void gather_walk(struct walk *w, int first, const struct beam *beam,
+                        const struct convex *work) {
     struct desk *desk = work->desk;
     const float *place = beam->place;
     int left = desk->shadows - first;
     ACTIVE(left < LANES ? left : LANES);
-    COUNT(begin_walk, call);
+    COUNT(gather_walk, call);
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     *w = (struct walk){
         .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
@@ -321,7 +323,10 @@ static void begin_walk(struct walk *w, int first, const struct beam *beam,
     w->local_to = w->rays.to_light;
     w->from = (struct vec){w->rays.point.x - set(place[0]), w->rays.point.y - set(place[1]),
                            w->rays.point.z - set(place[2])};
-    begin(&w->rays, desk->near, desk->casters, work, &w->march);
+}
+
+static void begin_walk(struct walk *w, const struct convex *work) {
+    begin(&w->rays, work->desk->near, work->desk->casters, work, &w->march);
 }
 
 // In the order of the queue, whatever the packets were.
@@ -338,37 +343,47 @@ static void add_answers(int first, struct desk *desk) {
     }
 }
 
-// The solids that the rays of a packet may meet: desk->ahead.
-static void look_along(int first, const struct convex *work) {
-    COUNT(look_along, call);
-    struct desk *desk = work->desk;
-    float (*field)[QUEUE_ROOM] = desk->shadow;
-    int end = first + LANES < desk->shadows ? first + LANES : desk->shadows;
-    float least[3], most[3], to[3], square = 0, spread = 0;
-    for (int k = 0; k < 3; k++) {
-        least[k] = most[k] = field[S_POINT + k][desk->order[0][first]];
-        to[k] = field[S_TO_LIGHT + k][desk->order[0][first]];
+// Of some packets: a ball that their rays start in, and how far they turn from the first one's direction.
+struct ball {
+    float centre[3], to_light[3], radius, spread;
+};
+
+static float most_lane(real x) {
+    return -least_lane(set(0.0f) - x);
+}
+
+static struct ball ball_about(const struct walk *walk, int packets) {
+    ACTIVE(count_of(walk->rays.active));
+    COUNT(ball_about, call);
+    COUNT(ball_about, scalar);
+    struct vec low = walk->rays.point, high = low;
+    for (int i = 1; i < packets; i++) {
+        ACTIVE(count_of(walk[i].rays.active));
+        COUNT(ball_about, box);
+        struct vec p = walk[i].rays.point;
+        low = (struct vec){least_of(low.x, p.x), least_of(low.y, p.y), least_of(low.z, p.z)};
+        high = (struct vec){most_of(high.x, p.x), most_of(high.y, p.y), most_of(high.z, p.z)};
     }
-    for (int i = first; i < end; i++) {
-        COUNT(look_along, ray);
-        float off = 0;
-        for (int k = 0; k < 3; k++) {
-            float x = field[S_POINT + k][desk->order[0][i]],
-                  l = field[S_TO_LIGHT + k][desk->order[0][i]] - to[k];
-            least[k] = x < least[k] ? x : least[k];
-            most[k] = x > most[k] ? x : most[k];
-            off += l * l;
-        }
-        spread = off > spread ? off : spread;
+    struct vec to = walk->rays.to_light;
+    struct ball ball = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
+                         0.5f * (least_lane(low.y) + most_lane(high.y)),
+                         0.5f * (least_lane(low.z) + most_lane(high.z))},
+                        {first_of(to.x), first_of(to.y), first_of(to.z)},
+                        0,
+                        0};
+    struct vec c = vec_set(ball.centre), t = vec_set(ball.to_light);
+    real away = set(0.0f), turned = away;
+    for (int i = 0; i < packets; i++) {
+        ACTIVE(count_of(walk[i].rays.active));
+        COUNT(ball_about, packet);
+        struct vec p = walk[i].rays.point, l = walk[i].rays.to_light;
+        struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
+        away = most_of(away, vec_dot(v, v));
+        turned = most_of(turned, vec_dot(d, d));
     }
-    float centre[3];
-    for (int k = 0; k < 3; k++) {
-        centre[k] = 0.5f * (least[k] + most[k]);
-        square += 0.25f * (most[k] - least[k]) * (most[k] - least[k]);
-    }
-    int count = crowd_towards_light(centre, sqrtf(square) * (1 + 1e-4f), to,
-                                    sqrtf(spread) * 1.01f + 1e-4f, work, desk->ahead);
-    desk->aheads = count - work->scene->plane_count;
+    ball.radius = sqrtf(most_lane(away)) * (1 + 1e-4f);
+    ball.spread = sqrtf(most_lane(turned)) * 1.01f + 1e-4f;
+    return ball;
 }
 
 static void cast_beam(int first, const struct convex *work) {
@@ -377,18 +392,26 @@ static void cast_beam(int first, const struct convex *work) {
     const struct model *model = &work->scene->model;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     struct near *second = desk->near + model->shape_count;
-    struct beam beam = {.near = {.list = desk->vicinity}};
+    struct beam beam; // not zeroed: walks begin below
+    beam.count = beam.moving = 0;
+    beam.near.list = desk->vicinity;
     _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
                    "room for both");
     beam.near.wakes = (real *)second;
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
         beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
-    for (int at = first; at < desk->shadows && beam.count < BEAM; at += LANES, beam.count++) {
-        struct walk *w = &beam.walk[beam.count];
-        look_along(at, work);
-        begin_walk(w, at, &beam, work);
-        leave_solids(w, desk->near, strength, hit, work);
+    int at = first;
+    do // one at least
+        gather_walk(&beam.walk[beam.count++], at, &beam, work);
+    while ((at += LANES) < desk->shadows && beam.count < BEAM);
+    struct ball ball = ball_about(beam.walk, beam.count);
+    crowd_about_beam(ball.centre, ball.radius, ball.to_light, ball.spread, work);
+    for (int i = 0; i < beam.count; i++) {
+        ball = ball_about(&beam.walk[i], 1);
+        crowd_about_packet(ball.centre, ball.radius, ball.to_light, ball.spread, work);
+        begin_walk(&beam.walk[i], work);
+        leave_solids(&beam.walk[i], desk->near, strength, hit, work);
     }
     // Steps, and looks: one that no step comes of, as of a place that is no number, must not be taken for ever.
     long left = 2L * model->march.max_steps * BEAM_RAYS;

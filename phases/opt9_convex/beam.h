@@ -17,22 +17,23 @@ struct walk {
     real ray;            // which of the queue
     mask waits;
     struct vec at; // where they are, from the beam's place
-    real least;    // the nearest shape's distance there
-    int recent;    // which of the vicinity was the nearest to one of them
+    real
+        least; // the nearest shape's distance there; −∞ of those that stand still: nothing is nearer
+    int recent; // which of the vicinity was the nearest to one of them
 };
 enum { RAY_REALS = 11, OWN_REALS = 9, WALK_REALS = MARCH_REALS + RAY_REALS + OWN_REALS };
 
 // A shape of a vicinity.
 struct close_by {
     const struct placed *shape;
-    float place[3]; // from the beam's
+    float place[3], bound; // from the beam's; of the sphere about it, ∞: a plane
 };
 
 // All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
 struct vicinity {
     struct vec start, along;
     float length, within, room; // room: for rays to take a step in it
-    int count;
+    int count, solids;          // those are the first ones, planes the others
     int *list;
     struct close_by *shapes;
     real *

@@ -90,7 +90,26 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     struct vec d = get_direction(tile, block, job->frame);
     mask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
-    first_hit(d, active, job->prepared->eyes, desk->list, desk->listed, job->prepared, &at->hit);
+    const int *list = desk->list;
+    int count = desk->listed, number = (block.column - tile->left) / BLOCK_WIDTH;
+    if (job->prepared->tree.levels) {
+        list = desk->cut + number * job->prepared->model.shape_count;
+        count = desk->cuts[number];
+    }
+    first_hit(d, active, job->prepared->eyes, list, count, job->prepared, &at->hit);
+}
+
+// Of a crowd: what each of the row's blocks can meet.
+static void cut_row(const struct tile *tile, int row, const struct job *job, struct desk *desk) {
+    struct frame *frame = job->frame;
+    float per = tile->per_height;
+    struct window window = {
+        (float)(2 * tile->left + 1 - frame->width) * per,
+        (float)(2 * tile->right - 1 - frame->width) * per,
+        (float)(frame->height + 1 - 2 * lesser(tile->bottom, row + BLOCK_HEIGHT)) * per,
+        (float)(frame->height - 1 - 2 * row) * per};
+    crowd_in_row(&window, 2 * BLOCK_WIDTH * per, desk->list, desk->listed, job->prepared,
+                 job->prepared->eyes, desk);
 }
 
 // What a tile's packets meet where shapes are repeated: first of the others.
@@ -239,6 +258,8 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
             pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
             continue;
         }
+        if (job->prepared->tree.levels)
+            cut_row(&tile, row, job, desk);
         for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
             struct stage *at = &stage[count];
             if (job->prepared->repeats) {

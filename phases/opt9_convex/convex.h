@@ -63,6 +63,8 @@ enum bulb_field {
 enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
 enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + LANES };
 
+enum { ABOUT_ROOM = 256 };
+
 // A worker's own.
 struct desk {
     float color[3 * COLOR_ROOM]; // blocks one behind the other, their lanes in a row
@@ -75,8 +77,9 @@ struct desk {
         met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    int listed;        // shapes that the tile's camera rays may meet
-    struct near *near; // of the packets of shadow rays in work, one per shape and packet
+    int listed;            // shapes that the tile's camera rays may meet
+    int *cut, cuts[GROUP]; // of a crowd: of those what each block of a row may meet
+    struct near *near;     // of the packets of shadow rays in work, one per shape and packet
     int *list;
     int *shading; // shapes that can matter to the light on the group in work
     int shadings; // how many
@@ -84,8 +87,12 @@ struct desk {
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
     int *ahead, aheads; // solids that the packet of shadow rays in work may meet
-    int row,
-        leaf; // of the tree's leaves: what was in a shadow ray's way the last time, −1: nothing yet
+    // Those that the beam's may, their spheres; −1: more than there is room for.
+    int abouts, about_shape[ABOUT_ROOM];
+    float about[4][ABOUT_ROOM];
+    // Of the tree's leaves: what was in a shadow ray's way the last time, of those asked before and in their march; −1:
+    // nothing yet.
+    int leaf, far;
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
     unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };

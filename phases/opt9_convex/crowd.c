@@ -66,7 +66,7 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
                         set(w->top),
                         {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
                          root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
-    desk->row = desk->leaf = -1;
+    desk->far = desk->leaf = -1;
     int count = list_those(&scene->tree, lies_across, &seen, list);
     for (int k = 0; k < count; k++)
         mark(desk, list[k]);
@@ -76,13 +76,98 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
     return take_marked(desk, scene, list);
 }
 
+// The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
+void crowd_in_row(const struct window *row, float across, const int *list, int count,
+                  const struct prepared *scene, const struct eye *eyes, struct desk *desk) {
+    _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
+    ACTIVE(GROUP);
+    COUNT(crowd_in_row, call);
+    COUNT(crowd_in_row, scalar);
+    real left = mul_add(lane_numbers(), set(across), set(row->left)), right = left + set(across);
+    real left_side = root(mul_add(left, left, set(1.0f))),
+         right_side = root(mul_add(right, right, set(1.0f)));
+    float bottom = sqrtf(1 + row->bottom * row->bottom), top = sqrtf(1 + row->top * row->top);
+    for (int k = 0; k < GROUP; k++)
+        desk->cuts[k] = 0;
+    for (int k = 0; k < count; k++) {
+        int i = list[k];
+        const struct placed *s = &scene->placed[i];
+        const float *c = eyes[i].centre;
+        unsigned which = (1u << GROUP) - 1;
+        if (s->way != LINEAR) {
+            COUNT(crowd_in_row, solid);
+            float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
+            if (row->bottom * c[2] - c[1] > r * bottom || c[1] - row->top * c[2] > r * top)
+                continue;
+            COUNT(crowd_in_row, blocks);
+            real x = set(c[0]), z = set(c[2]);
+            which &= bits(both(less(mul_sub(left, z, x), set(r) * left_side),
+                               less(neg_mul_add(right, z, x), set(r) * right_side)));
+        }
+        for (; which; which &= which - 1) {
+            int block = __builtin_ctz(which);
+            desk->cut[block * scene->model.shape_count + desk->cuts[block]++] = i;
+        }
+    }
+}
+
+static struct shaft shaft_from(const float centre[3], float radius, const float to_light[3],
+                               float q) {
+    COUNT(shaft_from, call);
+    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
+    return shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
+}
+
 int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                         const struct convex *work, int *list) {
     COUNT(crowd_towards_light, call);
-    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    struct shaft shaft = shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
     int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
     return and_planes(work->scene, list, count);
+}
+
+void crowd_about_beam(const float centre[3], float radius, const float to_light[3], float q,
+                      const struct convex *work) {
+    COUNT(crowd_about_beam, call);
+    const struct prepared *scene = work->scene;
+    struct desk *desk = work->desk;
+    desk->abouts = -1;
+    if (radius > scene->tree.spacing)
+        return;
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
+    int count = list_those(&scene->tree, in_shaft, &shaft, desk->ahead);
+    if (count > ABOUT_ROOM)
+        return;
+    desk->abouts = count;
+    for (int k = 0; k < count; k++) {
+        const struct placed *s = &scene->placed[desk->ahead[k]];
+        for (int i = 0; i < 3; i++)
+            desk->about[i][k] = s->position[i];
+        desk->about[3][k] = s->bound;
+        desk->about_shape[k] = desk->ahead[k];
+    }
+}
+
+void crowd_about_packet(const float centre[3], float radius, const float to_light[3], float q,
+                        const struct convex *work) {
+    COUNT(crowd_about_packet, call);
+    struct desk *desk = work->desk;
+    struct shaft shaft = shaft_from(centre, radius, to_light, q);
+    desk->aheads = 0;
+    if (desk->abouts < 0) {
+        desk->aheads = list_those(&work->scene->tree, in_shaft, &shaft, desk->ahead);
+        return;
+    }
+    for (int first = 0; first < desk->abouts; first += LANES) {
+        ACTIVE(lesser(LANES, desk->abouts - first));
+        COUNT(crowd_about_packet, spheres);
+        struct vec at = {load(&desk->about[0][first]), load(&desk->about[1][first]),
+                         load(&desk->about[2][first])};
+        unsigned which = bits(both(in_shaft(at, load(&desk->about[3][first]), &shaft),
+                                   first_lanes(desk->abouts - first)));
+        for (; which; which &= which - 1)
+            desk->ahead[desk->aheads++] = desk->about_shape[first + __builtin_ctz(which)];
+    }
 }
 
 struct bundle {

@@ -71,6 +71,14 @@ static inline unsigned bits(mask a) {
     return (unsigned)_mm256_movemask_ps(a.all);
 }
 
+static inline unsigned any_of_four(mask a, mask b, mask c, mask d) {
+    __m256i ab = _mm256_packs_epi32(_mm256_castps_si256(a.all), _mm256_castps_si256(b.all));
+    __m256i cd = _mm256_packs_epi32(_mm256_castps_si256(c.all), _mm256_castps_si256(d.all));
+    __m256i none = _mm256_cmpeq_epi32(_mm256_packs_epi16(ab, cd), _mm256_setzero_si256());
+    unsigned of_half = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(none));
+    return ~(of_half & of_half >> 4) & 15;
+}
+
 static inline real choose(mask m, real yes, real no) {
     return _mm256_blendv_ps(no, yes, m.all);
 }

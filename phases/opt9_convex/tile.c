@@ -123,7 +123,7 @@ static size_t nears(const struct model *model) {
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
     size_t desk = whole_lines(sizeof(struct desk)) + nears(model) * sizeof(struct near) +
-                  6 * whole_lines(shapes * sizeof(int));
+                  (6 + GROUP) * whole_lines(shapes * sizeof(int));
     return desk > marching ? desk : marching;
 }
 
@@ -147,6 +147,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     desk->casters = (int *)(behind + 2 * whole_lines(shapes * sizeof(int)));
     desk->mirrored = (int *)(behind + 4 * whole_lines(shapes * sizeof(int)));
     desk->vicinity = (int *)(behind + 5 * whole_lines(shapes * sizeof(int)));
+    desk->cut = (int *)(behind + 6 * whole_lines(shapes * sizeof(int)));
     convex_tile(job, tile, desk);
 }
 

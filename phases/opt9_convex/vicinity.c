@@ -32,11 +32,13 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     around.start = (struct vec){v->start.x + set(place[0]), v->start.y + set(place[1]),
                                 v->start.z + set(place[2])};
     around.within = v->within * (1 + 1e-4f) + slack;
-    v->count = and_planes(scene, v->list, list_those(&scene->tree, within_reach, &around, v->list));
+    v->solids = list_those(&scene->tree, within_reach, &around, v->list);
+    v->count = and_planes(scene, v->list, v->solids);
     for (int k = 0; k < v->count; k++) {
         COUNT(find_close_by, shape);
         const struct placed *s = &scene->placed[v->list[k]];
         v->shapes[k].shape = s;
+        v->shapes[k].bound = s->way == LINEAR ? INFINITY : s->bound;
         for (int i = 0; i < 3; i++)
             v->shapes[k].place[i] = s->position[i] - place[i];
     }
@@ -77,12 +79,16 @@ static inline real surely_off(const struct close_by *c, struct vec at) {
     COUNT(surely_off, call);
     struct vec to = {at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
     real square = most_of(vec_dot(to, to), set(1e-30f));
-    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->shape->bound);
+    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->bound);
 }
 
 // What was h at t, or a bound of it, wakes where h + t is no more than the nearest shape's distance + t, see nearest().
-static inline real wakes_at(real h, const struct walk *w) {
-    return (h + w->march.t) * set(1.0f - 0x1p-18f);
+static inline real wakes_at(real h, real t) {
+    return (h + t) * set(1.0f - 0x1p-18f);
+}
+
+static inline real beginning(const struct walk *w) {
+    return choose(stands_still(w), set(-INFINITY), set(INFINITY));
 }
 
 void vicinity_wakes(struct beam *beam) {
@@ -93,19 +99,19 @@ void vicinity_wakes(struct beam *beam) {
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_wakes, packet);
         struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
-        real nearest = set(INFINITY);
-        w->recent = 0;
-        for (int k = 0; k < v->count; k++) {
-            if (v->shapes[k].shape->way == LINEAR) {
-                v->wakes[k * BEAM + i] = set(-INFINITY);
-                continue;
-            }
+        real nearest = beginning(w), t = w->march.t, *wakes = v->wakes + i;
+        int recent = 0, solids = v->solids;
+        const struct close_by *shapes = v->shapes;
+        for (int k = 0; k < solids; k++, wakes += BEAM) {
             COUNT(vicinity_wakes, shape);
-            real far = surely_off(&v->shapes[k], at);
-            v->wakes[k * BEAM + i] = wakes_at(far, w);
-            w->recent = any(but_not(stands_still(w), less(far, nearest))) ? k : w->recent;
+            real far = surely_off(&shapes[k], at);
+            *wakes = wakes_at(far, t);
+            recent = any(less(far, nearest)) ? k : recent;
             nearest = least_of(far, nearest);
         }
+        w->recent = recent;
+        for (int k = solids; k < v->count; k++, wakes += BEAM)
+            *wakes = set(-INFINITY);
     }
 }
 
@@ -140,49 +146,53 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
 }
 
-static inline void ask_about(const struct vicinity *v, int k, int i, struct walk *w) {
+// c: shape k of the vicinity; when it wakes for these rays goes to *wakes.
+static inline void ask_about(const struct close_by *c, int k, struct walk *w, real *wakes) {
     COUNT(ask_about, call);
-    real h = distance_to(&v->shapes[k], w);
-    v->wakes[k * BEAM + i] = wakes_at(h, w);
-    w->recent = any(but_not(stands_still(w), less(h, w->least))) ? k : w->recent;
+    real h = distance_to(c, w);
+    *wakes = wakes_at(h, w->march.t);
+    w->recent = any(less(h, w->least)) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
 
 // Whether the bounding sphere alone says that no ray is as near to the shape as to what is known: its distance to 10 bits, less
 // that much, is then when it wakes.
-static inline bool too_far(const struct vicinity *v, int k, int i, const struct walk *w) {
+static inline bool too_far(const struct close_by *c, const struct walk *w, real *wakes) {
     COUNT(too_far, call);
-    const struct close_by *c = &v->shapes[k];
-    if (c->shape->way == LINEAR)
+    real t = w->march.t, then = wakes_at(surely_off(c, w->at), t);
+    if (any(not_less(w->least + t, then))) // so it is of planes
         return false;
-    COUNT(too_far, solid);
-    real wakes = wakes_at(surely_off(c, w->at), w);
-    if (any(but_not(stands_still(w), not_less(w->least + w->march.t, wakes))))
-        return false;
-    v->wakes[k * BEAM + i] = wakes;
+    *wakes = then;
     return true;
 }
 
-// Which of the vicinity's shapes from `first` on, 64 at most, may be nearer to one of the rays than what is.
-static inline unsigned long long awake_of(const struct vicinity *v, int first, int i,
-                                          const struct walk *w) {
-    COUNT(awake_of, call);
-    int end = v->count - first < 64 ? v->count : first + 64;
-    mask still = stands_still(w);
+enum { AT_ONCE = 64 }; // shapes; of each a byte, of each packet a bit
+_Static_assert((int)BEAM <= 8, "a bit for each");
+
+// Sets packet i's bit of those shapes from `first` on, AT_ONCE at most, that may be nearer to one of its rays than what is.
+static inline void wake(const struct vicinity *v, int first, int i, const struct walk *w,
+                        unsigned awake[AT_ONCE / 4]) {
+    COUNT(wake, call);
+    int count = lesser(v->count - first, AT_ONCE);
     real until = w->least + w->march.t;
-    unsigned long long awake = 0;
-    for (int k = first; k < end; k++) {
-        COUNT(awake_of, shape);
-        mask wakes = not_less(until, v->wakes[k * BEAM + i]);
-        awake |= (unsigned long long)any(but_not(still, wakes)) << (k - first);
+    const real *wakes = &v->wakes[first * BEAM + i];
+    for (int k = 0; k < count;
+         k += 4, wakes += 4 * BEAM) { // what is read behind the last is of no shape
+        COUNT(wake, four);
+        unsigned which =
+            any_of_four(not_less(until, wakes[0]), not_less(until, wakes[BEAM]),
+                        not_less(until, wakes[2 * BEAM]), not_less(until, wakes[3 * BEAM]));
+        awake[k / 4] |= (which * 0x204081u & 0x01010101u) << i; // bit k of `which`: bit 8·k
     }
-    return awake;
 }
 
 // The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
 // one's distance waits for its root. And each is asked for all packets at once, for the same reason.
 void vicinity_nearest(struct beam *beam) {
     const struct vicinity *v = &beam->near;
+    const struct close_by *shapes = v->shapes; // what is stored may not change it
+    struct walk *walk = beam->walk;
+    real *wakes = v->wakes;
     unsigned moving = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
@@ -192,27 +202,28 @@ void vicinity_nearest(struct beam *beam) {
         COUNT(vicinity_nearest, packet);
         moving |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
-        w->least = set(INFINITY);
+        w->least = beginning(w);
         if (v->count > 0)
-            ask_about(v, w->recent, i, w);
+            ask_about(&shapes[w->recent], w->recent, w, &wakes[w->recent * BEAM + i]);
     }
-    for (int first = 0; first < v->count; first += 64) {
-        unsigned long long awake[BEAM], of_any = 0;
+    for (int first = 0; first < v->count; first += AT_ONCE) {
+        unsigned awake[AT_ONCE / 4] = {0};
         for (unsigned rest = moving; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest), asked = beam->walk[i].recent - first;
             ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
-            awake[i] = awake_of(v, first, i, &beam->walk[i]);
-            if (asked >= 0 && asked < 64)
-                awake[i] &= ~(1ull << asked);
-            of_any |= awake[i];
+            wake(v, first, i, &beam->walk[i], awake);
+            if (asked >= 0 && asked < AT_ONCE)
+                awake[asked / 4] &= ~(1u << (8 * (asked % 4) + i));
         }
-        for (; of_any; of_any &= of_any - 1) {
-            int k = __builtin_ctzll(of_any);
-            for (unsigned rest = moving; rest; rest &= rest - 1) {
+        int count = lesser(v->count - first, AT_ONCE);
+        for (int k = 0; k < count; k++) {
+            const struct close_by *c = &shapes[first + k];
+            real *row = &wakes[(first + k) * BEAM];
+            for (unsigned rest = ((const unsigned char *)awake)[k]; rest; rest &= rest - 1) {
                 int i = __builtin_ctz(rest);
-                ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
-                if (awake[i] >> k & 1 && !too_far(v, first + k, i, &beam->walk[i]))
-                    ask_about(v, first + k, i, &beam->walk[i]);
+                ACTIVE(LANES - count_of(stands_still(&walk[i])));
+                if (!too_far(c, &walk[i], &row[i]))
+                    ask_about(c, first + k, &walk[i], &row[i]);
             }
         }
     }

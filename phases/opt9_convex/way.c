@@ -1,4 +1,4 @@
-// Whether anything comes into a cone about a ray, asked ray by ray: the spheres of a node in the lanes.
+// Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
 #include "seek.h"
 
 // A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
@@ -21,82 +21,129 @@ static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, re
     return both(meets, either(less(over, zero), not_less(*rest, over * over)));
 }
 
-// Which of the entries from `first` on the cone meets.
-static inline mask met_in_node(const struct tree *tree, const struct cone_of_one *cone, int level,
-                               int first, int end, real *lean, real *rest) {
-    ACTIVE(lesser(LANES, end - first));
-    COUNT(met_in_node, call);
-    const struct spheres *s = &tree->level[level];
-    struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
-    return both(in_its_way(cone, centre, load(s->radius + first), lean, rest),
-                first_lanes(end - first));
+static float most_lane(mask of, real x) {
+    return -least_lane(choose(of, set(0.0f) - x, set(INFINITY)));
 }
 
-static float last_left(mask meets, real lean, real rest, const struct cone_of_one *cone) {
-    COUNT(last_left, call);
-    real leaves = (lean + root(most_of(rest, set(0.0f)))) / cone->narrow;
-    return -least_lane(choose(meets, set(0.0f) - leaves, set(INFINITY)));
+// Rays from near the first one's place: how far they are from it at most, and how much they turn from its direction.
+struct sheaf {
+    mask rays;
+    struct vec centre, to_light;
+    float radius, spread;
+};
+
+static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near) {
+    COUNT(sheaf_of, call);
+    COUNT(sheaf_of, scalar);
+    mask one = lanes_of(bits(of) & (0u - bits(of)));
+    const real from[6] = {rays->point.x,    rays->point.y,    rays->point.z,
+                          rays->to_light.x, rays->to_light.y, rays->to_light.z};
+    real first[6];
+    for (int k = 0; k < 6; k++)
+        first[k] = set(most_lane(one, from[k]));
+    struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
+    struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
+    real away = vec_dot(v, v);
+    mask those = either(one, both(of, less(away, set(near * near))));
+    return (struct sheaf){those,
+                          {first[0], first[1], first[2]},
+                          {first[3], first[4], first[5]},
+                          sqrtf(most_lane(those, away)) * (1 + 1e-4f),
+                          sqrtf(most_lane(those, vec_dot(l, l))) * 1.01f + 1e-4f};
 }
 
-// Where the last of some that the cone meets is left: those of one row of lanes, the furthest it happens upon. −1: it
-// meets nothing. *row: what the ray before it met, which is likely to be in this one's way too.
-static float way_ends(const struct tree *tree, const struct cone_of_one *cone, int *row) {
-    COUNT(way_ends, call);
+// Those that do not meet a leaf; for the others, where they leave it. Rays do not meet the shape that they are from, `own`.
+static inline mask passes(const struct tree *tree, int leaf, const struct cone_of_one *rays,
+                          real own, mask open, real *until) {
+    COUNT(passes, call);
+    const struct spheres *s = &tree->level[0];
     real lean, rest;
-    int leaves = tree->level[0].count;
-    if (*row >= 0) {
-        COUNT(way_ends, row);
-        mask meets = met_in_node(tree, cone, 0, *row, leaves, &lean, &rest);
-        if (any(meets))
-            return last_left(meets, lean, rest, cone);
+    mask meets =
+        both(but_not(same_shape(own, tree->shape[leaf]), open),
+             in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
+                        set(s->radius[leaf]), &lean, &rest));
+    if (any(meets)) {
+        ACTIVE(count_of(meets));
+        COUNT(passes, met);
+        real leaves = (lean + root(most_of(rest, set(0.0f)))) / rays->narrow;
+        *until = choose(meets, leaves, *until);
     }
+    return but_not(meets, open);
+}
+
+// The spheres of a node in the lanes, asked for a cone about all rays, and what that meets with the rays in the lanes. Ends
+// when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
+// long.
+static void ask_behind(const struct tree *tree, const struct cone_of_one *about, real wider,
+                       const struct cone_of_one *rays, real own, mask open, real *until,
+                       int *leaf) {
+    COUNT(ask_behind, call);
     int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
     waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
         int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
-        int end = lesser(tree->level[level].count, (node + 1) * TREE_WIDTH);
+        const struct spheres *s = &tree->level[level];
+        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
-            mask meets = met_in_node(tree, cone, level, first, end, &lean, &rest);
+            ACTIVE(lesser(LANES, end - first));
+            COUNT(ask_behind, spheres);
+            struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
+            real lean, rest;
+            mask meets =
+                both(in_its_way(about, centre, load(s->radius + first) + wider, &lean, &rest),
+                     first_lanes(end - first));
             unsigned which = bits(meets);
             if (!which)
                 continue;
-            if (level == 0) {
-                *row = first;
-                return last_left(meets, lean, rest, cone);
+            if (level > 0) {
+                COUNT(ask_behind, nodes);
+                real order = choose(meets, set(0.0f) - lean, set(INFINITY));
+                unsigned last = bits(not_less(set(least_lane(order)), order)) & which;
+                last &= 0u - last;
+                for (which &= ~last; which; which &= which - 1)
+                    waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(which));
+                waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(last));
+                continue;
             }
-            // The furthest is looked into first: what is in the way there is so for long.
-            COUNT(way_ends, nodes);
-            real order = choose(meets, set(0.0f) - lean, set(INFINITY));
-            unsigned last = bits(not_less(set(least_lane(order)), order)) & which;
-            last &= 0u - last;
-            for (which &= ~last; which; which &= which - 1)
-                waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(which));
-            waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(last));
+            for (; which; which &= which - 1) {
+                int entry = first + __builtin_ctz(which);
+                ACTIVE(count_of(open));
+                mask left = passes(tree, entry, rays, own, open, until);
+                *leaf = bits(left) == bits(open) ? *leaf : entry;
+                open = left;
+                if (!any(open))
+                    return;
+            }
         }
     }
-    return -1;
 }
 
-// Of each lane asked, for its own cone; −1 where nothing is met.
-static real ways_end(const struct tree *tree, struct vec point, struct vec to_light, real t, real q,
-                     mask asked, int *row) {
+// Of each lane asked, for its own cone: where something that it meets is left, −1 where nothing is met. Asked for all at
+// once that are near to each other.
+static real ways_end(const struct tree *tree, const struct cone_of_one *rays, real t, real own,
+                     mask asked, int *leaf) {
     COUNT(ways_end, call);
-    float lanes[8][LANES], until[LANES] = {0};
-    const real of[8] = {point.x, point.y, point.z, to_light.x, to_light.y, to_light.z, t, q};
-    for (int i = 0; i < 8; i++)
-        unload(of[i], lanes[i]);
-    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
-        COUNT(ways_end, ray);
-        int i = __builtin_ctz(rest);
-        float narrow = 1 - lanes[7][i] * lanes[7][i];
-        struct cone_of_one cone = {{set(lanes[0][i]), set(lanes[1][i]), set(lanes[2][i])},
-                                   {set(lanes[3][i]), set(lanes[4][i]), set(lanes[5][i])},
-                                   set(lanes[7][i]),
-                                   set(narrow),
-                                   set(narrow * lanes[6][i])};
-        until[i] = way_ends(tree, &cone, row);
+    real until = set(-1.0f);
+    mask open = asked;
+    if (*leaf >= 0)
+        open = passes(tree, *leaf, rays, own, open, &until);
+    while (any(open)) {
+        ACTIVE(count_of(open));
+        struct sheaf sheaf = sheaf_of(rays, open, tree->spacing);
+        float q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+        if (!(q < 0.995f)) {
+            sheaf = sheaf_of(rays, open, 0.0f);
+            q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+        }
+        COUNT(ways_end, asked);
+        COUNT(ways_end, scalar);
+        float narrow = 1 - q * q, from = least_lane(choose(sheaf.rays, t, set(INFINITY)));
+        struct cone_of_one about = {sheaf.centre, sheaf.to_light, set(q), set(narrow),
+                                    set(narrow * from)};
+        ask_behind(tree, &about, set(sheaf.radius), rays, own, sheaf.rays, &until, leaf);
+        open = but_not(sheaf.rays, open);
     }
-    return load(until);
+    return until;
 }
 
 mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
@@ -113,87 +160,11 @@ mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
         blocked = either(blocked, less(slope, q));
     }
     asked = but_not(blocked, asked);
-    real ends = ways_end(&scene->tree, r->point, r->to_light, t, q, asked, &work->desk->row);
+    real narrow = neg_mul_add(q, q, set(1.0f));
+    struct cone_of_one rays = {r->point, r->to_light, q, narrow, narrow * t};
+    real ends = ways_end(&scene->tree, &rays, t, set(-1.0f), asked, &work->desk->far);
     *until = choose(blocked, set(INFINITY), ends);
     return both(asked, less(ends, set(0.0f)));
-}
-
-static float most_lane(mask of, real x) {
-    return -least_lane(choose(of, set(0.0f) - x, set(INFINITY)));
-}
-
-// Of some rays, from the first one's place and in its direction.
-static struct shaft shaft_about(const struct cone_of_one *rays, float q, mask of) {
-    COUNT(shaft_about, call);
-    COUNT(shaft_about, scalar);
-    mask one = lanes_of(bits(of) & (0u - bits(of)));
-    const real from[6] = {rays->point.x,    rays->point.y,    rays->point.z,
-                          rays->to_light.x, rays->to_light.y, rays->to_light.z};
-    real first[6];
-    for (int k = 0; k < 6; k++)
-        first[k] = set(most_lane(one, from[k]));
-    struct vec centre = {first[0], first[1], first[2]}, to_light = {first[3], first[4], first[5]};
-    struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
-    struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
-    float radius = sqrtf(most_lane(of, vec_dot(v, v))) * (1 + 1e-4f),
-          spread = sqrtf(most_lane(of, vec_dot(l, l))) * 1.01f + 1e-4f;
-    q += spread;
-    real reach = absolute(centre.x) + absolute(centre.y) + absolute(centre.z);
-    return shaft_of(centre, to_light, radius, reach, q);
-}
-
-static inline mask in_way_of(const struct tree *tree, int leaf, const struct cone_of_one *rays,
-                             real own) {
-    COUNT(in_way_of, call);
-    const struct spheres *s = &tree->level[0];
-    real lean, rest;
-    mask meets = in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
-                            set(s->radius[leaf]), &lean, &rest);
-    return but_not(same_shape(own, tree->shape[leaf]), meets);
-}
-
-// Which of the rays' cones of slope q meet a shape that the ray is not from: the rays in the lanes, for those shapes that are
-// in a shaft about all of them. What was in the way of those before is asked first.
-static mask blocked_by_others(const struct tree *tree, const struct cone_of_one *rays, float q,
-                              real own, mask asked, struct desk *desk) {
-    COUNT(blocked_by_others, call);
-    mask open = asked;
-    if (desk->leaf >= 0)
-        open = but_not(in_way_of(tree, desk->leaf, rays, own), open);
-    if (!any(open))
-        return asked;
-    struct shaft shaft = shaft_about(rays, q, open);
-    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
-    waiting[0] = tree->levels - 1;
-    for (int count = 1; count > 0;) {
-        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
-        const struct spheres *s = &tree->level[level];
-        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
-        unsigned which = 0; // of all rows: no branch foresees whether one has any
-        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
-            ACTIVE(lesser(LANES, end - first));
-            COUNT(blocked_by_others, spheres);
-            struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
-            mask matter =
-                both(in_shaft(centre, load(s->radius + first), &shaft), first_lanes(end - first));
-            which |= bits(matter) << (first - node * TREE_WIDTH);
-        }
-        for (; which; which &= which - 1) {
-            int entry = node * TREE_WIDTH + __builtin_ctz(which);
-            if (level > 0) {
-                waiting[count++] = level - 1 + TREE_LEVELS * entry;
-                continue;
-            }
-            ACTIVE(count_of(open));
-            mask blocked = both(open, in_way_of(tree, entry, rays, own));
-            // Without a branch: none foresees it.
-            desk->leaf ^= (desk->leaf ^ entry) & -(int)any(blocked);
-            open = but_not(blocked, open);
-            if (!any(open))
-                return asked;
-        }
-    }
-    return but_not(open, asked);
 }
 
 mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
@@ -223,6 +194,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
     if (!any(clear) || q >= 0.99f)
         return no_lane();
     COUNT(crowd_clears, asked);
-    struct cone_of_one cone = {point, to_light, set(q), set(1 - q * q), set(0.0f)};
-    return but_not(blocked_by_others(&scene->tree, &cone, q, shape, clear, work->desk), clear);
+    real zero = set(0.0f);
+    struct cone_of_one cones = {point, to_light, set(q), set(1 - q * q), zero};
+    real ends = ways_end(&scene->tree, &cones, zero, shape, clear, &work->desk->leaf);
+    return both(clear, less(ends, zero));
 }

@@ -54,13 +54,13 @@ static double distance_from(const struct meeting *m, double t) {
 }
 
 static struct placed sphere = {.way = AT_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
-static struct close_by shape = {.shape = &sphere};
-static real wakes[BEAM];
+static struct close_by shape = {.shape = &sphere, .bound = 0.002f};
+static real wakes[4 * BEAM]; // shapes are asked four at a time
 
 // The meetings as rays of a beam, one in each lane, and one shape: lane 0's own.
 static void set_beam(struct beam *beam, const struct meeting *m) {
     *beam = (struct beam){.count = 1, .moving = 1};
-    beam->near.count = 1;
+    beam->near.count = beam->near.solids = 1;
     beam->near.shapes = &shape;
     beam->near.wakes = wakes;
     struct walk *w = &beam->walk[0];
@@ -75,14 +75,21 @@ static void set_beam(struct beam *beam, const struct meeting *m) {
     w->at = vec_along(w->from, w->rays.to_light, w->march.t);
 }
 
+// What is known of lane 0; the others stand still.
+static real known(double distance) {
+    return choose(first_lanes(1), set((float)distance), set(-INFINITY));
+}
+
 // At some places further on: with what is as near as the sphere is, it must be awake.
 static void wakes_in_time(const struct meeting *m, struct walk *w, const char *by) {
     for (int i = 0; i < AFTER; i++) {
         float t = m->t + (float)i * 0x1p-11f;
         w->march.t = set(t);
-        w->least = set((float)distance_from(m, (double)t));
+        w->least = known(distance_from(m, (double)t));
         struct vicinity v = {.count = 1, .wakes = wakes};
-        if (awake_of(&v, 0, 0, w) != 1)
+        unsigned awake[AT_ONCE / 4] = {0};
+        wake(&v, 0, 0, w, awake);
+        if ((awake[0] & 255) != 1)
             fail_msg("%s: from t = %a on it sleeps at %a, %g away", by, (double)m->t, (double)t,
                      distance_from(m, (double)t));
     }
@@ -97,11 +104,11 @@ static void check(double least, double most) {
         vicinity_wakes(&beam);
         wakes_in_time(&m, w, "vicinity_wakes");
         set_beam(&beam, &m);
-        w->least = set((float)distance_from(&m, (double)m.t));
-        if (too_far(&beam.near, 0, 0, w))
+        w->least = known(distance_from(&m, (double)m.t));
+        if (too_far(&shape, w, wakes))
             fail_msg("too_far: at %a it is as near as what is known", (double)m.t);
-        w->least = set(-1.0f);
-        assert_true(too_far(&beam.near, 0, 0, w)); // or nothing is checked by what follows
+        w->least = known(-1);
+        assert_true(too_far(&shape, w, wakes)); // or nothing is checked by what follows
         wakes_in_time(&m, w, "too_far");
     }
 }

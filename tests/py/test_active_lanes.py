@@ -48,15 +48,17 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     made = json.loads(done.stdout)["by_function"]
-    rays = made["look_along"]["parts"]["ray"]
-    assert 0 < rays < 8 and made["look_along"]["calls"] == 1
-    for name in ("sorted", "begin_walk", "begin", "crowd_ahead", "may_enter"):
+    rays = made["sorted"]["lanes"]
+    assert 0 < rays < 8 and made["sorted"]["calls"] == 1
+    for name in ("gather_walk", "ball_about", "begin", "crowd_ahead", "may_enter"):
         assert made[name]["lanes"] == rays * made[name]["calls"] > 0, name
     marching = (
         "vicinity_about",
         "surely_off",
-        "awake_of",
+        "wake",
         "too_far",
+        "sheaf_of",
+        "passes",
         "ask_about",
         "look_ahead",
         "keep_answers",
