@@ -4,11 +4,16 @@
 
 #include <stdlib.h>
 
-// A tile is drawn by one worker: a patch for each lane, so that the cones of its patches march together. A patch
-// is a group of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
-// width is a multiple of 32.
+// A tile is drawn by one worker. Cones march together, one in each lane: first those of squares of PATCH << HIGHEST
+// pixels, then, quarter by quarter, those of the four squares in each of them, down to the patches. A patch is a group
+// of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the width is a
+// multiple of 32.
 enum { PATCH = 8, PATCHES_ACROSS = 4, BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
-enum { TILE_WIDTH = PATCHES_ACROSS * PATCH, TILE_HEIGHT = LANES / PATCHES_ACROSS * PATCH };
+enum { PATCHES_DOWN = LANES / PATCHES_ACROSS, HIGHEST = LEVELS - 1 };
+enum {
+    TILE_WIDTH = PATCHES_ACROSS * PATCH << HIGHEST,
+    TILE_HEIGHT = PATCHES_DOWN * PATCH << HIGHEST
+};
 enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
 
 static struct vec vec_from(const double a[3]) {
@@ -109,11 +114,30 @@ struct patch { // of pixels, what of it is in the picture
     int left, top, right, bottom;
 };
 
-static struct patch patch_of(int tile, int lane, const struct frame *frame) {
-    int left = tile % tiles_across(frame) * TILE_WIDTH + lane % PATCHES_ACROSS * PATCH;
-    int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / PATCHES_ACROSS * PATCH;
-    return (struct patch){left, top, lesser(frame->width, left + PATCH),
-                          lesser(frame->height, top + PATCH)};
+// Cones that march together: a square of PATCH << level pixels for each lane.
+struct area {
+    int left, top, level;
+};
+
+static struct patch patch_of(struct area area, int lane, const struct frame *frame) {
+    int size = PATCH << area.level;
+    int left = area.left + lane % PATCHES_ACROSS * size;
+    int top = area.top + lane / PATCHES_ACROSS * size;
+    return (struct patch){left, top, lesser(frame->width, left + size),
+                          lesser(frame->height, top + size)};
+}
+
+static struct area quarter_of(struct area area, int quarter) {
+    int half = (PATCH << area.level) / 2;
+    return (struct area){area.left + quarter % 2 * PATCHES_ACROSS * half,
+                         area.top + quarter / 2 * PATCHES_DOWN * half, area.level - 1};
+}
+
+// The lane of the cone above that holds a lane's cone, which is of a quarter of those.
+static int lane_above(int quarter, int lane) {
+    int column = quarter % 2 * PATCHES_ACROSS + lane % PATCHES_ACROSS;
+    int row = quarter / 2 * PATCHES_DOWN + lane / PATCHES_ACROSS;
+    return row / 2 * PATCHES_ACROSS + column / 2;
 }
 
 static struct vec unit(struct vec v) {
@@ -140,15 +164,15 @@ static struct cones cones_around(real x[2], real y[2], const struct view *view) 
     return cones;
 }
 
-// A cone for each patch of the tile; which of them there are.
-static mask get_cones(int tile, const struct job *job, struct cones *cones) {
+// A cone for each square of the area; which of them there are.
+static mask get_cones(struct area area, const struct job *job, struct cones *cones) {
     COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
     float edge[4][LANES], there[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         COUNT(get_cones, scalar);
-        struct patch p = patch_of(tile, lane, frame);
+        struct patch p = patch_of(area, lane, frame);
         there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
         edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
         edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
@@ -210,6 +234,52 @@ static void place_beams(struct group *group, struct own *own, int shapes) {
             (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
 }
 
+// Where no ray of the lane's square is hit before: +∞ where none is.
+struct starts {
+    float lane[LANES];
+};
+
+static void draw_patches(struct area area, mask there, struct starts start, struct place origin,
+                         const struct job *job, struct world *world) {
+    for (int lane = 0; lane < LANES; lane++) {
+        if (!(bits(there) >> lane & 1))
+            continue;
+        struct patch patch = patch_of(area, lane, job->frame);
+        if (start.lane[lane] == INFINITY) {
+            store_nothing(&patch, job);
+            continue;
+        }
+        struct list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
+        render_patch(&patch, origin, set(start.lane[lane]), list, job, world);
+    }
+}
+
+// The cones of an area from where those above them end, among what these have met; then those below them.
+static void draw_area(struct area area, struct starts start, struct list offered,
+                      struct place origin, const struct job *job, struct world *world) {
+    COUNT(draw_area, call);
+    struct cones cones;
+    mask there = get_cones(area, job, &cones);
+    cones.start = load(start.lane);
+    march_cones(origin, less_in(there, cones.start, set(INFINITY)), area.level, offered, &cones,
+                world->scene, world->own);
+    unload(cones.start, start.lane);
+    if (area.level == 0) {
+        draw_patches(area, there, start, origin, job, world);
+        return;
+    }
+    for (int quarter = 0; quarter < 4; quarter++) {
+        struct starts below;
+        unsigned above = 0;
+        for (int lane = 0; lane < LANES; lane++) {
+            below.lane[lane] = start.lane[lane_above(quarter, lane)];
+            above |= 1u << lane_above(quarter, lane);
+        }
+        struct list met = list_below(above, area.level, world->scene, world->own);
+        draw_area(quarter_of(area, quarter), below, met, origin, job, world);
+    }
+}
+
 static void draw_tile(const struct job *job, int tile, void *memory) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
@@ -218,22 +288,11 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     struct own own = own_of(memory, scene->model.shape_count);
     struct world world = {.scene = scene, .view = job->view, .own = &own};
     place_beams(&world.group, &own, scene->model.shape_count);
-    struct cones cones;
-    mask there = get_cones(tile, job, &cones);
-    march_cones(origin, there, &cones, scene, &own);
-    float start[LANES];
-    unload(cones.start, start);
-    for (int lane = 0; lane < LANES; lane++) {
-        if (!(bits(there) >> lane & 1))
-            continue;
-        struct patch patch = patch_of(tile, lane, job->frame);
-        if (start[lane] == INFINITY) {
-            store_nothing(&patch, job);
-            continue;
-        }
-        struct list list = list_of_cone(lane, scene, &own, &start[lane]);
-        render_patch(&patch, origin, set(start[lane]), list, job, &world);
-    }
+    ACTIVE(LANES);
+    place_cones(origin, scene, &own);
+    struct area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
+                         tile / tiles_across(job->frame) * TILE_HEIGHT, HIGHEST};
+    draw_area(whole, (struct starts){{0}}, scene->all, origin, job, &world);
 }
 
 size_t VARIANT(own_size)(const struct model *model) {

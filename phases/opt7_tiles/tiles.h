@@ -6,6 +6,9 @@
 
 #include "trace.h"
 
+// Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
+enum { LEVELS = 2 };
+
 // A worker's memory, of the size that own_size() says.
 struct own {
     real *wake; // GROUP for each shape, as the next: of the rays being marched
@@ -13,7 +16,9 @@ struct own {
     real *eye_wake; // of cones and bundles
     struct approach *eye;
     real *distance;              // at the ends of a bundle's intervals
-    mask *met;                   // lanes whose cone can meet the shape
+    struct approach *axis;       // of cones
+    mask *met[LEVELS];           // lanes whose cone can meet the shape
+    int *offered[LEVELS];        // what the cones of a level can meet: a list for the next one
     int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
     bool *wanted;                // of each shape, on the way to a list
 };
@@ -28,10 +33,15 @@ struct cones {
     real start; // no ray of it is hit before; +∞: none is at all
 };
 
-// Fills start and own->met: what a ray of the cone can hit between start and the bounds, and what is so near to
-// such a place that the normal there asks for it.
-void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
-                 struct own *own);
+// Once, for the cones of all levels.
+void place_cones(struct place eye, const struct prepared *scene, struct own *own);
+// From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
+// a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
+// asks for it.
+void march_cones(struct place eye, mask active, int level, struct list offered, struct cones *cones,
+                 const struct prepared *scene, struct own *own);
+// What some of the cones have met; `some`: bits of their lanes.
+struct list list_below(unsigned some, int level, const struct prepared *scene, struct own *own);
 // Where a Mandelbulb is on it, `start` is the camera.
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start);
 
