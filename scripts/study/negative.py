@@ -62,6 +62,15 @@ def chosen(rows: Iterable[Mapping[str, Any]]) -> list[Row]:
     return [row for row in judged if row["ablation"] in names]
 
 
+def _what(row: Row) -> str:
+    """A phase's own step has a patch that takes it out: the gain is the step's, the text the patch's."""
+    return (
+        f"left out: {row['what']}; the gain is of what was left out"
+        if row.get("step") == "removed"
+        else row["what"]
+    )
+
+
 def _gain(row: Row) -> str:
     value, low, high = _ends(row)
     return show.interval({"v": value, "v_low": low, "v_high": high}, "v", 3, "×")
@@ -73,7 +82,7 @@ def _db(name: str):
 
 STEPS = [
     Column("", "step", lambda r: r["ablation"]),
-    Column("", "what", lambda r: r["what"]),
+    Column("", "what", _what),
     Column("", "scene", lambda r: r["scene"]),
     Column("", "gain of the step [95 %]", _gain),
     Column("PSNR to baseline, dB", "patched", _db("psnr_db")),

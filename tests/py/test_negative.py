@@ -116,3 +116,9 @@ def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     (tmp_path / "ablations.json").write_text('{"rows": [{"ablation": 1}], "skipped": [], "failures": []}')
     with pytest.raises(StudyError, match=r"ablations\.json: not what scripts/ablations\.py writes"):
         negative.section(tmp_path, {})
+
+
+def test_of_a_step_that_is_left_out_the_gain_is_the_steps() -> None:
+    row = {"ablation": "opt6_wide+awake", "what": "every shape at every step", "step": "removed"}
+    assert negative._what(row) == "left out: every shape at every step; the gain is of what was left out"
+    assert negative._what(row | {"step": "added"}) == "every shape at every step"
