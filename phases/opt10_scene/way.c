@@ -40,7 +40,7 @@ static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near
                           rays->to_light.x, rays->to_light.y, rays->to_light.z};
     real first[6];
     for (int k = 0; k < 6; k++)
-        first[k] = set(most_lane(one, from[k]));
+        first[k] = set(least_lane(choose(one, from[k], set(INFINITY))));
     struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
     struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
     real away = vec_dot(v, v);

@@ -245,6 +245,9 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
         ACTIVE(LANES - count_of(still));
         COUNT(leave_solid, asked);
         real h = distance_along(&near, m->t, s), room = alone - h;
+        if (near.power) {
+            COUNT(leave_solid, power);
+        }
         struct vec p = vec_along(near.origin, near.direction, m->t);
         mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
         still = either(still, not_in(sure));
