@@ -43,9 +43,10 @@ static mask on_flat_faces(struct rays *r, const struct prepared *scene) {
         mask own = both(lanes_of(rest), same_shape(r->shape, i));
         const struct placed *s = &scene->placed[i];
         rest &= ~bits(own);
+        ACTIVE(count_of(own));
+        COUNT(on_flat_faces, shape);
         if (s->type != SHAPE_BOX && s->type != SHAPE_OCTAHEDRON)
             continue;
-        ACTIVE(count_of(own));
         COUNT(on_flat_faces, solid);
         COUNT(on_flat_faces, scalar);
         real until = flat_until(s, r->local, turned(s, r->to_light));
