@@ -238,13 +238,16 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
     struct near seen;
     see_along(&w->rays, shape, &seen, work);
     const struct near near = seen; // no store may change it
-    struct march own_march = w->march, *m = &own_march;
+    struct march *m = &w->march;
     real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
     mask still = either(not_in(own), m->done), done = m->done;
     for (int left = scene->model.march.max_steps; left > 0; left--) {
         ACTIVE(LANES - count_of(still));
         COUNT(leave_solid, asked);
         real h = distance_along(&near, m->t, s), room = alone - h;
+        if (near.power) {
+            COUNT(leave_solid, power);
+        }
         struct vec p = vec_along(near.origin, near.direction, m->t);
         mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
         still = either(still, not_in(sure));
@@ -260,7 +263,6 @@ static void leave_solid(struct walk *w, int shape, mask own, const struct near *
         still = either(still, m->done);
     }
     m->done = done;
-    w->march = *m;
 }
 
 static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,

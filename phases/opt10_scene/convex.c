@@ -232,6 +232,7 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     work.inside = (float)(KNOWN(job->prepared)->model.march.bounds_radius * (1 - 0x1p-16) -
                           sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    ACTIVE(LANES); // not what the tile before has left
     COUNT(convex_tile, call);
     COUNT(convex_tile, scalar);
     COUNT(convex_tile, eye);

@@ -1,5 +1,6 @@
 // See crowd.h. What is asked is the same as of a small scene, first of the spheres about nodes: what those rule out
 // they rule out for all in them.
+#include "flat.h"
 #include "seek.h"
 #include "window.h"
 
@@ -97,7 +98,8 @@ void crowd_in_row(const struct window *row, float across, const int *list, int c
         if (s->way != LINEAR) {
             COUNT(crowd_in_row, solid);
             float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
-            if (row->bottom * c[2] - c[1] > r * bottom || c[1] - row->top * c[2] > r * top)
+            // Both at once: no branch foresees which.
+            if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
                 continue;
             COUNT(crowd_in_row, blocks);
             real x = set(c[0]), z = set(c[2]);
@@ -294,7 +296,10 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
     ACTIVE(count_of(r->active));
     // A cone's slope must be below 1 for its end to be told (earliest).
     struct leapers l = {r, both(both(r->on_plane, r->active), less(r->facing, set(0.99f))), scene};
-    r->alone = choose(l.able, r->alone, set(0.0f));
+    mask flat = on_flat_faces(r, scene);
+    ACTIVE(count_of(r->active)); // what was called has set its own
+    r->alone = choose(either(l.able, flat), r->alone, set(0.0f));
+    r->on_plane = either(r->on_plane, flat); // as if they were
     if (any(l.able))
         follow(&scene->tree, stops_sooner, stop_at, &l);
 }

@@ -40,7 +40,7 @@ static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near
                           rays->to_light.x, rays->to_light.y, rays->to_light.z};
     real first[6];
     for (int k = 0; k < 6; k++)
-        first[k] = set(most_lane(one, from[k]));
+        first[k] = set(least_lane(choose(one, from[k], set(INFINITY))));
     struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
     struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
     real away = vec_dot(v, v);
@@ -74,10 +74,10 @@ static inline mask passes(const struct tree *tree, int leaf, const struct cone_o
 // The spheres of a node in the lanes, asked for a cone about all rays, and what that meets with the rays in the lanes. Ends
 // when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
 // long.
-static void ask_behind(const struct tree *tree, const struct cone_of_one *about, real wider,
-                       const struct cone_of_one *rays, real own, mask open, real *until,
-                       int *leaf) {
-    COUNT(ask_behind, call);
+static void look_behind(const struct tree *tree, const struct cone_of_one *about, real wider,
+                        const struct cone_of_one *rays, real own, mask open, real *until,
+                        int *leaf) {
+    COUNT(look_behind, call);
     int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
     waiting[0] = tree->levels - 1;
     for (int count = 1; count > 0;) {
@@ -86,7 +86,7 @@ static void ask_behind(const struct tree *tree, const struct cone_of_one *about,
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
             ACTIVE(lesser(LANES, end - first));
-            COUNT(ask_behind, spheres);
+            COUNT(look_behind, spheres);
             struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
             real lean, rest;
             mask meets =
@@ -96,7 +96,7 @@ static void ask_behind(const struct tree *tree, const struct cone_of_one *about,
             if (!which)
                 continue;
             if (level > 0) {
-                COUNT(ask_behind, nodes);
+                COUNT(look_behind, nodes);
                 real order = choose(meets, set(0.0f) - lean, set(INFINITY));
                 unsigned last = bits(not_less(set(least_lane(order)), order)) & which;
                 last &= 0u - last;
@@ -140,7 +140,7 @@ static real ways_end(const struct tree *tree, const struct cone_of_one *rays, re
         float narrow = 1 - q * q, from = least_lane(choose(sheaf.rays, t, set(INFINITY)));
         struct cone_of_one about = {sheaf.centre, sheaf.to_light, set(q), set(narrow),
                                     set(narrow * from)};
-        ask_behind(tree, &about, set(sheaf.radius), rays, own, sheaf.rays, &until, leaf);
+        look_behind(tree, &about, set(sheaf.radius), rays, own, sheaf.rays, &until, leaf);
         open = but_not(sheaf.rays, open);
     }
     return until;

@@ -21,7 +21,7 @@ TERMS = {
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
         bulb_estimate bulb_distances bulb_wakes_at packet_distance power_at nearest nearest_shape
-        nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes awake_of too_far
+        nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes wake too_far
         surely_off keep_high sleeps gather_bulb
     """,
     "normals": """
@@ -43,21 +43,22 @@ TERMS = {
         within_reach list_those in_shaft size_of
     """,
     "closed forms and Newton's steps": """
-        first_hit next_hit hit_sphere blocked blocked_by_others ask_* meet_* meets_bulbs enter* go_alone
+        first_hit next_hit hit_sphere blocked ask_* meet_* meets_bulbs enter* go_alone
         bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
         cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along take_whole
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bulges flat_within slant_at plane_between
-        own_shadow reaches_light crowd_* way_ends ways_end in_way_of in_its_way met_in_node last_left
-        shaft_about before_plane stretch_of leave begin begin_at_bounds begin_walk begin_tile waiting
+        own_shadow reaches_light crowd_* ways_end in_its_way look_behind passes sheaf_of
+        shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds gather_walk
+        begin_tile waiting
         wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
         keep_answers answer move_rays sorted
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
         stay_in advance* step* leap over take_bulb refill_* retire_* close_first prepare_close put_pieces
-        put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead look_along
+        put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill
     """,
     "rays of the camera": """
