@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-// A tile is drawn by one worker: a patch for each lane, so that the cones of its patches march together. A patch
-// is a group of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
+// A strip of tiles is drawn by one worker. Cones march together, one in each lane: first those of squares of two by two
+// patches, all that are in the strip, then, tile by tile, those of the four patches in each of them. A patch is a group
+// of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
 // width is a multiple of 32.
 enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
 
@@ -112,6 +113,22 @@ static struct patch patch_of(int tile, int lane, const struct frame *frame) {
                           lesser(frame->height, top + PATCH)};
 }
 
+enum { SQUARE = 2 * PATCH, SQUARES_ACROSS = STRIP * PATCHES_ACROSS / 2 };
+
+static struct patch square_of(int tile, int lane,
+                              const struct frame *frame) { // the strip's first tile
+    int left = tile % tiles_across(frame) * TILE_WIDTH + lane % SQUARES_ACROSS * SQUARE;
+    int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / SQUARES_ACROSS * SQUARE;
+    return (struct patch){left, top, lesser(frame->width, left + SQUARE),
+                          lesser(frame->height, top + SQUARE)};
+}
+
+// The square that a patch is in.
+static int square_around(int column, int lane) {
+    return lane / PATCHES_ACROSS / 2 * SQUARES_ACROSS + column * (PATCHES_ACROSS / 2) +
+           lane % PATCHES_ACROSS / 2;
+}
+
 static struct vec unit(struct vec v) {
     return vec_scale(v, set(1.0f) / vec_norm(v));
 }
@@ -136,15 +153,16 @@ static struct cones cones_around(real x[2], real y[2], const struct view *view) 
     return cones;
 }
 
-// A cone for each patch of the tile; which of them there are.
-static mask get_cones(int tile, const struct job *job, struct cones *cones) {
+// A cone for each of them; which of them there are.
+static mask get_cones(const struct patch patches[LANES], const struct job *job,
+                      struct cones *cones) {
     COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
     float edge[4][LANES], there[LANES];
     for (int lane = 0; lane < LANES; lane++) {
         COUNT(get_cones, scalar);
-        struct patch p = patch_of(tile, lane, frame);
+        struct patch p = patches[lane];
         there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
         edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
         edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
@@ -267,19 +285,45 @@ struct drawn {
     float start[LANES];
 };
 
-// Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued.
-static void begin_tile(struct drawn *drawn, int at, const struct job *job, struct world *world) {
+// Cones for the squares of a strip; `squares->tile` is its first one.
+static void begin_strip(struct drawn *squares, const struct job *job, struct world *world) {
+    struct cones cones;
+    struct patch square[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        square[lane] = square_of(squares->tile, lane, job->frame);
+    mask there = get_cones(square, job, &cones);
+    world->own->met = squares->met;
+    cones.start = set(0.0f);
+    place_cones(world->eye, job->prepared, world->own);
+    march_cones(world->eye, there, job->prepared->all, &cones, job->prepared, world->own);
+    unload(cones.start, squares->start);
+}
+
+// Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued. `column`: in the strip.
+static void begin_tile(struct drawn *drawn, int column, const struct drawn *squares,
+                       const struct job *job, struct world *world) {
     COUNT(begin_tile, call);
     const struct prepared *scene = job->prepared;
     struct cones cones;
-    mask there = get_cones(drawn->tile, job, &cones);
+    struct patch patches[LANES];
+    unsigned above = 0;
+    int at = column * TILE_PIXELS;
+    for (int lane = 0; lane < LANES; lane++) {
+        patches[lane] = patch_of(drawn->tile, lane, job->frame);
+        above |= 1u << square_around(column, lane);
+        drawn->start[lane] = squares->start[square_around(column, lane)];
+    }
+    mask there = get_cones(patches, job, &cones);
+    cones.start = load(drawn->start);
+    struct list met = list_below(above, squares->met, scene, world->own);
     world->own->met = drawn->met;
-    march_cones(world->eye, there, &cones, scene, world->own);
+    march_cones(world->eye, less_in(there, cones.start, set(INFINITY)), met, &cones, scene,
+                world->own);
     unload(cones.start, drawn->start);
     drawn->patches = 0;
     for (unsigned rest = bits(there); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
-        struct patch patch = patch_of(drawn->tile, lane, job->frame);
+        struct patch patch = patches[lane];
         if (drawn->start[lane] == INFINITY) {
             store_nothing(&patch, job);
             continue;
@@ -329,13 +373,16 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     struct world world = {.scene = scene, .view = job->view, .own = &own, .desk = desk};
     world.eye = place_of(job->view->position);
     place_beams(&world.group, &own, shapes);
-    struct drawn drawn[STRIP];
+    struct drawn drawn[STRIP], squares;
+    int first = strip % across * STRIP, row = strip / across * tiles_across(job->frame);
     mask *met = own.met;
-    for (int column = strip % across * STRIP; count < STRIP && column < tiles_across(job->frame);
-         column++, count++) {
-        drawn[count].tile = strip / across * tiles_across(job->frame) + column;
+    squares.tile = row + first;
+    squares.met = met + STRIP * shapes;
+    begin_strip(&squares, job, &world);
+    for (; count < STRIP && first + count < tiles_across(job->frame); count++) {
+        drawn[count].tile = row + first + count;
         drawn[count].met = met + count * shapes;
-        begin_tile(&drawn[count], count * TILE_PIXELS, job, &world);
+        begin_tile(&drawn[count], count, &squares, job, &world);
     }
     if (desk->gazes > 0)
         march_gazes(&world);

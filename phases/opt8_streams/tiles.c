@@ -16,7 +16,7 @@ static size_t places(int shapes) { // so many that whole numbers behind masks ar
 size_t own_size(int shapes) {
     return places(shapes) *
            ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) + GROUP * sizeof(real) +
-            STRIP * sizeof(mask) + 6 * sizeof(int) + sizeof(bool));
+            sizeof(struct approach) + (STRIP + 1) * sizeof(mask) + 8 * sizeof(int) + sizeof(bool));
 }
 
 struct own own_of(void *memory, int shapes) {
@@ -26,8 +26,10 @@ struct own own_of(void *memory, int shapes) {
     own.eye_wake = (real *)(own.approach + GROUP * n);
     own.eye = (struct approach *)(own.eye_wake + GROUP * n);
     own.distance = (real *)(own.eye + n);
-    own.met = (mask *)(own.distance + n);
-    own.tile = (int *)(own.met + STRIP * n);
+    own.axis = (struct approach *)(own.distance + n);
+    own.met = (mask *)(own.axis + n);
+    own.offered = (int *)(own.met + (STRIP + 1) * n);
+    own.tile = own.offered + 2 * n;
     own.mirror = own.tile + 2 * n;
     own.shadow = own.mirror + 2 * n;
     own.wanted = (bool *)(own.shadow + 2 * n);
@@ -41,15 +43,16 @@ struct around {
     real least, depth;
 };
 
-static struct around look_around(real t, real radius, real touch, mask live,
+static struct around look_around(real t, real radius, real touch, mask live, struct list offered,
                                  const struct prepared *scene, struct own *own) {
     struct around found = {no_lane(), set(INFINITY), set(INFINITY)};
-    for (int i = 0; i < scene->model.shape_count; i++) {
+    for (int n = 0; n < offered.count; n++) {
+        int i = offered.shape[n];
         const struct placed *placed = &scene->placed[i];
         if (placed->trust == NOTHING)
             continue;
         COUNT(march_cones, shape);
-        real d = lower_bound(&own->eye[i], t, placed);
+        real d = lower_bound(&own->axis[i], t, placed);
         mask here = less_in(live, d, touch);
         mask met = own->met[i] = either(own->met[i], here);
         found.touched = either(found.touched, here);
@@ -63,13 +66,22 @@ static struct around look_around(real t, real radius, real touch, mask live,
     return found;
 }
 
-static void meet_all(mask lanes, const struct prepared *scene, struct own *own) {
-    for (int i = 0; i < scene->model.shape_count; i++)
-        own->met[i] = either(own->met[i], lanes);
+static void meet_all(mask lanes, struct list offered, mask *met) {
+    for (int n = 0; n < offered.count; n++)
+        met[offered.shape[n]] = either(met[offered.shape[n]], lanes);
 }
 
-void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
-                 struct own *own) {
+static struct beam axes_of(struct own *own, struct list list) {
+    return (struct beam){own->axis, list, own->eye_wake, set(0.0f)};
+}
+
+void place_cones(struct place eye, const struct prepared *scene, struct own *own) {
+    struct beam beam = axes_of(own, scene->all);
+    approach_origins(eye, scene, &beam);
+}
+
+void march_cones(struct place eye, mask active, struct list offered, struct cones *cones,
+                 const struct prepared *scene, struct own *own) {
     ACTIVE(count_of(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
@@ -77,32 +89,33 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
     real from_centre = vec_dot(eye.hi, eye.hi);
     real linear = set(2.0f) * vec_dot(eye.hi, cones->axis);
     real furthest = (bounds + root(from_centre)) * set(1.0f + 0x1p-10f);
-    real close = set(close_of(limits)), t = zero;
+    real close = set(close_of(limits)), t = cones->start;
     real gap = cones->spread * set(GAP), outer = bounds * set(1.0f + 0x1p-16f);
-    struct beam beam = eye_of(own, scene);
-    approach_origins(eye, scene, &beam);
+    struct beam beam = axes_of(own, offered);
     approach_directions(cones->axis, scene, &beam);
     // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
     mask live = both(active, less(from_centre, bounds * bounds * set(1.0f - 0x1p-18f)));
-    mask met = but_not(live, active);
-    cones->start = zero;
+    mask met = but_not(live, active), at_camera = not_less(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
+        own->met[i] = no_lane();
+    for (int n = 0; n < offered.count; n++) {
+        int i = offered.shape[n];
         own->met[i] = scene->placed[i].trust == NOTHING ? active : but_not(live, active);
-    for (int i = 0; i < scene->model.shape_count; i++)
         met = either(met, own->met[i]);
+    }
     for (int step = 0; step < MOST_CONE_STEPS && any(live); step++) {
         ACTIVE(count_of(live));
         COUNT(march_cones, step);
         real radius = mul_add(cones->spread, t, mul_add(t, set(0x1p-18f), close));
         real touch = mul_add(gap, t, radius);
-        struct around around = look_around(t, radius, touch, live, scene, own);
+        struct around around = look_around(t, radius, touch, live, offered, scene, own);
         mask first = but_not(met, around.touched);
         cones->start = choose(first, t, cones->start);
         met = either(met, around.touched);
         // A ray from within a shape is hit behind it, near to whatever is there.
-        if (step == 0 && any(first)) {
-            meet_all(first, scene, own);
-            live = but_not(first, live);
+        if (step == 0 && any(both(first, at_camera))) {
+            meet_all(both(first, at_camera), offered, own->met);
+            live = but_not(both(first, at_camera), live);
         }
         // Each of its rays has been hit by now, or is out of the bounds.
         mask hit = less(around.depth, zero);
@@ -115,7 +128,7 @@ void march_cones(struct place eye, mask active, struct cones *cones, const struc
     }
     if (any(live)) { // out of steps: known as far as they are
         cones->start = choose(but_not(met, live), t, cones->start);
-        meet_all(live, scene, own);
+        meet_all(live, offered, own->met);
     }
     cones->start =
         choose(less(cones->start, set(INFINITY)),
@@ -140,6 +153,13 @@ struct list hit_list(const bool *wanted, const struct prepared *scene, int *shap
         if (wanted[i] && scene->placed[i].trust == BALL)
             return scene->all;
     return list_of(wanted, scene, shapes);
+}
+
+struct list list_below(unsigned some, const mask *met, const struct prepared *scene,
+                       struct own *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = (bits(met[i]) & some) != 0;
+    return list_of(own->wanted, scene, own->offered);
 }
 
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start) {

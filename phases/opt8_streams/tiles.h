@@ -13,7 +13,9 @@ struct own {
     real *eye_wake; // of cones and bundles
     struct approach *eye;
     real *distance;              // at the ends of a bundle's intervals
+    struct approach *axis;       // of cones
     mask *met;                   // lanes whose cone can meet the shape
+    int *offered;                // a list of what wider cones have met
     int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
     bool *wanted;                // of each shape, on the way to a list
 };
@@ -28,10 +30,16 @@ struct cones {
     real start; // no ray of it is hit before; +∞: none is at all
 };
 
-// Fills start and own->met: what a ray of the cone can hit between start and the bounds, and what is so near to
-// such a place that the normal there asks for it.
-void march_cones(struct place eye, mask active, struct cones *cones, const struct prepared *scene,
-                 struct own *own);
+// Once, for the cones of a strip.
+void place_cones(struct place eye, const struct prepared *scene, struct own *own);
+// From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
+// a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
+// asks for it.
+void march_cones(struct place eye, mask active, struct list offered, struct cones *cones,
+                 const struct prepared *scene, struct own *own);
+// What some of the cones have met; `some`: bits of their lanes.
+struct list list_below(unsigned some, const mask *met, const struct prepared *scene,
+                       struct own *own);
 // Where a Mandelbulb is on it, `start` is the camera.
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start);
 

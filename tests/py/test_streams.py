@@ -49,6 +49,22 @@ def test_shadows_at_edges_are_the_parents(name, tmp_path) -> None:
     assert np.abs(clamped(mine) - clamped(march)).max() < 1e-5
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_starts_are_the_parents(width, tmp_path) -> None:
+    """The same squares and patches, from other arrangements of lanes.
+
+    So what tests/py/test_tiles.py holds against truth holds here, for every strip of a picture.
+    """
+    scenes = {name: scene.data for name, scene in registry.scenes().items()}
+    scenes |= {name: FEATURES[name] for name in ("everything", "camera_within_a_shape", "nothing_to_see")}
+    for name, scene in scenes.items():
+        mine, parents = (
+            picture(phase, scene, tmp_path, (175, 74), **WIDTHS[width]) for phase in (PHASE, PARENT)
+        )
+        assert np.array_equal(mine["start"], parents["start"]), name
+        assert np.array_equal(mine["shapes"], parents["shapes"]), name
+
+
 def hall_of_mirrors() -> dict:
     """A floor and a ceiling that mirror each other, shapes of every kind between.
 
