@@ -98,7 +98,7 @@ void crowd_in_row(const struct window *row, float across, const int *list, int c
         if (s->way != LINEAR) {
             COUNT(crowd_in_row, solid);
             float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
-            // Both at once: no branch foresees which.
+            // Both at once, if the compiler will: gcc 12 asks one after the other.
             if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
                 continue;
             COUNT(crowd_in_row, blocks);
