@@ -11,6 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 from study import analysis, goals_page, show, store
 from study.cli import StudyError
+from study.readme import between
 from study.registry import ROOT
 
 README = ROOT / "README.md"
@@ -19,11 +20,7 @@ BEGIN, END = "<!-- goals:begin -->", "<!-- goals:end -->"
 
 def readme(text: str, table: str, note: str) -> str:
     """README's text with the block between the marks made anew. Raises StudyError without marks."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise StudyError(f"README.md: lacks the lines {BEGIN} and {END}, between which the goals go")
-    return f"{before}{BEGIN}\n{table}\n{note}\n{END}{after}"
+    return between(text, BEGIN, END, f"{table}\n{note}\n")
 
 
 def note(used: Mapping[str, str]) -> str:

@@ -14,6 +14,7 @@ import pandas as pd
 from study import analysis, chapters, claims, columns, ladder, machine, paper, show, store, systems
 from study.analysis import Data
 from study.cli import StudyError
+from study.readme import between
 from study.registry import ROOT
 
 README = ROOT / "README.md"
@@ -85,10 +86,6 @@ def machine_line(data: Data) -> str:
 
 def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     """README's text with the block between the markers made anew. Raises StudyError without markers."""
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise StudyError(f"README.md: lacks the lines {BEGIN} and {END}, between which the ladder goes")
     parts = []
     for scene, group in ladder.ladders(rows).items():
         records = group.to_dict("records")
@@ -104,24 +101,20 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
         "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
     )
     block = "\n".join([*parts, note])
-    return f"{before}{BEGIN}\n{block}{END}{after}"
+    return between(text, BEGIN, END, block)
 
 
 def readme_systems(text: str, data: Data) -> str:
     """README's text with the table of systems made anew from a run that has them: of each figure that an
     article states, and of the others one. Raises StudyError without markers or systems.
     """
-    before, begin, rest = text.partition(SYSTEMS_BEGIN)
-    _, end, after = rest.partition(SYSTEMS_END)
-    if not (begin and end):
-        raise StudyError(f"README.md: lacks the lines {SYSTEMS_BEGIN} and {SYSTEMS_END}")
     rows = systems.few(systems.rows_of(data.path))
     if not rows:
         raise StudyError(f"{data.path}: has no systems; make systems")
     block = show.markdown(show.table(rows, systems.ROWS))
     note = f"Measured on {machine_line(data)}; all rows: `{data.path.name}/tables/` (systems.md and, "
     note += "of P2's rays, packets.md: here are the best and the worst ratio of all scenes and kinds).\n"
-    return f"{before}{SYSTEMS_BEGIN}\n{block}\n{note}{SYSTEMS_END}{after}"
+    return between(text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\n{note}")
 
 
 def run() -> int:
