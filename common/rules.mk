@@ -93,10 +93,10 @@ $(BUILD)/%/driver.o: common/driver.c $(wildcard common/*.h) $(BUILD)/%/phase_inf
 
 # What flags.mk says (common/phase_info.py). $(1): its variable.
 flags_mk = sed -n 's/^$(1) := //p' $(BUILD)/$*/flags.mk
-# Which variants: what gcc times has all of them; what is sanitized, counted, profiled, by clang or built otherwise has
-# those that this CPU runs (no other is ever called): half of the compiler's work on a CPU without AVX-512. Sources that
+# Which variants: what gcc times has all of them; what is sanitized, counted, profiled, by clang, patched or built otherwise
+# has those that this CPU runs (no other is ever called): half of the compiler's work on a CPU without AVX-512. Sources that
 # are only read: the others; of counting sources (count/read) clang reads all, and what gcc counts it has compiled.
-variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(and $(CLANG),$(filter %/count/read,$@)),,_REST),$(if $(or $(SANITIZERS),$(CLANG),$(filter-out $(BUILD)/$*,$(@D))),_HERE)))
+variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(and $(CLANG),$(filter %/count/read,$@)),,_REST),$(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),_HERE)))
 # Each of a phase's sources with its flags, those of "each_variant" once for each variant, as NAME-VARIANT.
 # $(1): more flags, with -c or -S; $(2): folder/ and $(3): ending of what is made. Intrinsics are parsed once for all
 # that is compiled alike (the objects are the same): .2 of the .5 s of each source, two thousand times in the tests.
