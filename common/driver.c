@@ -105,7 +105,7 @@ static int run(struct session *s) {
     const struct options *o = &s->options;
     static const char *const planes[] = {PHASE_PLANES NULL};
     if (!frame_create(&s->frame, o->width, o->height, o->aov, planes) ||
-        !(s->presenter = presenter_create()) ||
+        !(s->presenter = presenter_create(o->threads)) ||
         !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
         !(s->frames = json_array()))
         return driver_complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);

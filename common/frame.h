@@ -34,9 +34,10 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 bool frame_writable(const char *path, char *error);
 
 // Gamma and 8 bits: trunc(255·min(1, c^0.4545)) of each linear value, 0 for negatives and NaN, in
-// exact agreement with that formula evaluated in double (present.c), by the widest vectors there are.
+// exact agreement with that formula evaluated in double (present.c), by the widest vectors there are and, of a
+// picture large enough for them, up to `threads` threads, on the CPUs that the caller has when it creates it.
 struct presenter;
-struct presenter *presenter_create(void);
+struct presenter *presenter_create(int threads);
 void presenter_free(struct presenter *presenter);
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8);
 

@@ -4,6 +4,8 @@
 // apart at the least), the lower half is compared with it. One table look-up a sample, 16, 8 or one at a time.
 #include <immintrin.h>
 #include <math.h>
+#include <pthread.h>
+#include <sched.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,10 +26,16 @@ static inline void fetch_ahead(const float *from) {
     _mm_prefetch((const char *)place, _MM_HINT_T0);
 }
 
+// A thread more is started for this many samples: 50 µs of one thread's work, which its start takes too.
+enum { APIECE = 1 << 16, WHOLE_LINES = 64, MOST = 64 };
+
 typedef void convert(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown);
 
 struct presenter {
     convert *convert;
+    int threads;
+    cpu_set_t
+        cpus; // the process's before a phase pins its caller: a thread started later would stay beside that one
     uint32_t bins[LAST - FIRST + 1];
 };
 
@@ -129,11 +137,12 @@ static convert *widest(void) {
     return !none && __builtin_cpu_supports("avx2") ? by_8 : one_by_one;
 }
 
-struct presenter *presenter_create(void) {
+struct presenter *presenter_create(int threads) {
     struct presenter *p = malloc(sizeof *p);
     if (!p)
         return NULL;
     p->convert = widest();
+    p->threads = sched_getaffinity(0, sizeof p->cpus, &p->cpus) == 0 ? threads : 1;
     for (uint32_t bin = FIRST; bin <= LAST; bin++)
         p->bins[bin - FIRST] = (uint32_t)level(from_bits(bin << HALF)) << LOW | NEVER;
     for (int k = 1; k < 256; k++) {
@@ -148,7 +157,50 @@ void presenter_free(struct presenter *presenter) {
     free(presenter);
 }
 
+// What a thread does of a picture.
+struct part {
+    const struct presenter *presenter;
+    const float *linear;
+    size_t samples;
+    uint8_t *shown;
+};
+
+static void *present_part(void *data) {
+    const struct part *p = data;
+    p->presenter->convert(p->presenter->bins, p->linear, p->samples, p->shown);
+    return NULL;
+}
+
+// Another thread for `part`, where the process may run.
+static bool begin_part(pthread_t *thread, struct part *part) {
+    pthread_attr_t attributes;
+    if (pthread_attr_init(&attributes) != 0)
+        return false;
+    const cpu_set_t *cpus = &part->presenter->cpus;
+    bool begun = pthread_attr_setaffinity_np(&attributes, sizeof *cpus, cpus) == 0 &&
+                 pthread_create(thread, &attributes, present_part, part) == 0;
+    pthread_attr_destroy(&attributes);
+    return begun;
+}
+
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8) {
-    presenter->convert(presenter->bins, frame->rgb,
-                       3 * (size_t)frame->width * (size_t)frame->height, rgb8);
+    const size_t samples = 3 * (size_t)frame->width * (size_t)frame->height;
+    size_t count = samples / APIECE < MOST ? samples / APIECE : MOST;
+    if (count > (size_t)presenter->threads)
+        count = (size_t)presenter->threads;
+    size_t each = count > 1 ? samples / count / WHOLE_LINES * WHOLE_LINES : 0;
+    struct part parts[MOST];
+    pthread_t threads[MOST];
+    size_t begun =
+        0; // behind one another; the caller has the rest, which is all of them if no thread begins
+    for (; begun + 1 < count; begun++) {
+        size_t at = begun * each;
+        parts[begun] = (struct part){presenter, frame->rgb + at, each, rgb8 + at};
+        if (!begin_part(&threads[begun], &parts[begun]))
+            break;
+    }
+    size_t at = begun * each;
+    presenter->convert(presenter->bins, frame->rgb + at, samples - at, rgb8 + at);
+    for (size_t i = 0; i < begun; i++)
+        pthread_join(threads[i], NULL);
 }

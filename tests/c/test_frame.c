@@ -329,7 +329,7 @@ static const uint8_t *show(struct shower *s) {
 }
 
 static struct shower shower_create(void) {
-    struct shower s = {.presenter = presenter_create(), .shown = malloc(BATCH)};
+    struct shower s = {.presenter = presenter_create(2), .shown = malloc(BATCH)};
     assert_true(s.presenter && s.shown && frame_create(&s.frame, BATCH / 3, 1, false, NULL));
     return s;
 }
@@ -437,7 +437,7 @@ static void every_width_shows_the_same_bytes(void **state) {
     }
     for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
         limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
-        struct presenter *presenter = presenter_create();
+        struct presenter *presenter = presenter_create(3); // threads: of the whole, not of a part
         assert_non_null(presenter);
         struct frame part = s.frame;
         for (int pixels = 1; pixels <= 40; pixels++) {

@@ -53,7 +53,7 @@ static void present_leaves_no_upper_half_in_use(void **state) {
     uint8_t shown[63];
     for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
         limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
-        struct presenter *presenter = presenter_create();
+        struct presenter *presenter = presenter_create(1);
         assert_non_null(presenter);
         clear_upper_halves();
         frame_present(presenter, &frame, shown);
