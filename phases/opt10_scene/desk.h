@@ -32,6 +32,7 @@ static inline struct desk *desk_at(void *own, int shape_count) {
         list->index = (int *)behind;
     }
 #endif
+    empty_desk(desk);
     return desk;
 }
 

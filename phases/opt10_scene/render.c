@@ -189,7 +189,8 @@ static bool within_a_bulb(const struct prepared *prepared, const struct view *vi
         return false;
     double distance;
     int nearest;
-    phase_distances(prepared, 1, view->position, &distance, &nearest);
+    if (!phase_distances(prepared, 1, view->position, &distance, &nearest))
+        return true; // no memory to ask by: a march is always right
     return !(distance > prepared->model.march.hit_distance);
 }
 

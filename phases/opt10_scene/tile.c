@@ -130,7 +130,7 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
+    size_t size = (size_t)prepared->model.shape_count * sizeof(struct approach);
     struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!approach)
         return false;

@@ -2,6 +2,8 @@
 #ifndef OPT9_CONVEX_H
 #define OPT9_CONVEX_H
 
+#include <string.h>
+
 #include "solids.h"
 
 enum {
@@ -96,6 +98,13 @@ struct desk {
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
     unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
 };
+
+// Nothing waits on it. Whatever was in its memory.
+static inline void empty_desk(struct desk *desk) {
+    desk->mirrors = desk->shadows = 0;
+    desk->closes = desk->close_first = desk->opens = 0;
+    memset(desk->marks, 0, sizeof desk->marks);
+}
 
 // What a shape is to a packet of shadow rays.
 struct near {

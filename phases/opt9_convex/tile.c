@@ -110,7 +110,8 @@ static void draw_tile(const struct job *job, int tile, struct approach *own) {
     }
 }
 
-// A worker's own is either: approaches to march with, or a desk and what it points to.
+// A worker's own is either: approaches to march with, or a desk and what it points to: of the frame before there may be
+// those where a desk's counts are.
 static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
@@ -148,12 +149,13 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     desk->mirrored = (int *)(behind + 4 * whole_lines(shapes * sizeof(int)));
     desk->vicinity = (int *)(behind + 5 * whole_lines(shapes * sizeof(int)));
     desk->cut = (int *)(behind + 6 * whole_lines(shapes * sizeof(int)));
+    empty_desk(desk);
     convex_tile(job, tile, desk);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
-    size_t size = VARIANT(own_size)(&prepared->model);
+    size_t size = (size_t)prepared->model.shape_count * sizeof(struct approach);
     struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!approach)
         return false;

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emulated import SHIM, SIMDE, TRUE, needs_emulation, sixteen
+from emulated import SHIM, SIMDE, TRUE, needs_emulation, needs_sixteen, sixteen
 
 from study import images, registry
 from study.build import build
@@ -320,6 +320,27 @@ def test_sixteen_lanes_draw_what_eight_draw(phase: str, tmp_path: Path) -> None:
 def test_an_emulated_build_takes_eight_where_it_must(tmp_path: Path) -> None:
     _, record = picture(sixteen("fixed_float"), registry.scenes()["spheres40"].path, tmp_path, "avx2")
     assert (record["lanes"], record["isa"]) == (8, "avx2+fma")
+
+
+@needs_sixteen
+@pytest.mark.parametrize("phase", ["opt9_convex", "opt10_scene"])
+def test_a_frame_that_is_marched_leaves_nothing_behind_for_the_next(phase: str, tmp_path: Path) -> None:
+    """A worker's approaches lie where the next frame's desk is: 16 lanes' of so many shapes on its counts."""
+    scene, random = json.loads(registry.scenes()["spheres40"].path.read_text()), np.random.default_rng(3)
+    scene["light"]["shadows"] = "soft"
+    scene["march"] |= {"max_steps": 300, "max_bounces": 1}
+    gone = {"type": "line", "to": [30, 0, 0.5], "period": 0.2}  # in the second frame
+    beside = {"type": "box", "half_size": [0.05, 2, 0.05], "position": [0.3, 0, 0.5], "material": "c0"}
+    places = random.uniform([-3, -2, 6], [3, 2, 14], (2999, 3)).tolist()
+    balls = [{"type": "sphere", "radius": 0.05, "position": place, "material": "c1"} for place in places]
+    scene["shapes"] = [beside | {"path": gone}, *balls]
+    path = tmp_path / "moving.json"
+    path.write_text(json.dumps(scene))
+    out = tmp_path / "first.exr"
+    words = [sixteen(phase), path, "-w", "4", "-n", "4", "--frames", "2", "--aov", "-o", out]
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (images.read(out)["evals"] > 1).all(), "the first frame was not marched: nothing is shown"
 
 
 @pytest.mark.parametrize(
