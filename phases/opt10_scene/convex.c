@@ -54,7 +54,7 @@ INLINE void look_across(int i, const struct window *w, const float *sides, const
         return;
     }
     COUNT(shapes_in, solid);
-    float r = s->bound * (1 + 1e-5f);
+    float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
     if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
         c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
         c[1] - w->top * c[2] < r * sides[3])
