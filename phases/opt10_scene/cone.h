@@ -54,7 +54,8 @@ INLINE real reach_of(struct vec n, real length, const struct placed *s) {
 
 // Rays that leave a plane at slope q on whose other side the solid is: h(t) ≥ q·t too, and what lies flat, or is
 // slim, is told by it where its bounding sphere is in the way. The plane leans away from the solid's position, and by 2^-12
-// more than q: so much for rounding.
+// more than q: so much for rounding. Of a ray through the position `away` is all rounding, and leans anywhere: the position's
+// height over the plane is told by how long it is alone, −to·away = away², which is too little then.
 INLINE mask plane_between(struct vec to, struct vec l, const struct placed *s, float q) {
     COUNT(plane_between, call);
     COUNT(plane_between, scalar);
@@ -62,10 +63,11 @@ INLINE mask plane_between(struct vec to, struct vec l, const struct placed *s, f
     real along = vec_dot(to, l);
     struct vec away = {mul_sub(l.x, along, to.x), mul_sub(l.y, along, to.y),
                        mul_sub(l.z, along, to.z)};
-    real beside = root(most_of(vec_dot(away, away), set(1e-20f)));
-    struct vec n = vec_along(vec_scale(l, set(lean) * beside), away, set(sqrtf(1 - lean * lean)));
-    real height = set(0.0f) - vec_dot(to, n);
-    return greater(height - beside * set(1e-5f * s->bound), reach_of(turned(s, n), beside, s));
+    real beside = root(vec_dot(away, away));
+    float upright = sqrtf(1 - lean * lean);
+    struct vec n = vec_along(vec_scale(l, set(lean) * beside), away, set(upright));
+    real height = mul_sub(set(upright), beside, set(lean) * along); // in lengths of n
+    return greater((height - set(1e-5f * s->bound)) * beside, reach_of(turned(s, n), beside, s));
 }
 
 // The slope that the cone to a shape needs.

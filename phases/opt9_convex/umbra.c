@@ -90,14 +90,16 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
     // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
     // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
     // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
-    // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended.
+    // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended, or before its first step.
     real room = r->first * (set(1.0f) - r->cosine);
-    float least_room = (float)(1e4 * model->march.hit_distance * model->shadow_strength);
+    double least_room = 1e4 * model->march.hit_distance * model->shadow_strength;
+    if (least_room < model->march.surface_offset)
+        least_room = model->march.surface_offset;
     real offset = set((float)model->march.surface_offset),
          hit = set((float)model->march.hit_distance);
     mask there = not_less(set(0.0f), mul_add(r->first, r->first + m->linear, m->constant));
-    mask dark =
-        both(both(both(r->active, there), greater(room, set(least_room))), less(r->first, r->end));
+    mask dark = both(both(both(r->active, there), greater(room, set((float)least_room))),
+                     less(r->first, r->end));
     float least_cosine =
         model->march.max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)model->march.max_steps;
     dark =

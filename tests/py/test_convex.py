@@ -481,6 +481,26 @@ IN_THE_WAY = {
         ],
         light=lit("soft", [0.4, 7, 0.2]),
     ),
+    # Rays through its position: what is left of the way beside it is rounding, and 744 pixels were lit.
+    "a light in the middle of a solid": scene(
+        [
+            FLOOR,
+            shape("octahedron", radius=0.25, position=[0.4, 1.7, 0.2]),
+            shape("box", half_size=[0.5, 0.4, 0.5], position=[-1.3, -0.6, 0]),
+        ],
+        light=lit("soft", [0.4, 1.7, 0.2]),
+    ),
+    # A march begins behind these, or in them; told dark by where their rays enter, 29 pixels were.
+    "solids before the first step": scene(
+        [
+            FLOOR,
+            shape("sphere", radius=0.4, position=[-1, -0.4, 0]),
+            shape("box", half_size=[0.3, 0.05, 0.3], position=[1, -0.7, 0]),
+            shape("torus", major_radius=0.4, minor_radius=0.1, position=[0, -0.2, 1.5]),
+        ],
+        light=lit("soft", [2, 5, -2]),
+        march={"surface_offset": 1},
+    ),
 }
 
 
