@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -70,14 +71,18 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
 
 
 def _places(phases: list[str]) -> dict[str, int]:
-    """Phase → place in the palettes: a rung's is its number, so that it looks alike in every figure."""
-    numbers = {name: 0 if name == "baseline" else _number(name) for name in phases}
+    """Phase → place in the palettes: a rung's is its number, so that it looks alike in every figure.
+
+    Others, and a second one of a number, get what is free, from the last on.
+    """
     found: dict[str, int] = {}
-    for name in sorted(phases, key=lambda one: numbers[one] is None):
-        taken, wanted = set(found.values()), numbers[name]
-        free = wanted is not None and wanted not in taken
-        found[name] = wanted if free else next(i for i in range(len(phases) + 1) if i not in taken)
-    return found
+    for name in phases:
+        wanted = 0 if name == "baseline" else _number(name)
+        if wanted is not None and wanted not in found.values():
+            found[name] = wanted
+    free = [place for place in reversed(range(len(COLOURS) + len(phases))) if place not in found.values()]
+    free.sort(key=lambda place: place >= len(COLOURS))
+    return found | dict(zip((name for name in phases if name not in found), free, strict=False))
 
 
 def _number(phase: str) -> int | None:
@@ -122,13 +127,15 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
 
 
 def _few_colours(picture: Image.Image) -> Image.Image:
-    """With its 256 commonest colours, the others as the nearest of them; as it is if those are under 97 %."""
+    """With those of the rungs and its commonest, 256 in all, others as the nearest of these; as it is if
+    that are under 97 % of the pixels."""
     pixels = np.asarray(picture).reshape(-1, 3)
     colours, place, count = np.unique(pixels, axis=0, return_inverse=True, return_counts=True)
-    common = np.argsort(-count, kind="stable")[:256]
+    common = np.argsort(-count, kind="stable")[: 256 - len(COLOURS)]
     if count[common].sum() < 0.97 * len(pixels):
         return picture
-    kept = colours[common].astype(int)
+    own = [[round(255 * part) for part in to_rgb(colour)] for colour in COLOURS]
+    kept = np.concatenate([colours[common].astype(int), own])
     nearest = np.array([((kept - colour) ** 2).sum(axis=1).argmin() for colour in colours.astype(int)])
     made = Image.fromarray(nearest[place].astype(np.uint8).reshape(picture.height, picture.width))
     made.putpalette(kept.astype(np.uint8).tobytes())

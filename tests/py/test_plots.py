@@ -14,11 +14,13 @@ import pandas as pd
 import pytest
 import started
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
 import plots
 from study import analysis, ladder
+from study import draw as drawing
 from study.analysis import Data
 
 ROOT = Path(__file__).parents[2]
@@ -194,3 +196,27 @@ def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path:
     (run / "frames.jsonl").write_text("")
     done = script(run)
     assert done.returncode == 2 and "no timed frame" in done.stderr
+
+
+def test_a_rung_looks_alike_in_every_figure_and_like_no_other() -> None:
+    """By its number, whoever else is there and in which order; one that has none takes a free place."""
+    rungs = ["baseline", *(f"opt{i}_x" if i > 4 else f"opt{i}" for i in range(1, 11))]
+    all_of_them = drawing.look(pd.DataFrame({"phase": rungs, "threads": 1}))
+    for key in ("color", "marker"):
+        assert len({style[key] for style in all_of_them.values()}) == len(rungs) == 11
+    few = drawing.look(
+        pd.DataFrame({"phase": ["opt9_x", "truth", "opt4", "opt4_other", "baseline"], "threads": 1})
+    )
+    for rung in ("opt9_x", "opt4", "baseline"):
+        assert few[rung, 1] == all_of_them[rung, 1]
+    assert len({style["color"] for style in few.values()}) == 5
+
+
+def test_a_png_keeps_the_rungs_colours_though_its_palette_is_small(
+    rows: pd.DataFrame, tmp_path: Path
+) -> None:
+    _, png = drawing.save(plots.speedups(rows), tmp_path / "ladder", "note")
+    shown = set(map(tuple, np.asarray(Image.open(png).convert("RGB")).reshape(-1, 3)))
+    assert Image.open(png).mode == "P" and (255, 255, 255) in shown
+    for colour in drawing.COLOURS[:5]:
+        assert tuple(round(255 * part) for part in to_rgb(colour)) in shown
