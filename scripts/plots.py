@@ -95,6 +95,7 @@ def speedups(rows: pd.DataFrame) -> Figure:
     rows = rows[rows["headline"] & rows["speedup"].notna()]
     figure, grid = panels(rows, 0.5 * rows.groupby("scene").size().max() + 1.0, 6.2, 2)
     figure.suptitle("Speed-up over baseline in one interleaved run, and its error", x=0.01, ha="left")
+    figure.get_layout_engine().set(rect=(0, 0, 0.975, 1), wspace=0.04)  # room right of the last column
     looks = look(rows)
     for scene, axes in grid.items():
         group = rows[rows["scene"] == scene].reset_index(drop=True)

@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 
 import plots
 import tables
-from study import analysis, machine, roof, roof_shares, roof_tables, show, store
+from study import analysis, labels, machine, roof, roof_shares, roof_tables, show, store
 from study.analysis import Data
 from study.ceilings import LEVELS, Ceilings
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -35,6 +35,7 @@ CAPTIONS = {
 }
 ROOF = "#444444"
 LABEL = 1.17  # the height of a roof's label, as a factor
+OFF = 0.75  # natural logarithm: how far a slope's name keeps from points and other names
 # Solid, dashed, dotted …: levels are told apart without colour.
 LEVEL_LINES = dict(zip(LEVELS, ("-", (0, (6, 2)), (0, (3, 2)), (0, (1, 1.5))), strict=True))
 
@@ -73,12 +74,12 @@ def arithmetic_roofs(limits: Ceilings, table: pd.DataFrame) -> list[tuple[float,
             if not value > 0:
                 continue
             label = f"{kind} {precision} {width}"
-            same = next((labels for other, labels in found if abs(other / value - 1) < 0.03), None)
+            same = next((several for other, several in found if abs(other / value - 1) < 0.03), None)
             if same is None:
                 found.append((value, [label]))
             else:
                 same.append(label)
-    return [(value, ",\n".join(labels) + f": {show.number(value)}") for value, labels in sorted(found)]
+    return [(value, ",\n".join(several) + f": {show.number(value)}") for value, several in sorted(found)]
 
 
 def slopes(limits: Ceilings, table: pd.DataFrame) -> list[tuple[str, float, str]]:
@@ -102,18 +103,27 @@ def draw_roofs(
     levels: list[tuple[str, float, str]],
     roofs: list[tuple[float, str]],
     right: float,
+    points: np.ndarray,
 ) -> None:
-    """Slopes of the levels up to the highest arithmetic roof, and those roofs."""
+    """Slopes of the levels up to the highest arithmetic roof, and those roofs.
+
+    `points`: x, y of what is drawn beside them, off which a slope's name keeps.
+    """
     left, top = axes.get_xlim()[0], roofs[-1][0]
-    knees = []
-    for place, (level, speed, label) in enumerate(levels):
+    knees, names = [], []
+    for level, speed, label in levels:
         knee = top / speed
         knees.append(knee)
         x = np.array([left, knee])
         axes.plot(x, x * speed, color=ROOF, linewidth=1.4, linestyle=LEVEL_LINES[level], label=label)
-        low = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
-        if level == roof_shares.NEAREST:  # its widths lie close together
-            low *= 2.0**place
+        lowest = max(axes.get_ylim()[0] * 1.8, 1.8 * left * speed)
+        # Its name: the lowest place on it, 1.3 apart from one to the next, off points and other names.
+        heights = lowest * 1.3 ** np.arange(12)
+        spots = np.stack([heights / speed, heights], axis=-1)
+        others = np.concatenate([points, *names]) if names else points
+        apart = np.linalg.norm(np.log(spots[:, None] / others[None]), axis=2).min(axis=1, initial=9)
+        low = float(heights[np.argmax(apart > OFF) if (apart > OFF).any() else np.argmax(apart)])
+        names.append(np.array([[low / speed, low]]))
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1}
         along = {"rotation": math.degrees(math.atan(speed)), "rotation_mode": "anchor"}
         along |= {"transform_rotates_text": True, "ha": "center", "va": "center"}  # off its neighbours
@@ -133,13 +143,15 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
     """One panel per scene, log-log. `table`: a row per scene and phase; whiskers: the 95 % interval."""
     roofs = arithmetic_roofs(limits, table)
     columns = min(2, table["scene"].nunique())
-    figure, grid = panels(table, 5.0, 7.2, columns)
+    figure, grid = panels(table, 6.0, 7.6, columns)
     other = next(iter(table["foreign_ceilings"].dropna()), "")
     title = (
-        f"Cache-aware roofline of one core{'' if other else ', measured in this run'}: performance against "
-        "flop per byte loaded or stored\n"
-        "the dash above a point: the lower of its own operations' roof (div, sqrt, min/max … at their own "
-        "rate) and of L1's by its own width"
+        f"What one core can do (lines{'' if other else ', measured in this run'}) and what each phase does "
+        "of it (marks, with flop per core cycle): a roofline.\n"
+        "A slanted line is the most that a cache or memory can feed, a level one the most that arithmetic "
+        "can do. The dash above a mark:\n"
+        "the phase's own limit, the lower of its operations' (div, sqrt, min/max … at their own rate) and "
+        "of L1's by its width of access."
     )
     if other:
         title = f"{textwrap.fill(other[0].upper() + other[1:], 110)}\n{title}"
@@ -154,11 +166,18 @@ def roofline(table: pd.DataFrame, limits: Ceilings) -> Figure:
         left, right = min(left, 2 * bottom / max(speeds_of)), max(right, 1.6 * top / min(speeds_of))
     for scene, axes in grid.items():
         axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(bottom, top), title=scene)
-        axes.set(xlabel="operational intensity, flop/byte", ylabel="flop per core cycle")
+        axes.set(xlabel="operational intensity: flop per byte loaded or stored", ylabel="flop per core cycle")
+        mine = table[table["scene"] == scene]
         if roofs:
-            draw_roofs(axes, levels, roofs, right)
-        for _, row in table[table["scene"] == scene].iterrows():
-            point(axes, row, looks[row["phase"], row["threads"]])
+            ends = [
+                mine[["intensity", name]].to_numpy(float) for name in ("flops_per_core_cycle", "least_roof")
+            ]
+            draw_roofs(axes, levels, roofs, right, np.concatenate(ends)[np.concatenate(ends).min(axis=1) > 0])
+        for _, row in mine.iterrows():
+            style = looks[row["phase"], row["threads"]]
+            point(axes, row, style)
+            where = row["intensity"], row["flops_per_core_cycle"]
+            labels.name(axes, *where, f"{style['label']} {show.number(where[1])}", style["color"])
         plain_log(axes.xaxis)
         plain_log(axes.yaxis)
     dash = Line2D([], [], color="black", marker="_", markersize=14, mew=2.2, linestyle="none")

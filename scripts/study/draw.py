@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import re
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,16 +14,21 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from PIL import Image
 
+from study import labels
 from study.cli import StudyError
 
-# Okabe & Ito's palette, which the colour-blind can tell apart; markers and hatches say the same in print.
+# Okabe & Ito's palette, which the colour-blind can tell apart, and further ones that are darker or duller
+# than any of it: no two rungs share one. Markers and hatches say the same in print.
 COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#D55E00", "#0072B2", "#CC79A7")
+COLOURS += ("#8C8C8C", "#882255", "#332288", "#A6A000", "#6F4518")
 BAD = "#b3261e"
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", (4, 1, 0), "H")
 HATCHES = ("", "//", "..", "xx", "\\\\", "--", "++")
 RING = {"marker": "o", "mfc": "none", "mec": BAD, "markersize": 16, "mew": 2, "linestyle": "none"}
 STYLE = {
@@ -48,10 +55,10 @@ class Drawing:
 def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
     """(spec, threads) → colour, marker, hatch, line style and label. opt2@opt3 has opt2's, drawn hollow."""
     names = list(dict.fromkeys(zip(rows["phase"], rows["threads"], strict=True)))
-    phases = list(dict.fromkeys(spec.partition("@")[0] for spec, _ in names))
+    places = _places(list(dict.fromkeys(spec.partition("@")[0] for spec, _ in names)))
     found = {}
     for spec, threads in names:
-        place = phases.index(spec.partition("@")[0])
+        place = places[spec.partition("@")[0]]
         found[spec, threads] = {
             "color": COLOURS[place % len(COLOURS)],
             "marker": MARKERS[place % len(MARKERS)],
@@ -61,6 +68,27 @@ def look(rows: pd.DataFrame) -> dict[tuple[str, int], dict]:
             "label": spec + (f", {threads} threads" if threads > 1 else ""),
         }
     return found
+
+
+def _places(phases: list[str]) -> dict[str, int]:
+    """Phase → place in the palettes: a rung's is its number, so that it looks alike in every figure.
+
+    Others, and a second one of a number, get what is free, from the last on.
+    """
+    found: dict[str, int] = {}
+    for name in phases:
+        wanted = 0 if name == "baseline" else _number(name)
+        if wanted is not None and wanted not in found.values():
+            found[name] = wanted
+    free = [place for place in reversed(range(len(COLOURS) + len(phases))) if place not in found.values()]
+    free.sort(key=lambda place: place >= len(COLOURS))
+    return found | dict(zip((name for name in phases if name not in found), free, strict=False))
+
+
+def _number(phase: str) -> int | None:
+    """4 of opt4 and of opt4_other."""
+    found = re.fullmatch(r"opt(\d+)(_.*)?", phase)
+    return int(found[1]) if found else None
 
 
 def panels(
@@ -78,18 +106,40 @@ def panels(
 
 
 def save(figure: Figure, stem: Path, note: str) -> list[Path]:
-    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure."""
+    """STEM.svg and STEM.png, the same bytes for the same data. The note goes under the figure.
+
+    The PNG of lines and text has a palette of 256 colours: half the bytes and less.
+    """
     across = int(figure.get_figwidth() * 17)  # characters of this size
     note = "\n".join(textwrap.fill(line, across) for line in note.splitlines())
     figure.supxlabel(note, x=0.01, ha="left", fontsize=7.5, color="#444444", linespacing=1.4)
     FigureCanvasAgg(figure)
+    labels.settle(figure)
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
-        figure.savefig(stem.with_suffix(".png"), dpi=130, metadata={"Software": None})
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png", dpi=130)
+        _few_colours(Image.open(drawn).convert("RGB")).save(stem.with_suffix(".png"), optimize=True)
     except OSError as error:
         raise StudyError(f"{stem}: cannot be written: {error.strerror or error}") from None
     return [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+
+
+def _few_colours(picture: Image.Image) -> Image.Image:
+    """With those of the rungs and its commonest, 256 in all, others as the nearest of these; as it is if
+    that are under 97 % of the pixels."""
+    pixels = np.asarray(picture).reshape(-1, 3)
+    colours, place, count = np.unique(pixels, axis=0, return_inverse=True, return_counts=True)
+    common = np.argsort(-count, kind="stable")[: 256 - len(COLOURS)]
+    if count[common].sum() < 0.97 * len(pixels):
+        return picture
+    own = [[round(255 * part) for part in to_rgb(colour)] for colour in COLOURS]
+    kept = np.concatenate([colours[common].astype(int), own])
+    nearest = np.array([((kept - colour) ** 2).sum(axis=1).argmin() for colour in colours.astype(int)])
+    made = Image.fromarray(nearest[place].astype(np.uint8).reshape(picture.height, picture.width))
+    made.putpalette(kept.astype(np.uint8).tobytes())
+    return made
 
 
 def bars_of(group: pd.DataFrame, name: str) -> np.ndarray:

@@ -45,8 +45,12 @@ def write_pictures(folder: Path) -> list[Path]:
         with fixed.settings(f"roots=3 clear={clear}"):
             made[clear] = rods.picture("fixed", "", scene, size)
     (folder / "images").mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(11, 3.5), layout="constrained")
-    names = {"corners": "four corners", "safe": "planes against spheres"}
+    figure = Figure(figsize=(11, 3.6), layout="constrained")
+    title = (
+        "spheres40 in integers: blocks of pixels taken for empty before any ray (red: wrongly), by two tests"
+    )
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    names = {"corners": "rays at its four corners", "safe": "planes at its edges against spheres"}
     for place, (clear, name) in zip(figure.subplots(1, 2), names.items(), strict=True):
         place.imshow(images.to_display(images.rgb(made[clear])), interpolation="nearest")
         for x, y in wrong_blocks(made[clear], made["never"]):

@@ -24,7 +24,7 @@ def title_of(made: images.Picture, exact: images.Picture) -> str:
 
 def write_pictures(folder: Path, scenes: Sequence[Scene], n: int) -> list[Path]:
     """The sheet: pictures of `n` lines, differences of n // 2. Raises StudyError."""
-    title = "The packet ray tracer; below, its difference to truth (black: less than 10⁻⁶)"
+    title = "The packet ray tracer; below, its difference to the exact picture (black: none over 10⁻⁶)"
     figure, spots, bar = panels.two_rows(len(scenes), (6, 7.9), title, 0.88)
     for column, scene in enumerate(scenes):
         above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))
@@ -35,6 +35,7 @@ def write_pictures(folder: Path, scenes: Sequence[Scene], n: int) -> list[Path]:
         made, exact = rods.picture("packets", "", scene, small), truth.picture(scene, small)
         bar.clear()
         panels.difference(below, bar, exact, made)
+        panels.tell(below, exact, made)
         below.set_title(title_of(made, exact), fontsize=14, loc="left")
     (folder / "images").mkdir(parents=True, exist_ok=True)
     return [panels.save(figure, folder / "images" / f"{PICTURES}.png")]

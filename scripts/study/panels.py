@@ -19,6 +19,7 @@ from study.images import Picture
 
 GOOD, BAD, QUIET = "#1b1b1b", "#b3261e", "#6b6b6b"  # text: as it should be, outside its tolerance, absent
 DIFFERENCE_LABEL = "largest difference of R, G, B\n(linear, in [0, 1]; log scale)"
+MANY = 0.05  # of the pixels: a heat map with more of them speaks for itself
 SMALLEST = 1e-6  # differences below it are drawn as none
 
 
@@ -69,6 +70,19 @@ def difference(axes: Axes, bar_axes: Axes, reference: Picture, image: Picture) -
     bar.set_label(DIFFERENCE_LABEL)
     cyan = ", cyan: not finite" if np.isnan(off).any() else ""
     axes.set_title(f"difference (black: less than 10⁻⁶{cyan})", fontsize=14, loc="left")
+
+
+def tell(axes: Axes, reference: Picture, image: Picture) -> None:
+    """In a heat map that is nearly all black: why, by how many pixels differ, and the largest difference."""
+    off = np.abs(np.subtract(*(images.clamped(images.rgb(one)) for one in (reference, image)))).max(axis=-1)
+    over = int((~(off <= SMALLEST)).sum())
+    if over > MANY * off.size:
+        return
+    text = f"{over:,} of {off.size:,} pixels differ by over 10⁻⁶" if over else "no pixel differs by over 10⁻⁶"
+    if np.isfinite(off).all():
+        text += f"\nlargest difference: {off.max():.1g}"
+    corner = {"transform": axes.transAxes, "ha": "left", "va": "bottom", "fontsize": 11, "color": "white"}
+    axes.text(0.01, 0.015, text, bbox={"facecolor": "black", "edgecolor": "none", "alpha": 0.6}, **corner)
 
 
 def block_max(plane: np.ndarray, factor: int) -> np.ndarray:

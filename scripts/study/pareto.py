@@ -19,7 +19,7 @@ FILE = "pareto.json"
 TRUTHS = {"psnr_db": "the paper's estimator", "psnr_ideal_db": "the ideal shadow"}
 # What a front is drawn over. The first two are better when larger.
 MEASURES = {
-    "psnr_db": "PSNR to truth, dB (linear)",
+    "psnr_db": "error: PSNR to truth, dB (linear RGB)",
     "psnr_ideal_db": "PSNR to truth with the ideal shadow, dB (linear)",
     "false_ppm": "false hits and misses, ppm",
     "dt_p99": "|Δt|, 99th percentile, scene units",

@@ -9,9 +9,10 @@ from typing import Any
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator
 
-from study import machine, paper, pareto, show
+from study import labels, machine, paper, pareto, show
 from study.draw import legend, look, panels, plain_log
 from study.pareto import Row
 from study.show import Column
@@ -51,39 +52,33 @@ def _scatter(axes: Axes, rows: Sequence[Row], measure: str, **style: Any) -> Non
     axes.scatter([pareto.pace_of(r) for r in rows], [_height(r, measure) for r in rows], **style)
 
 
-def _points(
-    axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any], place: int
-) -> None:
-    """One program's: faint where launched once, small where timed in full, large with the scene's own.
+def _points(axes: Axes, rows: Sequence[Row], measure: str, name: str, style: dict[str, Any]) -> None:
+    """One program's: its mark with the scene's own parameters, dots of its colour with others.
 
-    `place`: among the switches of its phase, whose words would lie on each other where their marks do.
+    Dots are faint where launched once. A mark that is hollow has a word beside it: which root.
     """
     hollow = "+" in name
-    mark = {
-        "marker": style["marker"],
-        "facecolor": "white" if hollow else style["color"],
-        "edgecolor": style["color"],
-    }
     once = [r for r in rows if not pareto.timed(r)]
     full = [r for r in rows if pareto.timed(r) and not r["own_parameters"]]
     mine = [r for r in rows if pareto.timed(r) and r["own_parameters"]]
-    _scatter(axes, once, measure, s=9, alpha=0.3, linewidth=0.6, zorder=2, **mark)
-    _scatter(axes, full, measure, s=20, alpha=0.85, linewidth=0.9, zorder=4, **mark)
+    dot = {"marker": "o", "s": 12, "linewidth": 0.0, "color": style["color"]}
+    _scatter(axes, once, measure, alpha=0.25, zorder=2, **dot)
+    _scatter(axes, full, measure, alpha=0.9, zorder=4, **dot)
+    mark = {"marker": style["marker"], "facecolor": "white" if hollow else style["color"]}
     mark["edgecolor"] = style["color"] if hollow else "black"
     base, _, word = name.partition("+")
     # Two switches of a phase have one mark, and one line of the legend: a word beside each.
     label = f"{base} with an approximated root" if hollow else name
     _scatter(axes, mine, measure, s=75, linewidth=1.2, zorder=5, label=label, **mark)
     for row in mine if hollow and measure == FIRST else ():
-        there = pareto.pace_of(row), _height(row, measure)
-        away = ((6, -10), (6, -17), (2, 8))[place % 3]
-        axes.annotate(word, there, away, textcoords="offset points", fontsize=6.5, zorder=6)
+        labels.name(axes, pareto.pace_of(row), _height(row, measure), word, style["color"], 7)
 
 
 def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
     """Up is nearer: an error that is better when smaller goes down the axis; zeros have a place."""
     if measure in pareto.TRUTHS:
-        axes.yaxis.set_major_locator(FixedLocator((0, 10, 20, 30, *pareto.LEVELS, 100, TOP)))
+        axes.yaxis.set_major_locator(FixedLocator(range(0, TOP + 1, 20)))
+        axes.set_ylim(0, TOP + 6)
         return
     least = min((_height(r, measure) for r in rows if _height(r, measure) > 0), default=1.0)
     decade = 10.0 ** math.floor(math.log10(least))  # from here down to 0 the axis is linear
@@ -94,9 +89,8 @@ def _vertical(axes: Axes, measure: str, rows: Sequence[Row]) -> None:
 def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dict) -> None:
     names = list(dict.fromkeys(r["phase"] for r in rows))
     for name in names:
-        points, base = [r for r in rows if r["phase"] == name], name.partition("+")[0]
-        place = [other for other in names if other.startswith(f"{base}+")].index(name) if "+" in name else 0
-        _points(axes, points, measure, name, looks[base, 1], place)
+        points = [r for r in rows if r["phase"] == name]
+        _points(axes, points, measure, name, looks[name.partition("+")[0], 1])
     line = pareto.front(rows, measure)
     axes.plot(
         [pareto.pace_of(r) for r in line],
@@ -105,32 +99,40 @@ def _panel(axes: Axes, scene: str, rows: Sequence[Row], measure: str, looks: dic
         linewidth=1.2,
         drawstyle="steps-post",
         zorder=3,
-        label="front: nothing is faster and nearer",
+        label="front: nothing is both faster and nearer",
     )
     if measure == FIRST and (there := paper_point(scene, rows)):
         axes.scatter(*there, **PAPER, label="the paper's opt4, to its own baseline")
     fractal = any(r["converged_only"] for r in rows)
-    axes.set_title(f"{scene} (4×4 averaged)" if fractal else scene)
-    axes.set(xscale="log", xlabel="ns per pixel", ylabel=pareto.MEASURES[measure])
+    axes.set_title(f"{scene} (4×4 means)" if fractal else scene)
+    axes.set(xscale="log", xlabel="time, ns per pixel", ylabel=pareto.MEASURES[measure])
     plain_log(axes.xaxis)
     _vertical(axes, measure, rows)
 
 
 def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
-    """A panel per scene: ns per pixel against an error to truth; large marks: the scene's own parameters."""
+    """A panel per scene, all of one scale: ns per pixel against an error to truth.
+
+    Marks: the scene's own parameters; dots: others.
+    """
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     # A switch looks like its phase, drawn hollow: the shape says which rung it stands on.
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
-    made, grid = panels(frame, 3.5)
-    made.suptitle(
-        "Speed against error: left is faster, up is nearer to the truth", x=0.01, ha="left", fontsize=12
-    )
+    made, grid = panels(frame, 4.2, 5.4)
+    title = "Speed against error: left is faster, up is nearer to the exact picture (truth)"
+    made.suptitle(title, x=0.01, ha="left", fontsize=12)
+    paces = [pareto.pace_of(r) for r in rows if pareto.pace_of(r) > 0]
     for scene, axes in grid.items():
         mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]
         if measure in pareto.TRUTHS:
             mine = [r for r in mine if _height(r, measure) > 0]
         _panel(axes, scene, mine, measure, looks)
-    legend(made, grid)
+        axes.set_xlim(min(paces) / 1.5, max(paces) * 1.5)
+    dots = {"marker": "o", "markersize": 4, "color": "#555555", "linestyle": "none"}
+    kinds = {"a rung by other hit distances, step caps": 0.9, "the same, timed by one launch only": 0.25}
+    legend(
+        made, grid, tuple(Line2D([], [], label=text, alpha=alpha, **dots) for text, alpha in kinds.items())
+    )
     return made
 
 
@@ -154,8 +156,8 @@ def note(result: dict[str, Any], measure: str = FIRST) -> str:
     averaged = result.get("antialias_n", result["n"])
     return (
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
-        "of phases that could use more: equal resources. Large marks: the scene's own parameters; small: "
-        "other hit distances and step caps; hollow: an approximated root. "
+        "of phases that could use more: equal resources. Marks: a rung by the scene's parameters; dots: by "
+        "other hit distances and step caps, in its colour; hollow: an approximated root, named beside it. "
         f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
         "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
         "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +51,22 @@ def _law(fit: Row, x: np.ndarray) -> np.ndarray:
     return fit["factor"] * x ** fit["exponent"]["value"]
 
 
+def _several(rows: Iterable[Row]) -> set[str]:
+    """Series of which some program has two points: one point shows no growth."""
+    found: dict[tuple[str, str], set[float]] = {}
+    for row in rows:
+        found.setdefault((row["series"], row["phase"]), set()).add(row["x"])
+    return {series for (series, _), across in found.items() if len(across) > 1}
+
+
 def _grown(
     result: dict[str, Any], value: Callable[[Row], float | None], kind: str, title: str, axis: str
-) -> Figure:
-    """A panel per series, log-log: each program's points, its fitted law (dashed) and exponent."""
-    rows = [row for row in result["rows"] if value(row)]
+) -> Figure | None:
+    """A panel per series that has a line, log-log: each program's points, fitted law (dashed), exponent."""
+    several = _several(row for row in result["rows"] if value(row))
+    rows = [row for row in result["rows"] if value(row) and row["series"] in several]
+    if not rows:
+        return None
     named = [row | {"scene": result["titles"][row["series"]]} for row in rows]
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in named])
     figure, grid = panels(frame, 3.1, 4.3)
@@ -119,13 +130,15 @@ def errors(result: dict[str, Any]) -> Figure | None:
         return None
     frame = pd.DataFrame([{"scene": r["scene"], "phase": r["phase"], "threads": 1} for r in rows])
     figure, grid = panels(frame, 3.1, 4.3)
-    figure.suptitle("Error: up is nearer to the reference", x=0.01, ha="left", fontsize=12)
-    looks = look(frame)
+    title = f"Error: up is nearer to the reference ({TOP} dB: that or nearer)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
+    looks, order = look(frame), list(dict.fromkeys(frame["phase"]))
     for name, axes in grid.items():
         mine = [row for row in rows if row["scene"] == name]
         for phase in dict.fromkeys(row["phase"] for row in mine):
             style = looks[phase, 1]
             points = [row for row in mine if row["phase"] == phase]
+            size = max(24, 80 - 32 * order.index(phase))  # what lies below others looks out from under them
             at = [row["x"] for row in points], [level(row) for row in points]
             for one in dict.fromkeys(
                 row["reference"] for row in points
@@ -133,7 +146,7 @@ def errors(result: dict[str, Any]) -> Figure | None:
                 same = [(row["x"], level(row)) for row in points if row["reference"] == one]
                 axes.plot(*zip(*same, strict=True), color=style["color"], linewidth=0.8, zorder=2)
             fill = [style["color"] if row["reference"] == "truth" else "white" for row in points]
-            marks = {"marker": style["marker"], "s": 24, "edgecolor": style["color"], "zorder": 3}
+            marks = {"marker": style["marker"], "s": size, "edgecolor": style["color"], "zorder": 3}
             axes.scatter(*at, c=fill, **marks)
             axes.plot([], [], marker=style["marker"], color=style["color"], linewidth=0.8, label=phase)
         axes.set(
@@ -141,8 +154,9 @@ def errors(result: dict[str, Any]) -> Figure | None:
         )
         axes.title.set_fontsize(10)
         plain_log(axes.xaxis)
-        low, high = axes.get_ylim()
-        axes.set_ylim(min(low, (low + high) / 2 - 2), max(high, (low + high) / 2 + 2))  # 0.01 dB is nothing
+        axes.set_ylim(0, TOP + 8)  # one scale: a tenth of a dB is nothing
+        across = [row["x"] for row in mine]
+        axes.set_xlim(min(across) / 1.3, max(across) * 1.3)
     legend(figure, grid)
     return figure
 

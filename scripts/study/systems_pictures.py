@@ -36,7 +36,7 @@ def _starts(place: Any, made: Picture) -> None:
     shown = place.imshow(start_map(made["start"]), interpolation="nearest", cmap="viridis")
     scale = place.inset_axes((0.3, 0.9, 0.4, 0.05))
     place.figure.colorbar(shown, cax=scale, orientation="horizontal")
-    place.set_title("t at which each ray begins (grey: none is)", fontsize=13, loc="left")
+    place.set_title("distance where a ray starts (grey: no ray)", fontsize=13, loc="left")
 
 
 def write_pictures(folder: Path, n: int = HEIGHT) -> list[Path]:
@@ -48,7 +48,7 @@ def write_pictures(folder: Path, n: int = HEIGHT) -> list[Path]:
         ("fixed_float", SPHERES),
     )
     columns = [one for one in wanted if registry.cpu_supports(registry.find_phase(one[0]))]
-    title = "Systems beside the ladder; below, the difference to truth (black: less than 10⁻⁶), and rods' map"
+    title = "Systems beside the ladder; below, the difference to truth (black: none over 10⁻⁶), and rods' map"
     figure, spots, bar = panels.two_rows(len(columns), (5, 6.9), title, 0.87)
     for column, (phase, name) in enumerate(columns):
         above, below = (figure.add_subplot(spots[row, column]) for row in (0, 1))
@@ -62,6 +62,7 @@ def write_pictures(folder: Path, n: int = HEIGHT) -> list[Path]:
             continue
         bar.clear()
         panels.difference(below, bar, exact, made)
+        panels.tell(below, exact, made)
         below.set_title(title_of(made, exact), fontsize=13, loc="left")
     (folder / "images").mkdir(parents=True, exist_ok=True)
     return [panels.save(figure, folder / "images" / f"{PICTURES}.png")]

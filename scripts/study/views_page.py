@@ -22,7 +22,8 @@ def ratios(result: Row) -> Figure:
     """A column a rung: a mark for each view, the median of the others as a bar."""
     found = result["rungs"]
     figure = Figure(figsize=(max(8, 1.5 * len(found) + 2.6), 4.4), layout="constrained")
-    figure.suptitle("Gain of each rung over its parent, view by view", x=0.01, ha="left", fontsize=12)
+    title = "Gain of each rung over its parent, view by view; by name: the view of least gain (scene, place)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     axes = figure.subplots()
     axes.axhline(1, color="#888888", linewidth=1)
     for place, rung in enumerate(found):
@@ -41,9 +42,9 @@ def ratios(result: Row) -> Figure:
         if rung["worst"]:
             text = f"{rung['worst_scene']}\n{rung['worst_view']}"
             low = min(ends(r)[0] for r in others)
-            axes.annotate(
-                text, (place, low), (0, -5), textcoords="offset points", fontsize=7.5, ha="center", va="top"
-            )
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1, "alpha": 0.85}
+            under = {"textcoords": "offset points", "ha": "center", "va": "top", "bbox": box}
+            axes.annotate(text, (place, low), (0, -5), fontsize=7.5, **under)
     axes.set_xticks(range(len(found)), [f"{r['phase']}\nover {r['parent']}" for r in found], fontsize=8.5)
     axes.set(yscale="log", ylabel="times as fast as its parent", xlim=(-0.6, len(found) - 0.4))
     low, high = axes.get_ylim()

@@ -304,6 +304,9 @@ def test_the_sheet_shows_the_difference_to_truth(monkeypatch, tmp_path):
     titles = [p.get_title(loc="left") for p in panels]
     psnr = 10 * math.log10(3 * 128 / 0.1**2)
     assert titles[1] == f"to truth, 16×8: {psnr:.1f} dB, 0 ppm wrong hits" and "identical" in titles[3]
+    said = [text.get_text() for p in panels for text in p.texts]
+    assert said[0] == "1 of 128 pixels differ by over 10⁻⁶\nlargest difference: 0.1"
+    assert said[1] == "no pixel differs by over 10⁻⁶\nlargest difference: 0"
     shown = [p.images[0].get_array() for p in panels]
     assert np.isclose(shown[1].max(), 0.1) and np.sum(shown[1] > 1e-6) == 1 and shown[3].max() < 1e-6
 

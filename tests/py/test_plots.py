@@ -14,11 +14,13 @@ import pandas as pd
 import pytest
 import started
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
 import plots
 from study import analysis, ladder
+from study import draw as drawing
 from study.analysis import Data
 
 ROOT = Path(__file__).parents[2]
@@ -77,6 +79,22 @@ def test_the_same_run_gives_the_same_bytes(
     for name in again:
         for a, b in zip(made[name], again[name], strict=True):
             assert Path(a).read_bytes() == Path(b).read_bytes()
+
+
+def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
+    made: dict, run: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    command = [sys.executable, str(ROOT / "scripts" / "redraw.py"), str(run), "-o", str(out)]
+    done = started.run([*command, "--only", "speeds", "pareto"])
+    assert done.returncode == 0 and "pareto: left out" in done.stderr, done.stderr
+    assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
+        Path(path).name for paths in made.values() for path in paths
+    )
+    for paths in made.values():
+        assert (out / "figures" / Path(paths[1]).name).read_bytes() == Path(paths[1]).read_bytes()
+    missing = started.run([*command[:2], str(tmp_path / "none")])
+    assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
 
 
 def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:
@@ -194,3 +212,30 @@ def test_an_unwritable_folder_and_an_empty_run_are_status_2(run: Path, tmp_path:
     (run / "frames.jsonl").write_text("")
     done = script(run)
     assert done.returncode == 2 and "no timed frame" in done.stderr
+
+
+def test_a_rung_looks_alike_in_every_figure_and_like_no_other() -> None:
+    """By its number, whoever else is there and in which order; one that has none takes a free place."""
+    rungs = ["baseline", *(f"opt{i}_x" if i > 4 else f"opt{i}" for i in range(1, 11))]
+    all_of_them = drawing.look(pd.DataFrame({"phase": rungs, "threads": 1}))
+    for key in ("color", "marker"):
+        assert len({style[key] for style in all_of_them.values()}) == len(rungs) == 11
+    few = drawing.look(
+        pd.DataFrame({"phase": ["opt9_x", "truth", "opt4", "opt4_other", "baseline"], "threads": 1})
+    )
+    for rung in ("opt9_x", "opt4", "baseline"):
+        assert few[rung, 1] == all_of_them[rung, 1]
+    assert len({style["color"] for style in few.values()}) == 5
+
+
+def test_a_png_keeps_the_rungs_colours_though_its_palette_is_small() -> None:
+    """Of 300 shades with two pixels each, every rung's colour with one, and white all else."""
+    rungs = [tuple(round(255 * part) for part in to_rgb(colour)) for colour in drawing.COLOURS]
+    pixels = np.full((40_000, 3), 255, np.uint8)
+    pixels[:600] = [(i % 150, 200 + i % 2, i // 150) for i in range(300) for _ in range(2)]
+    pixels[600 : 600 + len(rungs)] = rungs
+    made = drawing._few_colours(Image.fromarray(pixels.reshape(200, 200, 3)))
+    shown = np.asarray(made.convert("RGB")).reshape(-1, 3)
+    assert made.mode == "P" and len(np.unique(shown, axis=0)) <= 256
+    assert list(map(tuple, shown[600 : 600 + len(rungs)])) == rungs and (shown[1000:] == 255).all()
+    assert drawing._few_colours(Image.fromarray(pixels[:4000].reshape(40, 100, 3))).mode == "RGB"

@@ -349,6 +349,18 @@ def test_a_broken_file_is_named(tmp_path):
         systems.section(tmp_path)
 
 
+def test_the_bars_have_the_greys_of_the_pictures():
+    """Steps 1 to 20, distances 2 to 4, errors of 1e-4 to 0.1: their ends and middles, by the colour bars."""
+    steps, depth, error = rods_pictures.scales(20, 2.0, 4.0)
+    for bar, values, greys in (
+        (steps, [1, 10.5, 20], rods_pictures.grey_steps(np.array([1, 10.5, 20]), 20)),
+        (depth, [2, 3, 4], rods_pictures.grey_depth(np.array([2.0, 3, 4]), 2, 4)),
+        (error, [1e-4, 10**-2.5, 0.1], [1, 0.5, 0]),
+    ):
+        assert bar.map(bar.norm(values))[:, 0] == pytest.approx(greys, abs=0.005)
+    assert "scene units" in depth.label and "steps" in steps.label and "scene units" in error.label
+
+
 def test_greys_by_hand():
     assert rods_pictures.grey_steps(np.array([1, 20, 10.5]), 20).tolist() == [1.0, 0.0, 0.5]
     grey = rods_pictures.grey_depth(np.array([2.0, 4.0, np.inf]), 2, 4)

@@ -15,6 +15,7 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib
 import pandas as pd
 import pytest
 import started
@@ -22,10 +23,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import roofline
-from study import analysis, ceilings, roof, roof_shares, roof_tables, sections, store
+from study import analysis, ceilings, labels, roof, roof_shares, roof_tables, sections, store
 from study.cli import StudyError
 from study.counts import Counts, Measured
-from study.draw import RING
+from study.draw import RING, STYLE, save
 
 ROOT = Path(__file__).parents[2]
 PIXELS = {90: 160 * 90, 180: 320 * 180}
@@ -676,3 +677,31 @@ def test_the_papers_values_are_stars_beside_its_figure(run: Path) -> None:
     figure = roofline.performance(rows_of(run))
     stars = [line for line in figure.axes[0].lines if line.get_marker() == "*"]
     assert {float(line.get_ydata()[0]) for line in stars} == {0.173, 1.332, 2.383}  # Tables 5 and 6
+
+
+def test_no_name_lies_on_another_or_on_a_mark(run: Path, tmp_path: Path) -> None:
+    """Of six phases within a few per cent of each other: every mark is named, and no box overlaps another."""
+    counted, limits, _ = roof.read(run)
+    rows = roof.rows(analysis.load(run), counted, limits)
+    shown = roof.headline(rows[rows["intensity"] > 0])
+    one = shown[shown["phase"] == "opt4"].iloc[[0]]
+    speeds = [f"flops_per_core_cycle{end}" for end in ("", "_low", "_high")]
+    crowd = [
+        one.assign(phase=f"opt{4 + i}", **{s: one[s] * (1 + 0.01 * i) for s in speeds}) for i in range(6)
+    ]
+    table = pd.concat([shown[shown["phase"] != "opt4"], *crowd], ignore_index=True)
+    assert limits
+    with matplotlib.rc_context(STYLE):
+        figure = roofline.roofline(table, limits)
+        save(figure, tmp_path / "roofline", "a note\nof two lines")
+    axes = figure.axes[0]
+    words = {text.get_text().split(" ")[0] for text in axes.texts if isinstance(text, labels.Name)}
+    assert words == {"opt3", *(f"opt{4 + i}" for i in range(6))}
+    figure.draw_without_rendering()
+    frame = axes.get_window_extent()
+    names = [text for text in axes.texts if isinstance(text, labels.Name)]
+    boxes = [text.get_bbox_patch().get_window_extent() for text in names]
+    others = labels.marks(axes, figure.dpi / 72)
+    for i, box in enumerate(boxes):
+        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        assert not any(box.overlaps(other) for other in boxes[:i] + others), names[i].get_text()
