@@ -17,7 +17,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 import tables
-from study import analysis, chapters, images, ladder, rods, store
+from study import analysis, chapters, images, ladder, provenance, rods, store
 from study.cli import StudyError
 
 DESCRIPTION = """\
@@ -138,6 +138,14 @@ def publish(run: Path, folder: Path) -> tuple[list[str], list[str]]:
     return names, large
 
 
+def commits_said(commits: dict[str, list[str]]) -> str:
+    """Of which commit what was measured, a line each; more than one is a run put together."""
+    if len(commits) < 2:
+        return f"commit: {next(iter(commits), 'unknown')}"
+    each = [f"  {commit}: {', '.join(files)}" for commit, files in commits.items()]
+    return "\n".join([f"of {len(commits)} commits, which the note on the folder must say:", *each])
+
+
 def main() -> int:
     parser = cli.parser(DESCRIPTION)
     parser.add_argument("run", type=Path, metavar="RUN", help="folder of the run")
@@ -152,12 +160,15 @@ def main() -> int:
     with run.still():
         names, large = publish(run.path, folder)
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+    commits = provenance.commits(folder)
     said = {"folder": args.folder, "bytes": size, "pictures": names, "tables_left_out": large}
+    said |= {"commits": commits}
     if args.json:
         cli.emit(said)
     else:
         print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
         print(f"tables over {TABLE_BYTES // 1000} kB, left out: {', '.join(large) or 'none'}")
+        print(commits_said(commits))
     return cli.OK
 
 

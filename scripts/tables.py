@@ -11,7 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, claims, columns, ladder, machine, paper, show, store, systems
+from study import analysis, chapters, claims, columns, ladder, paper, provenance, show, store, systems
 from study.analysis import Data
 from study.cli import StudyError
 from study.readme import between
@@ -76,12 +76,7 @@ def write(made: Made, folder: Path) -> list[Path]:
 def machine_line(data: Data) -> str:
     """CPU, compiler, commit and date of a run in one sentence."""
     context = data.context
-    cpu = machine.name(context)
-    git = context.get("git") or {}
-    commit = (git.get("commit") or "unknown commit")[:10] + (
-        " with uncommitted changes" if git.get("dirty") else ""
-    )
-    return f"{cpu}; {context.get('compiler') or 'unknown compiler'}; {commit}; {context.get('time') or ''}"
+    return f"{provenance.place(context)}; {provenance.commit(context)}; {context.get('time') or ''}"
 
 
 def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
@@ -94,7 +89,8 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     at = columns.truth_height(rows.to_dict("records"))
     truth = f", or to truth where the head says so: of pictures{at} (4×4: their means)" if at else ""
     note = (
-        f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval; "
+        f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval, of a launch "
+        "that of its timed frames (as many as stand beside: a long one is timed alone, unwarmed); "
         "speed-ups are ratios of medians of one interleaved run on one thread; errors are in linear RGB, "
         f"against baseline{truth}. 4×4 averaged: means of scripts/verify.py's larger pictures (360 rows), "
         f"against baseline. > {show.MOST_DB} dB: below a float's rounding. "
@@ -112,9 +108,12 @@ def readme_systems(text: str, data: Data) -> str:
     if not rows:
         raise StudyError(f"{data.path}: has no systems; make systems")
     block = show.markdown(show.table(rows, systems.ROWS))
-    note = f"Measured on {machine_line(data)}; all rows: `{data.path.name}/tables/` (systems.md and, "
-    note += "of P2's rays, packets.md: here are the best and the worst ratio of all scenes and kinds).\n"
-    return between(text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\n{note}")
+    made_of = provenance.contexts(data.path, systems.FILES)
+    note = f"Measured on {provenance.line(made_of) or machine_line(data)}; all rows: "
+    note += f"`{data.path.name}/tables/` (systems.md and, of P2's rays, packets.md: here are the best and "
+    note += "the worst ratio of all scenes and kinds). "
+    note += f"{provenance.disturbed(data.path, systems.FILES)}".strip()
+    return between(text, SYSTEMS_BEGIN, SYSTEMS_END, f"{block}\n{note.strip()}\n")
 
 
 def run() -> int:

@@ -30,8 +30,8 @@ NEEDED = {
 
 @dataclass(frozen=True)
 class Cell:
-    """One configuration. `values`: a row per launch (medians of its timed frames), its index the rounds that
-    they were of (stats.rounds_of); times in ns."""
+    """One configuration. `values`: a row per launch (medians of its timed frames, whose number is `frames`),
+    its index the rounds that they were of (stats.rounds_of); times in ns."""
 
     scene: str
     spec: str
@@ -166,9 +166,11 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         values = pd.DataFrame({column: launch[column].median() for column in columns})
         first = group.sort_values("frame").groupby("launch").first()  # right after set-up, warm-up or not
         values["setup_first_ns"] = first["prepare_ns"] + first["ns"]
+        values["frames"] = launch.size()
         values.index = pd.Index(launch["round"].first(), name="round")
         facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
         facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
+        facts["unwarmed"] = not group["warmup"].any()
         cells.append(Cell(*key, facts, values))
     return sorted(
         cells,

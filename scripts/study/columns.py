@@ -99,6 +99,11 @@ def sized(shown: Sequence[Column], rows: Sequence[Row]) -> list[Column]:
     return made
 
 
+def _frames(row: Row) -> str:
+    """Timed ones; a long frame is timed alone and unwarmed, so that it is the process's first."""
+    return whole("frames_a_launch")(row) + (" (no warm-up)" if row.get("unwarmed") else "")
+
+
 def _over_one_thread(row: Row) -> str:
     return NOTHING if row["threads"] == 1 else interval(row, "over_one_thread", 3, "×")
 
@@ -108,6 +113,7 @@ LADDER = [
     Column("", "precision", word("precision")),
     Column("", "threads", whole("threads")),
     Column("time of a steady frame", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("time of a steady frame", "frames a launch", _frames),
     Column("time of a steady frame", "ns/pixel", plain("ns_per_pixel", 4)),
     Column("speed-up over", "baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
     Column("speed-up over", "opt2, same flags [95\u00a0%]", speedup("speedup_same_flags", "same_flags_base")),
@@ -125,6 +131,7 @@ README = [
     Column("", "phase", _phase),
     Column("", "precision", word("precision")),
     Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
+    Column("", "frames a launch", _frames),
     Column("", "ns/pixel", plain("ns_per_pixel", 4)),
     Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
     Column("", "× opt2, same flags", speedup("speedup_same_flags", "same_flags_base")),
@@ -186,6 +193,7 @@ RUNTIME = [
     Column("", "phase", _phase),
     Column("", "threads", whole("threads")),
     Column("", "launches", whole("launches")),
+    Column("", "frames a launch", _frames),
     Column("", "ms [95\u00a0%]", lambda r: interval(r, "ms")),
     Column("", "least launch, ms", plain("ms_least", 4)),
     Column("", "ns/pixel [95\u00a0%]", lambda r: interval(r, "ns_per_pixel")),

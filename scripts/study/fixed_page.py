@@ -170,7 +170,7 @@ def system_rows(result: Row) -> list[Row]:
     """Rows of the table of all systems: what the article says, what we measure, the ratio, the error."""
     if not result["rows"]:
         return []
-    said, theirs = result["article"], article_ns(result)
+    said = result["article"]
     cases = {row["case"]: row for row in result["rows"]}
     integers, floats = (fixed.widest(cases, phase) for phase in ("fixed_simd", "fixed_float"))
     of_still = [cases[case] for case in (integers, floats, next(iter(fixed.CASES))) if case in cases]
@@ -184,12 +184,11 @@ def system_rows(result: Row) -> list[Row]:
             f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}"
             + (", no shadows" if row.get("shadows") is False else ""),
             "article": f"{said['ms']} (mean of {said['frames']} frames, no shadows; {said['cpu']})",
-            "ours": f"mean {show.number(row['ms'].get('mean'))} "
-            f"(95 % of frames under {show.number(row['ms']['p95'])} ms)",
-            "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",
+            "ours": moving.mean_said(row),
+            "ratio": moving.per_article(row, said),
             "error": errors.get(row["phase"], show.NOTHING) if row.get("shadows", True) else show.NOTHING,
         }
-        for row in result["animation"]
+        for row in fixed.with_common(result["animation"])
     ]
     for case in dict.fromkeys((integers, "16 lanes, 28 bits")):
         if case in cases and cases[case].get("over_float"):

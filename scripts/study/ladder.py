@@ -127,6 +127,7 @@ def _row(data: Data, cell: Cell, headline: bool) -> dict[str, Any]:
         "threads": cell.threads,
         **cell.facts,
         "launches": ns.launches,
+        "frames_a_launch": int(cell.values["frames"].median()),
         "interval": "95 %" if ns.sufficient else "insufficient",
         **_spread("ms", ns, 1e6),
         "ms_least": cell.values["ns"].min() / 1e6,

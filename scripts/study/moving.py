@@ -212,6 +212,28 @@ def processes_said(row: Row) -> str:
     return f"{again + 1} processes of {many} together" if again else f"one process of {many}"
 
 
+def mean_said(row: Row) -> str:
+    """The mean of a row's own frames, the time that 95 % of them are under, and the mean of those that all
+    rows have (fixed.with_common): only the last compares rows of different numbers of frames."""
+    common = ""
+    if row.get("common_ms") is not None:
+        common = (
+            f"; of the first {row['common_frames']:,} frames, which all its rows have: "
+            f"{show.number(row['common_ms'])}"
+        )
+    ms = row["ms"]
+    return f"mean {show.number(ms.get('mean'))} (95 % of frames under {show.number(ms['p95'])} ms){common}"
+
+
+def per_article(row: Row, said: Row) -> str:
+    """Ours over the article's pixels per core and second; of as many frames as the article's alone, for what
+    the frames show drifts."""
+    if (row["frames"], row["width"], row["n"]) != (said["frames"], said["width"], said["height"]):
+        return show.NOTHING
+    theirs = said["ms"] * 1e6 * said["cores"] / (said["width"] * said["height"])
+    return f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second"
+
+
 NOTE = (
     "A row is one process of so many frames: each is much like the one before, so that they are no "
     "independent samples, and between launches there is no interval."

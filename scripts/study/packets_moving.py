@@ -67,7 +67,6 @@ def sentences(result: Row) -> list[str]:
 def system_rows(result: Row) -> list[Row]:
     """Rows of the table of all systems, of the phase's own tree; the article with such frames is P3's."""
     said = fixed.ARTICLE
-    theirs = said["ms"] * 1e6 * said["cores"] / (said["width"] * said["height"])
     return [
         {
             "system": "packet ray tracer (P2)",
@@ -75,12 +74,10 @@ def system_rows(result: Row) -> list[Row]:
             f"the {row['tree']} rebuilt, "
             f"{row['threads']} thread{'s' if row['threads'] > 1 else ''}",
             "article": f"{said['ms']} (P3's: mean of {said['frames']} frames, no shadows; {said['cpu']})",
-            "ours": f"mean {show.number(row['ms'].get('mean'))} "
-            f"(95 % of frames under {show.number(row['ms']['p95'])} ms; "
-            f"the tree {show.number(row['update_ms'], 2)})",
-            "ratio": f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second",
+            "ours": f"{moving.mean_said(row)}; the tree {show.number(row['update_ms'], 2)}",
+            "ratio": moving.per_article(row, said),
             "error": show.NOTHING,
         }
-        for row in result.get("animation", [])
+        for row in fixed.with_common(result.get("animation", []))
         if row["tree"] == next(iter(TREES))
     ]

@@ -23,6 +23,7 @@ from study.registry import Spec, cpu_supports, find_phase, find_scene, missing_i
 from study.run import DriverError
 
 CALIBRATION_HEIGHT = 45
+NEAR = 10  # times --long: up to that a frame is timed at its own size before it counts as long
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
     """The plan of a new run (plan.json), from the options of sweep.py.
 
     Builds every spec and renders every scene once, tiny: what this CPU or a phase refuses is skipped
-    with the reason, the rest gets an expected duration in proportion to its pixels.
+    with the reason, the rest gets an expected duration in proportion to its pixels; what would by that be
+    too long for more than a frame, but not by far, that of a first frame of its size.
     """
     plan: dict[str, Any] = {"schema": 1}
     plan |= {key: getattr(options, key) for key in ("seed", "cpu", "launches", "reps", "warmup", "long")}
@@ -153,6 +155,13 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
         start = max(time.perf_counter() - begin - frame - compiling, 0)
         for width, height in dict.fromkeys(scene.size(height, width) for width, height in options.n):
             seconds = frame * width * height / (picture["width"] * picture["height"])
+            if options.long is not None and options.long < seconds < NEAR * options.long:
+                alone = how | {"reps": 1, "warmup": 0}
+                try:  # a tiny frame's is no good guess of what costs per picture, tile or thread
+                    seconds = run.render(spec, scene.path, height, width, **alone)["frames"][0]["ns"] / 1e9
+                except DriverError as error:
+                    fail(plan, case, error)
+                    continue
             once = options.long is not None and seconds > options.long
             frames = 1 if once else options.reps + options.warmup
             asked = [spec.phase, spec.flags_from, picture["scene_hash"], width, height, threads]

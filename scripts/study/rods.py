@@ -146,9 +146,9 @@ def beside(scene: Scene, n: int, launches: int, seed: int, reps: int = 7) -> Row
     }
 
 
-def trade(n: int, launches: int, seed: int) -> list[Row]:
+def trade(n: int, launches: int, seed: int) -> tuple[list[Row], Row]:
     """The article's open question: starting rods × step cap, its step, the smallest rod → time, error; and
-    `gain` over the march per pixel, of the same interleaved run.
+    `gain` over the march per pixel, of the same interleaved run; behind the rows the time of that march.
     """
     scene = find_scene(SCENE)
     size = scene.size(n)
@@ -175,17 +175,18 @@ def trade(n: int, launches: int, seed: int) -> list[Row]:
     cases[plain] = lambda pad: milliseconds("rods", f"{plain} picture=map", scene, size, 5, pad)
     times = interleaved(cases, launches, seed)
     by_row = [(row, times[row.pop("name")]) for row in rows]
-    return [row | timed(mine) | gain_of(times[plain], mine) for row, mine in by_row]
+    return [row | timed(mine) | gain_of(times[plain], mine) for row, mine in by_row], timed(times[plain])
 
 
 def study(scenes: Sequence[Scene], n: int, article_n: int, launches: int, seed: int) -> Row:
     """All of rods.json but the context."""
-    return {
+    found = {
         "article": ARTICLE,
         "own": beside(find_scene(SCENE), article_n, launches, seed),
         "rows": [beside(scene, n, launches, seed, 1) for scene in scenes],
-        "trade": trade(article_n, launches, seed),
     }
+    rows, pixels = trade(article_n, launches, seed)
+    return found | {"trade": rows, "trade_pixels": pixels}
 
 
 def read(file: Path) -> Row:

@@ -18,6 +18,7 @@ from study import (
     packets_page,
     packets_pictures,
     packets_systems,
+    provenance,
     rods,
     rods_page,
     rods_pictures,
@@ -38,6 +39,9 @@ ROWS = [
 
 FIGURE = re.compile(r"\d|two orders")
 RATIO = re.compile(r"([\d.,]+)×")
+
+
+FILES = (rods.FILE, rods.THROTTLE, lattice.FILE, fixed.FILE, packets.FILE)
 
 
 def few(rows: Sequence[dict[str, str]]) -> list[dict[str, str]]:
@@ -115,7 +119,8 @@ def section(path: Path) -> Section:
     if rows:
         sheet = path / "images" / f"{systems_pictures.PICTURES}.png"
         pictures = ({sheet: systems_pictures.CAPTION} if sheet.exists() else {}) | pictures
-        parts = part("systems", "Systems of other articles, and ours", rows, ROWS) + parts
+        foot = provenance.disturbed(path, FILES)
+        parts = part("systems", "Systems of other articles, and ours", rows, ROWS, foot=foot) + parts
     about = {
         "file": file,
         "script": "scripts/rods.py, fixed.py, packets.py",

@@ -70,8 +70,13 @@ def publish(run: Path, folder: Path):
 
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     folder = tmp_path / "published"
+    content = json.loads((made / rods.FILE).read_text())
+    content["context"] = {"git": {"commit": "f" * 40}, "time": "2026-01-01T00:00:00+00:00"}
+    store.write_json(made / rods.FILE, content)
     done = publish(made, folder)
     assert done.returncode == 0, done.stderr
+    assert "of 2 commits, which the note on the folder must say:" in done.stdout
+    assert "\n  ffffffffff: rods\n" in done.stdout
     kept = json.loads((folder / rods.THROTTLE).read_text())
     whole = json.loads((made / rods.THROTTLE).read_text())
     assert [row | {"all": old["all"]} for row, old in zip(kept["rows"], whole["rows"], strict=True)] == whole[

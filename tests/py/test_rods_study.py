@@ -229,7 +229,8 @@ def test_the_trade_has_the_march_per_pixel_in_its_own_run(monkeypatch):
     monkeypatch.setattr(rods, "milliseconds", milliseconds)
     monkeypatch.setattr(rods, "picture", lambda *_, **__: planes())
     monkeypatch.setattr(rods.truth, "picture", lambda scene, size: planes())
-    rows = rods.trade(16, 6, 1)
+    rows, pixels = rods.trade(16, 6, 1)
+    assert (pixels["ms"], pixels["ms_low"], pixels["launches"]) == (30.0, 30.0, [30.0] * 6)
     assert {row["gain"] for row in rows if row["least"] != 4} == {3.0}
     (coarse,) = (row for row in rows if row["least"] == 4)
     assert (coarse["gain"], coarse["gain_low"], coarse["gain_high"]) == (15.0, 15.0, 15.0)
@@ -276,7 +277,16 @@ def test_the_table_of_systems_by_hand(tmp_path):
     newer = made_up()
     newer["trade"][-1] |= {"gain": 3.5, "gain_low": 3.0, "gain_high": 4.5}
     (coarse,) = (r for r in rods_page.system_rows(newer, {"rows": []}) if "4×4" in r["what"])
-    assert coarse["ratio"].split() == ["3.50×", "[3.00,", "4.50]", "over", "per", "pixel"]
+    assert coarse["ratio"].split()[:3] == ["3.50×", "[3.00,", "4.50]"]
+    assert coarse["ratio"].endswith("over per pixel (87.5 ms, above)"), "3.5 times 25, and not own's 100"
+    base = "two_spheres 800×800, per pixel, timed anew between the rows below, ms"
+    assert base not in by_what, "an older file timed none"
+    (above,) = (r for r in rods_page.system_rows(newer, {"rows": []}) if r["what"] == base)
+    assert above["ours"] == "87.5 (no interval)" and above["ratio"] == "1.71× its speed"  # 150 over 87.5
+    newest = newer | {"trade_pixels": {"ms": 90.0, "ms_low": 80.0, "ms_high": 99.0}}
+    said_now = {r["what"]: r for r in rods_page.system_rows(newest, {"rows": []})}
+    assert said_now[base]["ours"].split() == ["90.0", "[80.0,", "99.0]"]
+    assert said_now[coarse["what"]]["ratio"].endswith("over per pixel (90.0 ms, above)")
     assert section.title == "Other systems" and rods_pictures.PICTURES in str(list(section.images))
     assert show.NOTHING not in {row["error"] for row in said}
 

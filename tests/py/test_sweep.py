@@ -494,6 +494,31 @@ def test_a_frame_longer_than_long_is_timed_once_without_warm_up(tmp_path):
         assert all(sorted(g["frame"]) == per_launch for _, g in frames.groupby(["config", "launch"]))
 
 
+@pytest.mark.parametrize(
+    ("long", "asked", "once"),
+    [(0.25, [180], [False, False]), (0.09, [180], [False, True]), (0.019, [90], [True, True])],
+)
+def test_whether_a_frame_is_long_is_seen_at_its_own_size(monkeypatch, long, asked, once):
+    """Made up: 20 ms at n = 45, at 90 as long again, at 180 100 ms; by its pixels 80 and 320. A tiny frame
+    says that both heights are near to --long, only one is, or the larger is long by far."""
+    sizes = []
+
+    def render(spec, path, height, width, **how):
+        if height != planning.CALIBRATION_HEIGHT:
+            sizes.append(height)
+            assert (how["reps"], how["warmup"]) == (1, 0)
+        ns = {45: 20e6, 90: 20e6, 180: 100e6}[height]
+        return {"frames": [{"ns": ns}], "width": width, "height": height, "scene_hash": "h"}
+
+    monkeypatch.setattr(planning.run, "render", render)
+    monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
+    options = {"phase": ["baseline"], "scene": ["cubes"], "n": [(None, 90), (None, 180)], "threads": [1]}
+    options |= {"no_second_base": True, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
+    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": long}
+    plan = planning.make_plan(argparse.Namespace(**options))
+    assert [one["once"] for one in plan["configurations"]] == once and sizes == asked
+
+
 def test_what_cannot_run_here_is_skipped_with_the_reason(tmp_path):
     small = ["--scene", "cubes", "-n", "5", "--launches", "1", "--reps", "1"]
     both = ["--phase", "baseline", "opt3", *small, "--results", tmp_path]

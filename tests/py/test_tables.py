@@ -74,6 +74,26 @@ def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) ->
     assert opt4["frames_per_s"] == pytest.approx(1000 / (28.8 + 1))
 
 
+def test_how_many_frames_a_launch_stands_for_is_beside_its_time(run: Path) -> None:
+    """opt4's launches have as many timed frames as the fixture gave them, baseline's one, without warm-up."""
+    edit(run, lambda f: f["frame"] == 0 if f["phase"] == "baseline" else None)
+    baseline, opt4 = (row(run, "scene0", phase, 180) for phase in ("baseline", "opt4"))
+    frames = [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]
+    mine = [f for f in frames if (f["config"], f["launch"], f["warmup"]) == ("scene0180opt4", 0, False)]
+    assert (baseline["frames_a_launch"], bool(baseline["unwarmed"])) == (1, True)
+    assert (opt4["frames_a_launch"], bool(opt4["unwarmed"])) == (len(mine), False) and len(mine) > 1
+    made = tables.make(analysis.load(run), rows_of(run))
+    for name in ("ladder", "runtime"):
+        lines = [line for line in made[name][1].splitlines() if line.startswith("|")]
+        head = next(line for line in lines if "frames a launch" in line)
+        at = head.split("|").index(" frames a launch ") if name == "runtime" else None
+        cells = [line.split("|") for line in lines if "| baseline |" in line]
+        assert any(" 1 (no warm-up) " in line for line in cells), name
+        assert at is None or {line[at] for line in cells} == {" 1 (no warm-up) "}
+    text = tables.readme(f"{tables.BEGIN}\n{tables.END}", analysis.load(run), rows_of(run))
+    assert "| frames a launch |" in text and "| 1 (no warm-up) |" in text and f"| {len(mine)} |" in text
+
+
 def test_speedups_are_ratios_of_medians_over_both_bases(run: Path) -> None:
     opt4, opt1 = row(run, "scene0", "opt4", 180), row(run, "scene0", "opt1", 180)
     assert (opt4["speedup_base"], opt4["speedup"]) == ("baseline", pytest.approx(32))

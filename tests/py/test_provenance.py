@@ -1,0 +1,94 @@
+"""What a run's files say of themselves: commits and hours by hand, spread and steal by arithmetic."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import types
+from pathlib import Path
+
+import pytest
+import test_fixed_study
+import test_rods_study
+
+from study import fixed, lattice, provenance, rods, systems
+from study.registry import ROOT
+
+OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
+
+
+def context(commit: str, time: str, ticks: int = 0, dirty: bool = False) -> dict:
+    cpu = {"model": "AMD EPYC", "microarchitecture": "Zen 3", "usable_cpus": 2}
+    git = {"commit": commit, "dirty": dirty}
+    return {"time": f"2026-11-22T{time}:00+00:00", "cpu": cpu, "compiler": "gcc 12.2.0", "git": git,
+            "steal_ticks": ticks}  # fmt: skip
+
+
+def write(path: Path, name: str, content: dict) -> None:
+    (path / name).write_text(json.dumps(content))
+
+
+@pytest.fixture
+def mixed(tmp_path) -> Path:
+    """The run and its rods of one commit, integers of another, an hour later."""
+    write(tmp_path, "context.json", context(OLD, "19:34"))
+    write(tmp_path, "accuracy.json", {"rows": []})  # says nothing of where it was made
+    write(tmp_path, rods.FILE, test_rods_study.made_up() | {"context": context(OLD, "20:24", 1000)})
+    integers = test_fixed_study.made_up() | {"context": context(NEW, "21:24", 1000 + 7200)}
+    write(tmp_path, fixed.FILE, integers)
+    return tmp_path
+
+
+def test_each_file_s_own_commit_and_hour_are_said(mixed):
+    found = provenance.contexts(mixed, systems.FILES)
+    assert list(found) == ["rods", "fixed"], "in order of time; the others are not there"
+    where = "AMD EPYC (Zen 3); gcc 12.2.0; "
+    rods_said = "694a2379e4 (rods 2026-11-22T20:24)"
+    assert provenance.line(found) == f"{where}{rods_said}; da3dd80826 (fixed 2026-11-22T21:24)"
+    write(mixed, lattice.FILE, {"rows": [], "context": context(OLD, "20:54", dirty=True)})
+    changed = provenance.line(provenance.contexts(mixed, systems.FILES))
+    assert "694a2379e4 with uncommitted changes (lattice 2026-11-22T20:54)" in changed
+    assert provenance.commits(mixed)[NEW[:10]] == ["fixed"]
+    assert provenance.commits(mixed)[OLD[:10]] == ["context", "rods"]
+    elsewhere = context(NEW, "22:00") | {"compiler": "clang 19"}
+    said = provenance.line(found | {"packets": elsewhere})
+    assert said.endswith("; and on AMD EPYC (Zen 3); clang 19; da3dd80826 (packets 2026-11-22T22:00)")
+
+
+def test_the_readme_s_block_has_them_and_not_the_run_s_own(mixed):
+    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
+    data = types.SimpleNamespace(path=mixed, context=json.loads((mixed / "context.json").read_text()))
+    text = tables["readme_systems"](f"{begin}\n{end}\n", data)
+    assert "(rods 2026-11-22T20:24); da3dd80826 (fixed 2026-11-22T21:24); all rows:" in text
+    assert "19:34" not in text and "Rows of one process have no interval" in text
+
+
+def test_how_quiet_the_machine_was_by_hand(mixed):
+    """Rods: median launches 1, 1.5 and 4 times the least. 72 s of steal in an hour of two CPUs: 1 %."""
+    launches = {"a": [[1, 1, 1], [2.0, 3.0, 9.0]], "b": {"c": [1, 4, 4]}}
+    content = [{"ms": 1, "launches": one} for one in (*launches["a"], launches["b"]["c"])]
+    assert provenance.spread({"rows": content}) == (1.5, 4.0)
+    assert provenance.spread({"rows": [], "launches": 6, "all": content}) is None, "a number, and tried ones"
+    write(mixed, rods.FILE, json.loads((mixed / rods.FILE).read_text()) | {"more": content})
+    text = provenance.disturbed(mixed, systems.FILES)
+    assert ": rods 1.50 (at most 4.00)" in text
+    assert "the hypervisor took 1.0 % of the CPUs' time" in text
+    assert "Rows of one process have no interval" in text
+    assert text in next(p for p in systems.section(mixed).parts if p.name == "systems").foot
+    assert "one process" not in provenance.disturbed(mixed, [rods.FILE])
+    again = json.loads((mixed / fixed.FILE).read_text()) | {"context": context(NEW, "21:24", 5)}
+    write(mixed, fixed.FILE, again)
+    assert "hypervisor" not in provenance.disturbed(mixed, systems.FILES), "the machine was started anew"
+    assert provenance.disturbed(mixed / "none", systems.FILES) == ""
+
+
+def test_readme_s_block_is_what_the_run_that_it_names_makes():
+    """And not what an older script made, or a hand."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
+    block = text.partition(tables["SYSTEMS_BEGIN"])[2].partition(tables["SYSTEMS_END"])[0]
+    path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
+    data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))
+    assert tables["readme_systems"](text, data) == text
