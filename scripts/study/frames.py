@@ -1,7 +1,7 @@
 """Frame rates: how many finished pictures a second, with what spread, and how far from the double picture.
 
-A frame is phase_render on every core and its presenting (gamma, 8 bits) on as many; what the driver calibrates
-between two frames is in neither. Newest phases first, while the seconds last.
+A frame is phase_render on every core and its presenting (gamma, 8 bits) on as many; what the driver
+calibrates between two frames is in neither. Newest phases first, while the seconds last.
 """
 
 from __future__ import annotations

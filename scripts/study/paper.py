@@ -28,8 +28,8 @@ def ladder(folder: Path = FOLDER) -> pd.DataFrame:
 
     Columns: scene, phase, cycles_per_pixel (FLOPs / (flops/cycle), i7-7700 at 3.6 GHz), implied (the
     ratio of those), stated (in the text), rerun (the authors' own program, run again), and that
-    program's rerun_tsc_cycles_per_pixel (at 2.596 GHz), rerun_psnr_display_db (infinite: identical) and
-    rerun_over_display (share of pixels).
+    program's rerun_tsc_cycles_per_pixel (at 2.596 GHz), rerun_psnr_display_db (infinite: identical),
+    rerun_psnr_db (of linear values, opt4's alone) and rerun_over_display (share of pixels).
     """
     table = read("performance", folder).set_index(["metric", "scene", "phase"])["value"]
     stated = read("speedups", folder).query("base == 'baseline' and step == 'whole ladder'")
@@ -55,6 +55,7 @@ def ladder(folder: Path = FOLDER) -> pd.DataFrame:
                     "rerun_psnr_display_db": math.inf
                     if ("identical", scene, phase) in rerun
                     else rerun.get(("psnr_display_db", scene, phase)),
+                    "rerun_psnr_db": rerun.get(("psnr_db", scene, phase)),
                     "rerun_over_display": rerun.get(("fraction_over_1_255_display", scene, phase)),
                 }
             )

@@ -415,6 +415,10 @@ def test_the_papers_tables_imply_28_and_not_32() -> None:
         19.6,
         31.7,
     )
+    assert (theirs["rerun_psnr_db"]["scene0", "opt4"], theirs["rerun_psnr_db"]["mandelbulb", "opt4"]) == (
+        30.1,
+        27.5,
+    )
     assert math.isinf(theirs["rerun_psnr_display_db"]["scene0", "opt1"])
 
 
