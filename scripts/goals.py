@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from study import cli  # first: it may start the script again with the venv's Python
@@ -23,9 +23,10 @@ def readme(text: str, table: str, note: str) -> str:
     return between(text, BEGIN, END, f"{table}\n{note}\n")
 
 
-def note(used: Mapping[str, str]) -> str:
-    """Below the table; `used`: machine → its runs."""
-    return f"{goals_page.NOTE} Runs: {'; '.join(f'{here}: {runs}' for here, runs in used.items())}."
+def note(used: Mapping[str, str], found: Sequence[goals_page.Row]) -> str:
+    """Below the table; `used`: machine → its runs; `found`: the table's rows."""
+    told = " ".join(filter(None, (goals_page.NOTE, goals_page.by_other_cycles(found))))
+    return f"{told} Runs: {'; '.join(f'{here}: {runs}' for here, runs in used.items())}."
 
 
 def main() -> int:
@@ -43,14 +44,14 @@ def main() -> int:
     table = show.markdown(show.table(found, goals_page.columns(list(used))))
     if args.readme:
         try:
-            store.write_text(README, readme(README.read_text(encoding="utf-8"), table, note(used)))
+            store.write_text(README, readme(README.read_text(encoding="utf-8"), table, note(used, found)))
         except OSError as error:
             raise StudyError(f"{README}: {error.strerror}") from None
         print(README)
     elif args.json:
         cli.emit({"goals": found, "runs": used})
     else:
-        print(f"{table}\n{note(used)}")
+        print(f"{table}\n{note(used, found)}")
     return cli.OK
 
 

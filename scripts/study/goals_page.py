@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
-from study import goals, machine, show
+from study import goals, machine, show, verdicts
 from study.analysis import Data
 from study.goals import Goal
 from study.sections import Section, part
 from study.show import Column
+from study.stats import Interval
 
 NOTE = (
     "Asked before it was built. A goal is met where the whole 95 % interval reaches it, missed where none of "
     "it does; else it cannot be told apart. The speed-ups over baseline are for a CPU with AVX-512; without, "
-    "half of each is asked (in the cell). Best: the fastest phase. Errors: to truth, of the tables of "
-    "accuracy, at the size that they name."
+    "half of each is asked (in the cell). Best: the last rung, unless another "
+    "is better by intervals that do not overlap. Each cell names what its dB are to; those to truth are of "
+    "the tables of accuracy, at the size that they name. Before: what older runs of the machine found."
 )
+INSTRUCTIONS = 275_700  # baseline's a pixel of scene0, on both machines: callgrind, the command is in README
 LACKING = "make sweep N=720"
 Row = dict[str, Any]
 
@@ -26,13 +31,18 @@ def cell(goal: Goal) -> str:
     row = {"x": goal.found.value, "x_low": goal.found.low, "x_high": goal.found.high}
     exact = goal.found.low == goal.found.high
     text = f"{show.number(goal.found.value)}{goal.unit}" if exact else show.interval(row, "x", 3, goal.unit)
+    if goal.ours and not exact:
+        text = text.replace(" [", " (ours alone [", 1) + ")"
     half = f" of {show.number(goal.asked / 2)}{goal.unit}" if goal.narrow else ""
     beside = f" ({goal.beside})" if goal.beside else ""
-    return f"{goal.what} {text}{beside}{half}: **{goal.verdict}**".strip()
+    verdict = f": **{goal.verdict}**" if goal.verdict else ""
+    return f"{goal.what} {text}{beside}{half}{verdict}".strip()
 
 
 def asked(goal: Goal) -> str:
     """`≥ 150×`."""
+    if math.isnan(goal.asked):
+        return show.NOTHING
     return f"{'≤' if goal.at_most else '≥'} {show.number(goal.asked)}{goal.unit}"
 
 
@@ -50,15 +60,74 @@ def rows(runs: Sequence[Data]) -> tuple[list[Row], dict[str, str]]:
         here = name(data)
         for place, goal in goals.of_run(data):
             places.setdefault(goal.name, place)
-            row = made.setdefault(goal.name, {"goal": goal.name, "from": {}})
-            row |= {"asked": asked(goal), here: cell(goal)}
+            row = made.setdefault(goal.name, {"goal": goal.name, "from": {}, "last": {}, "before": {}})
+            before = row["before"].setdefault(here, [])
+            if here in row["last"]:
+                before.append(_short(row["last"][here]))
+            now = _short(goal)
+            told = [text for text in dict.fromkeys(before) if text != now]
+            row |= {"asked": asked(goal), here: cell(goal) + (f"; before: {', '.join(told)}" if told else "")}
             row["from"][here] = data.path.name
+            row["last"][here] = goal
     found = sorted(made.values(), key=lambda row: places[row["goal"]])
     used: dict[str, dict[str, None]] = {}
     for row in found:
         for here, run in row["from"].items():
             used.setdefault(here, {})[f"`{run}`"] = None
+    for row in found:
+        row["over_baseline"] = {
+            here: g._asdict() | {"found": asdict(g.found)} for here, g in row.pop("last").items() if g.scene
+        }
+        row.pop("before")
     return found, {here: ", ".join(names) for here, names in used.items()}
+
+
+def _short(goal: Goal) -> str:
+    """`3.47×`, of a run before."""
+    return f"{show.number(goal.found.value)}{goal.unit}"
+
+
+def by_other_cycles(found: Sequence[Row]) -> str:
+    """What the narrow machine's verdicts would be, had its baseline the wide one's core cycles a pixel."""
+    pairs: dict[str, tuple[str, str, float, float]] = {}  # scene -> narrow, wide, their cycles
+    turned: list[str] = []
+    for row in found:
+        mine = row.get("over_baseline", {})
+        narrow = next((here for here in mine if mine[here]["narrow"]), None)
+        wide = next((here for here in mine if not mine[here]["narrow"]), None)
+        if narrow is None or wide is None:
+            continue
+        goal, there = mine[narrow], mine[wide]["cycles"]
+        if not (goal["cycles"] > 0 and there > 0):
+            continue
+        pairs[goal["scene"]] = (narrow, wide, goal["cycles"], there)
+        times, ends = goal["cycles"] / there, Interval(**goal["found"])
+        least = goal["asked"] / 2
+        moved = Interval(
+            *(x / times for x in (ends.value, ends.low, ends.high)), ends.launches, ends.sufficient
+        )
+        verdict = verdicts.goal(moved, least)
+        if verdict != goal["verdict"]:
+            name = goal["name"].split(" over ")[0]
+            of = f"{show.number(moved.value)}× of {show.number(least)}×"
+            turned.append(f"{name} ({of}: {verdict})")
+    if not pairs:
+        return ""
+    narrow, wide, _, _ = next(iter(pairs.values()))
+    times = " and ".join(f"{show.number(a / b)} ({scene})" for scene, (_, _, a, b) in pairs.items())
+    a_cycle = ""
+    if "scene0" in pairs:
+        rates = " in place of ".join(f"{INSTRUCTIONS / cycles:.2f}" for cycles in pairs["scene0"][2:])
+        a_cycle = f"; scene0's {INSTRUCTIONS:,} instructions a pixel are the same, at {rates} a core cycle"
+    turns = (
+        f"by the other's cycles these verdicts would turn: {', '.join(turned)}"
+        if turned
+        else "none would turn"
+    )
+    return (
+        f"{narrow}'s baseline takes {times} times {wide}'s core cycles (time × clock){a_cycle}. "
+        f"Its ratios are that much greater; {turns}."
+    )
 
 
 def _cell(here: str) -> Column:

@@ -44,7 +44,11 @@ def test_the_whole_interval_decides_and_narrow_lanes_are_asked_half(
     (goal,) = goals._speed(rows, "best", "scene0", 3000.0)
     assert (goal.what, goal.verdict, goal.narrow) == ("opt10_scene", verdict, lanes == 8)
     text = goals_page.cell(goal)
-    assert text.endswith(f"**{verdict}**") and "(54.5 dB)" in text and ("of 1,500×" in text) == (lanes == 8)
+    assert (
+        text.endswith(f"**{verdict}**")
+        and "(54.5 dB to truth)" in text
+        and ("of 1,500×" in text) == (lanes == 8)
+    )
     assert goals_page.asked(goal) == "≥ 3,000×"
 
 
@@ -55,7 +59,7 @@ def test_what_was_not_measured_has_no_row() -> None:
     assert not list(goals._two(rows, "scene0"))
 
 
-def test_two_threads_are_the_fastest_phases() -> None:
+def test_two_threads_are_of_the_last_rung() -> None:
     two = {"threads": 2, "over_one_thread": 1.95, "over_one_thread_low": 1.91, "over_one_thread_high": 2.0}
     slow = two | {"over_one_thread": 1.5, "over_one_thread_low": 1.4, "over_one_thread_high": 1.6}
     rows = [timed("opt5_threads", (50, 49, 51), **slow), timed("opt10_scene", (2000, 1900, 2100), **two)]
@@ -90,7 +94,7 @@ def test_of_several_runs_of_a_machine_the_newest_is_shown(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(goals, "of_run", of)
     found, used = goals_page.rows([run("A", "2", 3.0), run("A", "1", 2.0), run("B", "1", 1.0)])
-    assert found[0]["A"] == "3.00×: **met**" and found[0]["B"] == "1.00×: **met**"
+    assert found[0]["A"] == "3.00×: **met**; before: 2.00×" and found[0]["B"] == "1.00×: **met**"
     assert (found[0]["asked"], used) == ("≤ 4.00×", {"A": "`A-2`", "B": "`B-1`"})
 
 
@@ -99,7 +103,7 @@ def test_readme_has_what_the_published_runs_say() -> None:
     found, used = goals_page.rows([analysis.load(folder, strict=False) for folder in folders])
     table = show.markdown(show.table(found, goals_page.columns(list(used))))
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert script.readme(text, table, script.note(used)) == text
+    assert script.readme(text, table, script.note(used, found)) == text
     with pytest.raises(StudyError, match="goals:begin"):
         script.readme("no marks", table, "")
 
@@ -111,3 +115,107 @@ def test_a_run_without_any_figure_is_told_in_one_line(tmp_path: Path) -> None:
     (empty / "frames.jsonl.gz").unlink()
     found = started.run([sys.executable, ROOT / "scripts" / "goals.py", empty])
     assert found.returncode != 0 and len(found.stderr.strip().splitlines()) == 1
+
+
+def run_of(monkeypatch: pytest.MonkeyPatch, module: object, result: dict) -> SimpleNamespace:
+    monkeypatch.setattr(module, "read", lambda path: result)
+    return SimpleNamespace(path=Path())
+
+
+def given(value: float, low: float, high: float) -> dict:
+    return {"value": value, "low": low, "high": high, "launches": 6, "sufficient": True}
+
+
+def test_best_is_the_last_rung_unless_another_is_told_apart() -> None:
+    rows = [timed("opt9_convex", (82.5, 66.2, 95.1)), timed("opt10_scene", (78.8, 72.1, 92.9))]
+    assert next(iter(goals._speed(rows, "best", "scene0", 65.0))).what == "opt10_scene"
+    rows[0] = timed("opt9_convex", (99.0, 93.0, 105.0))
+    assert next(iter(goals._speed(rows, "best", "scene0", 65.0))).what == "opt9_convex"
+
+
+def test_a_frame_rate_has_its_own_programs_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"phase": "opt10_scene", "scene": "scene0", "width": 1920, "n": 1080, "hit": "half a pixel"}
+    row |= {"goal": 60.0, "verdict": "missed", "frames_per_s": given(40, 36, 45), "reference": "opt3"}
+    row |= {
+        "psnr_db": 27.4,
+        "to_own": {"psnr_db": 19.0},
+        "marched": {"phase": "opt8_streams", "psnr_db": 37.5},
+    }
+    (goal,) = goals.of_frames(run_of(monkeypatch, goals.frames, {"rows": [row]}))
+    assert goal.beside == "19.0 dB to opt3 by the scene's own limits"
+    row["to_own"] = None
+    assert next(iter(goals.of_frames(SimpleNamespace(path=Path())))).beside == "27.4 dB to opt3"
+
+
+def test_drjits_own_limits_and_the_best_that_marches(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [
+        {"program": p, "scene": "scene0_plain", "threads": 1, "limits": limits, "reference": "opt3"}
+        | {"psnr_db": db, "goal": 8.0, "verdict": verdict, "ratio": given(x, x - 0.1, x + 0.1)}
+        for p, limits, db, verdict, x in (
+            ("Dr.Jit", "100 steps, 0.001", 58.4, None, 1.0),
+            ("opt8_streams", "own", 101.6, "missed", 3.1),
+            ("opt10_scene", "own", 74.9, "met", 28.5),
+        )
+    ]
+    best, marches = goals.of_drjit(run_of(monkeypatch, goals.drjit_measure, {"rows": rows}))
+    assert (best.what, marches.what, marches.verdict) == ("opt10_scene", "opt8_streams", "missed")
+    assert best.beside == "74.9 dB to opt3; Dr.Jit by 100 steps, 0.001: 58.4 dB"
+
+
+def test_embrees_ways_are_those_that_were_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"scene": "trio", "kind": "primary", "embree": "Embree 3, a build with assertions"}
+    row |= {
+        "embree1": {"mrays": 2.0},
+        "embree1_ratio": 3.0,
+        "embree1_ratio_low": 2.0,
+        "embree1_ratio_high": 4.0,
+    }
+    result = {"goals": {"primary": 1.0, "shadow": None}, "rays": [row, row | {"kind": "shadow"}]}
+    camera, light = goals.of_packets(run_of(monkeypatch, goals.packets, result))
+    assert camera.beside == "asked by single rays; Embree 3, a build with assertions"
+    assert (goals_page.asked(light), light.verdict) == ("–", "") and "**" not in goals_page.cell(light)
+
+
+def test_digits_are_shown_where_values_differ_and_three_do_not_show_it() -> None:
+    assert goals._apart(45.26292, 45.26739) == "45.263 of 45.267"
+    assert (goals._apart(45.3, 45.3), goals._apart(40.0, 45.3), goals._apart(46.0, 45.3)) == ("", "", "")
+
+
+def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"phase": "opt10_scene", "shapes": 4096, "ratio": given(3.7, 3.5, 3.9), "coverage": [None, None]}
+    row |= {"shapes_goal": "met", "above_frame_mib": None}
+    data = run_of(monkeypatch, goals.scaling, {"goals": [row]})
+    assert next(iter(goals.of_growth(data))).beside == "coverage not recorded in this run"
+    row["coverage"] = [0.4, 0.4]
+    assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400"
+
+
+def test_of_another_machine_the_value_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {
+        "program_ms": 57.0,
+        "ms": 4.0,
+        "ms_low": 3.0,
+        "ms_high": 5.0,
+        "psnr_db": 127.0,
+        "phase": "opt10_scene",
+    }
+    monkeypatch.setattr(goals.lattice, "best", lambda result, threads: row if threads == 1 else None)
+    (goal,) = goals.of_lattice(run_of(monkeypatch, goals.lattice, {}))
+    assert goal.verdict == "met" and "14.2× (ours alone [11.4, 19.0])" in goals_page.cell(goal).replace(
+        "\u00a0", " "
+    )
+
+
+def test_the_other_machines_cycles_turn_a_verdict() -> None:
+    def goal(narrow: bool, cycles: float) -> dict:
+        found = given(2062, 1759, 2490)
+        mine = {"name": "best on scene0 over", "asked": 3000.0, "found": found, "verdict": "met"}
+        return mine | {"narrow": narrow, "scene": "scene0", "cycles": cycles}
+
+    said = goals_page.by_other_cycles(
+        [{"over_baseline": {"N": goal(True, 149_600), "W": goal(False, 81_300)}}]
+    )
+    assert "1.84 (scene0) times W's" in said and "at 1.84 in place of 3.39 a core cycle" in said
+    assert "(1,121× of 1,500×: missed)" in said
+    same = goals_page.by_other_cycles([{"over_baseline": {"N": goal(True, 1.0), "W": goal(False, 1.0)}}])
+    assert "none would turn" in same and goals_page.by_other_cycles([{}]) == ""
