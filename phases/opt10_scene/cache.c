@@ -60,9 +60,8 @@ void cache_sweep(const char *folder) {
     time_t now = time(NULL);
     struct stat found;
     for (struct dirent *one; all && (one = readdir(all));) {
-        char tag[17];
-        long pid;
-        if (sscanf(one->d_name, ".%16[0-9a-f]-%ld.", tag, &pid) == 2 &&
+        char tag[17], own[2];
+        if (sscanf(one->d_name, ".%16[0-9a-f]-%1s", tag, own) == 2 &&
             fstatat(dirfd(all), one->d_name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
             now - found.st_mtim.tv_sec > 3600)
             unlinkat(dirfd(all), one->d_name, 0);

@@ -68,6 +68,31 @@ static double time_limit(void) {
     return limit && *limit && (*end || !(seconds > 0)) ? 0 : seconds;
 }
 
+// While the compiler runs, in a group of its own: what ends this process ends that too; and a caller's SIG_IGN for
+// SIGCHLD, which is inherited, would have the kernel keep its status to itself.
+static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
+enum { SIGNALS = sizeof signals / sizeof *signals };
+static volatile sig_atomic_t interrupted;
+
+static void interrupt(int number) {
+    interrupted = number;
+}
+
+static void watch_signals(struct sigaction before[SIGNALS]) {
+    interrupted = 0;
+    for (int i = 0; i < SIGNALS; i++) {
+        struct sigaction now = {.sa_handler = i == 0 ? SIG_DFL : interrupt};
+        sigaction(signals[i], NULL, &before[i]);
+        if (i == 0 || before[i].sa_handler != SIG_IGN) // nohup stays nohup
+            sigaction(signals[i], &now, NULL);
+    }
+}
+
+static void restore_signals(const struct sigaction before[SIGNALS]) {
+    for (int i = 0; i < SIGNALS; i++)
+        sigaction(signals[i], &before[i], NULL);
+}
+
 // Waits for the process, but not longer than that: false then.
 static bool wait_for(pid_t pid, int *status, double seconds) {
     struct timespec pause = {0, 2000000}, begin, now;
@@ -77,7 +102,8 @@ static bool wait_for(pid_t pid, int *status, double seconds) {
         if (ended == pid || (ended < 0 && errno != EINTR))
             return ended == pid;
         clock_gettime(CLOCK_MONOTONIC, &now);
-        if (!((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
+        if (interrupted ||
+            !((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
               seconds)) {
             kill(-pid, SIGKILL); // its own group: the driver's children too
             waitpid(pid, status, 0);
@@ -156,11 +182,21 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
                  getenv("STEPWISE_CC_SECONDS"));
         return false;
     }
+    struct sigaction before[SIGNALS];
+    watch_signals(before);
     int status = 0, error = spawn(arguments, log, &pid);
+    bool in_time = !error && wait_for(pid, &status, seconds);
+    restore_signals(before);
+    if (interrupted) { // by now, with nothing left behind
+        const char *left[] = {log, source_path, object_path};
+        for (size_t i = 0; i < sizeof left / sizeof *left; i++)
+            unlink(left[i]);
+        raise(interrupted);
+    }
     char said[128] = "";
     if (error)
         snprintf(reason, 256, "%.80s cannot be run: %s", compiler, strerror(error));
-    else if (!wait_for(pid, &status, seconds))
+    else if (!in_time)
         snprintf(reason, 256, "%.80s took longer than its time limit, %g s", compiler, seconds);
     else if (WIFSIGNALED(status))
         snprintf(reason, 256, "%.80s was killed: %.60s", compiler, strsignal(WTERMSIG(status)));

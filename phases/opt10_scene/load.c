@@ -1,6 +1,7 @@
 // A scene's kernel: found in the cache or made, checked, loaded.
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,15 +38,17 @@ static bool make_object(const char *source, const char *folder, const char *comp
                         const char *flags, int lanes, const char *tag, const char *object,
                         char reason[256]) {
     char text[4400], made[4400], kept[4400];
-    snprintf(text, sizeof text, "%s/.%s-%ld.c", folder, tag, (long)getpid());
-    snprintf(made, sizeof made, "%s/.%s-%ld.so", folder, tag, (long)getpid());
+    snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
     cache_sweep(folder);
-    unlink(text); // of a process of that number that was killed
-    unlink(made);
-    FILE *file = fopen(text, "wx");
+    int opened =
+        mkostemps(text, 2, O_CLOEXEC); // not by a process's number: containers may share the folder
+    FILE *file = opened < 0 ? NULL : fdopen(opened, "w");
+    if (opened >= 0 && !file)
+        close(opened);
     bool done = file && fputs(source, file) >= 0;
     done = file && fclose(file) == 0 && done;
+    snprintf(made, sizeof made, "%.*s.so", (int)strlen(text) - 2, text);
     if (!done)
         snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
     else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
@@ -54,9 +57,11 @@ static bool make_object(const char *source, const char *folder, const char *comp
         snprintf(reason, 256, "%.160s wrote no object", compiler);
         done = false;
     } else {
-        done = cache_seal(made, tag) && rename(made, object) == 0 && rename(text, kept) == 0;
+        done = cache_seal(made, tag) && rename(made, object) == 0;
         if (!done)
             snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
+        else if (rename(text, kept) != 0)
+            unlink(kept); // it is there to be read only; none is better than another's
     }
     unlink(text);
     unlink(made);
@@ -79,6 +84,11 @@ static bool open_object(const char *object, const char *tag, struct loaded *load
     return false;
 }
 
+static void say_why_not(const char *object, struct loaded *loaded) {
+    const char *why = dlerror(); // begins with the file's name
+    snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s", why ? why : object);
+}
+
 static void find_or_make(const char *source, int lanes, const char *flags, struct loaded *loaded) {
     char compiler[4096], folder[4096], object[4400];
     find_compiler(compiler, loaded->reason);
@@ -88,6 +98,13 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
     snprintf(object, sizeof object, "%s/%s.so", folder, loaded->hash);
     uint64_t begin = now_ns();
     if (!open_object(object, loaded->hash, loaded)) {
+        if (cache_sealed(
+                object,
+                loaded
+                    ->hash)) { // whole, and made anew it would be the same: a folder without execution
+            say_why_not(object, loaded);
+            return;
+        }
         uint64_t compile = now_ns();
         bool made = make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
                                 loaded->reason);
@@ -95,11 +112,8 @@ static void find_or_make(const char *source, int lanes, const char *flags, struc
         loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
         if (!made)
             return;
-        if (!open_object(object, loaded->hash, loaded)) {
-            const char *why = dlerror(); // begins with the file's name
-            snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s",
-                     why ? why : object);
-        }
+        if (!open_object(object, loaded->hash, loaded))
+            say_why_not(object, loaded);
     }
     loaded->facts.load_ns = now_ns() - begin;
 }

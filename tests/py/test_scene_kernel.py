@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
@@ -369,3 +371,56 @@ def test_killed_compiler_is_said(shop: Workshop, tmp_path: Path) -> None:
     facts, said, _ = shop.run("two_spheres", **fresh)
     assert not facts["generated"] and "was killed: Segmentation fault" in said
     assert not list((tmp_path / "cache").iterdir())
+
+
+def test_whoever_starts_it_may_ignore_the_ends_of_its_children(shop: Workshop, tmp_path: Path) -> None:
+    """SIG_IGN for SIGCHLD is inherited, and would have the system keep the compiler's status to itself."""
+    environment = shop.environment({"STEPWISE_CACHE": str(tmp_path / "cache")})
+    words = ["sh", "-c", 'trap "" CHLD; exec "$@"', "sh", *shop.command("two_spheres")]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0 and facts_of(done.stdout)["generated"], done.stderr
+
+
+def living(group: int) -> list[str]:
+    """Processes of that group that run or sleep."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has ended
+            state, _, its_group, *_ = path.read_text().rpartition(")")[2].split()
+            found += [path.parent.name] * (int(its_group) == group and state not in "ZX")
+    return found
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_it_ends_its_compiler(number: signal.Signals, shop: Workshop, tmp_path: Path) -> None:
+    """The compiler has a process group of its own; neither it nor a file is left behind."""
+    slow = shop.script(
+        f"slow{number}", f'echo $$ > "{tmp_path}/pid.new"; mv "{tmp_path}/pid.new" "{tmp_path}/pid"\nsleep 60'
+    )
+    folder, told = tmp_path / "cache", tmp_path / "pid"
+    environment = shop.environment({"STEPWISE_CACHE": str(folder), "STEPWISE_CC": str(slow)})
+    with subprocess.Popen(
+        shop.command("two_spheres"), env=environment, stdout=subprocess.DEVNULL
+    ) as renderer:
+        for _ in range(600):
+            if told.exists():
+                break
+            time.sleep(0.05)
+        assert list(folder.iterdir()), "it has begun"
+        renderer.send_signal(number)
+        assert renderer.wait(timeout=20) == -number
+    assert not list(folder.iterdir())
+    assert not living(int(told.read_text()))
+
+
+def test_a_kernel_whose_source_cannot_be_kept_is_used(shop: Workshop, tmp_path: Path) -> None:
+    """HASH.c is there to be read only."""
+    folder = tmp_path / "cache"
+    facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    kernel, source = (folder / f"{facts['hash']}.{ending}" for ending in ("so", "c"))
+    kernel.unlink()
+    source.unlink()
+    source.mkdir()
+    again, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert again["generated"] and not again["cached"] and not said
+    assert kernel.exists() and not [path for path in folder.iterdir() if path.name.startswith(".")]
