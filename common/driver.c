@@ -80,8 +80,11 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
     json_t *record = driver_record(&m, s, index, warmup, first);
     if (s->options.jsonl) {
         json_t *line = driver_header(s);
-        if (!line || !record || json_object_update(line, record) != 0)
+        if (!line || !record || json_object_update(line, record) != 0) {
+            json_decref(line);
+            json_decref(record);
             return driver_complain(NO_MEMORY, "out of memory");
+        }
         json_decref(record);
         if (!driver_print(line))
             return driver_complain(BAD_INPUT, "standard output cannot be written: %s",

@@ -20,12 +20,12 @@ void reader_fail(struct reader *r, const char *key, const char *format, ...) {
     r->failed = true;
     int used = snprintf(r->error, SCENE_ERROR_SIZE, "%s: %s%s%s: ", r->file, r->path,
                         key && key[0] != '[' ? "." : "", key ? key : "");
-    if (used < 0 || used >= SCENE_ERROR_SIZE)
-        return;
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(r->error + used, (size_t)(SCENE_ERROR_SIZE - used), format, arguments);
-    va_end(arguments);
+    if (used >= 0 && used < SCENE_ERROR_SIZE) {
+        va_list arguments;
+        va_start(arguments, format);
+        vsnprintf(r->error + used, (size_t)(SCENE_ERROR_SIZE - used), format, arguments);
+        va_end(arguments);
+    }
     reader_one_line(r->error);
 }
 

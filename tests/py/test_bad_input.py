@@ -90,6 +90,8 @@ ARGUMENTS = {
     "-n 4 --max-steps 2.5": "--max-steps",
     "-n 4 --fast": "--fast: unknown option",
     "-n 4 -x": "-x: unknown option",
+    "-zn 4": "-z: unknown option",
+    "-n 4 --help=1": "--help=1: unknown option",
     "-n 4 --frames 0": "--frames: 1 to 1000000 is required",
     "-n 4 --frames 2 --reps 2": "--frames and --reps exclude each other",
     "-n 4 --first-frame 1": "--first-frame is of --frames",

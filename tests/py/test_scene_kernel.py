@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -376,7 +377,10 @@ def test_killed_compiler_is_said(shop: Workshop, tmp_path: Path) -> None:
 def test_whoever_starts_it_may_ignore_the_ends_of_its_children(shop: Workshop, tmp_path: Path) -> None:
     """SIG_IGN for SIGCHLD is inherited, and would have the system keep the compiler's status to itself."""
     environment = shop.environment({"STEPWISE_CACHE": str(tmp_path / "cache")})
-    words = ["sh", "-c", 'trap "" CHLD; exec "$@"', "sh", *shop.command("two_spheres")]
+    ignoring = (
+        "import os, sys; from signal import *; signal(SIGCHLD, SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    words = [sys.executable, "-c", ignoring, *shop.command("two_spheres")]
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=90)
     assert done.returncode == 0 and facts_of(done.stdout)["generated"], done.stderr
 
