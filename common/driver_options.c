@@ -165,7 +165,8 @@ int driver_parse(int argc, char **argv, struct options *o) {
         case 'h': fputs(USAGE, stdout); return -1;
         case ':': return driver_complain(BAD_INPUT, "%s: a value is required", argv[optind - 1]);
         case '?':
-            if (optopt > 0 && optopt < AOV && optopt != 'h') // one letter, maybe of several in a word
+            if (optopt > 0 && optopt < AOV &&
+                optopt != 'h') // one letter, maybe of several in a word
                 return driver_complain(BAD_INPUT, "-%c: unknown option; see render -h", optopt);
             return driver_complain(BAD_INPUT, "%s: unknown option; see render -h",
                                    argv[optind - 1]);
