@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import shutil
 import tempfile
@@ -22,12 +23,14 @@ from study.cli import StudyError
 
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
-without `all`, the thousands of settings that were tried and are in no table), frames.jsonl packed, the
-pictures that chapters show, scaled down until each is under 300 kB, and the tables made from these copies,
-those over 60 kB left out. Then every chapter is read from the copies and must have the parts, figures and
-pictures that it has in the run; only then is there a FOLDER. A run that is being measured is refused; of
-one that was interrupted, a last line of frames.jsonl that was cut off is dropped."""
+without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
+and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB, and the
+tables made from these copies, those over 60 kB left out. Then every chapter is read from the copies and
+must have the parts, figures and pictures that it has in the run; only then is there a FOLDER. A run that is
+being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut off is
+dropped."""
 PICTURE_BYTES, TABLE_BYTES = 300_000, 60_000
+PACKED = ("counts.json", "validation.json")  # megabytes; what reads them takes both forms (store.stored)
 SMALLER = 0.85  # each time a picture is still too large
 
 
@@ -42,7 +45,13 @@ def copy_files(run: Path, folder: Path) -> None:
     for file in sorted(run.glob("*.json")):
         if file.name == rods.THROTTLE:
             store.write_json(folder / file.name, without_all(store.read_json(file)))
+        elif file.name in PACKED:
+            text = json.dumps(store.read_json(file), separators=(",", ":"))
+            (folder / f"{file.name}.gz").write_bytes(gzip.compress(text.encode(), mtime=0))
         else:
+            shutil.copyfile(file, folder / file.name)
+    for file in sorted(run.glob("*.json.gz")):
+        if not file.with_suffix("").exists():
             shutil.copyfile(file, folder / file.name)
     packed, plain = (run / name for name in ("frames.jsonl.gz", "frames.jsonl"))
     if plain.exists():

@@ -281,6 +281,7 @@ def summary(one: Measured) -> Row:
 
 def read(path: Path) -> tuple[list[Row], list[Measured]]:
     """Declared rows and measurements of a run's counts.json; none without that file."""
+    path = store.stored(path)
     if not path.exists():
         return [], []
     data = store.read_json(path)
@@ -317,6 +318,7 @@ def write_validation(path: Path, rows: Iterable[Row]) -> None:
 
 def read_validation(path: Path) -> list[Row]:
     """Rows of a run's validation.json; none without that file."""
+    path = store.stored(path)
     if not path.exists():
         return []
     try:

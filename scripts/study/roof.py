@@ -46,7 +46,7 @@ class Counted:
 
 def read_counts(folder: Path) -> Counted:
     """Raises StudyError, also where there are none."""
-    path = folder / COUNTS
+    path = store.stored(folder / COUNTS)
     if not path.exists():
         raise StudyError(f"{path} is missing: no counts; run scripts/flops.py --measure --run {folder}")
     data = store.read_json(path)
@@ -68,7 +68,7 @@ def read(folder: Path, strict: bool = True) -> tuple[Counted, Ceilings | None, l
     try:
         counted = read_counts(folder)
     except StudyError as error:
-        if strict or (folder / COUNTS).exists():
+        if strict or store.stored(folder / COUNTS).exists():
             raise
         notes.append(str(error))
     try:

@@ -78,10 +78,25 @@ def read_rows(path: Path, script: str, keys: set[str], empty: bool = False) -> d
     return result
 
 
-def read_json(path: Path) -> Any:
-    """Raises StudyError with file, line and column."""
+def stored(path: Path) -> Path:
+    """`path`, or where that is not the packed one (path.gz) of a published run; `path` if neither is."""
+    packed = path.with_name(path.name + ".gz")
+    return packed if packed.exists() and not path.exists() else path
+
+
+def unpacked(packed: Path) -> bytes:
+    """Raises StudyError for a file that is cut short or no gzip file, OSError for one that cannot be read."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return gzip.decompress(packed.read_bytes())
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
+
+
+def read_json(path: Path) -> Any:
+    """Of `path`, which may be packed (`stored`). Raises StudyError with file, line and column."""
+    try:
+        data = unpacked(path) if path.suffix == ".gz" else path.read_bytes()
+        return json.loads(data.decode("utf-8"))
     except json.JSONDecodeError as error:
         raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -233,15 +248,10 @@ class Run:
         """
         import pandas as pd  # a quarter of a second, which the build of every counted phase need not wait for
 
-        packed = self.frames_path.with_name(self.frames_path.name + ".gz")
-        data = b""
+        data, path = b"", stored(self.frames_path)
         try:
-            if self.frames_path.exists():
-                data = self.frames_path.read_bytes()
-            elif packed.exists():
-                data = gzip.decompress(packed.read_bytes())
-        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-            raise StudyError(f"{packed}: not a whole gzip file: {error}") from None
+            if path.exists():
+                data = unpacked(path) if path != self.frames_path else path.read_bytes()
         except OSError as error:
             raise _problem(self.frames_path, error) from None
         whole = whole_lines(data)

@@ -1,6 +1,7 @@
 """Declared against measured: folding, comparing, Table 1's arithmetic, the files of a run, bad input."""
 
 import dataclasses
+import gzip
 import json
 import math
 import os
@@ -443,6 +444,17 @@ def test_a_foreign_or_truncated_counts_json_is_one_line(tmp_path, text):
     (tmp_path / "counts.json").write_text(text)
     with pytest.raises(StudyError, match=r"counts\.json"):
         flops.read(tmp_path / "counts.json")
+
+
+def test_a_published_runs_counts_are_packed_and_the_plain_file_goes_first(tmp_path):
+    plain, packed = tmp_path / "counts.json", tmp_path / "counts.json.gz"
+    packed.write_bytes(gzip.compress(json.dumps({"declared": [stated(7)], "measured": []}).encode()))
+    assert flops.read(plain)[0] == [stated(7)]
+    packed.write_bytes(packed.read_bytes()[:-9])
+    with pytest.raises(StudyError, match=r"counts\.json\.gz: not a whole gzip file"):
+        flops.read(plain)
+    plain.write_text(json.dumps({"declared": [stated(8)], "measured": []}))
+    assert flops.read(plain)[0] == [stated(8)]
 
 
 def test_table1_against_the_paper_and_by_hand():

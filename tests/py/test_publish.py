@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import publish as publishing
 import pytest
 import started
 import test_fixed_study
@@ -59,6 +60,7 @@ def made(tmp_path) -> Path:
     store.write_json(run / fixed.FILE, test_fixed_study.made_up())
     store.write_json(run / rods.FILE, test_rods_study.made_up())
     store.write_json(run / rods.THROTTLE, throttled())
+    store.write_json(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
     noise = np.random.default_rng(1).integers(0, 256, (500, 800, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
     return run
@@ -85,6 +87,13 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert not any("all" in row for row in kept["rows"])
     assert (folder / rods.THROTTLE).stat().st_size < 10_000 < (made / rods.THROTTLE).stat().st_size
     assert gzip.decompress((folder / "frames.jsonl.gz").read_bytes()) == (made / "frames.jsonl").read_bytes()
+    packed = folder / "counts.json.gz"
+    assert not (folder / "counts.json").exists()
+    assert store.read_json(packed) == store.read_json(made / "counts.json")
+    again = tmp_path / "again"
+    again.mkdir()
+    publishing.copy_files(folder, again)
+    assert (again / packed.name).read_bytes() == packed.read_bytes()
     picture = folder / "images" / f"{rods_pictures.PICTURES}.png"
     small = images.oiio.ImageBuf(str(picture)).spec()
     assert 100_000 < picture.stat().st_size <= 300_000, "as large as fits"
