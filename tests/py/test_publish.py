@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import publish as publishing
 import pytest
 import started
 import test_fixed_study
 import test_packets_study
 import test_rods_study
 
+import publish as publishing
 from study import (
     fixed,
     fixed_pictures,
