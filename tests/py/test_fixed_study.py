@@ -326,8 +326,8 @@ def test_each_panel_has_its_own_pictures_losses(monkeypatch, tmp_path):
     monkeypatch.setattr(fixed_pictures, "save", lambda figure, *_: panels.extend(figure.axes))
     fixed_pictures.write_pictures(tmp_path)
     assert [p.get_title() for p in panels] == [
-        "four corners: 1 blocks wrongly cleared, 3 pixels lost",
-        "planes against spheres: 1 blocks wrongly cleared, 1 pixels lost",
+        "rays at its four corners: 1 blocks wrongly cleared, 3 pixels lost",
+        "planes at its edges against spheres: 1 blocks wrongly cleared, 1 pixels lost",
     ]
     assert [len(p.patches) for p in panels] == [1, 1]
 

@@ -61,7 +61,7 @@ def made(tmp_path) -> Path:
     store.write_json(run / rods.FILE, test_rods_study.made_up())
     store.write_json(run / rods.THROTTLE, throttled())
     store.write_json(run / "counts.json", {"schema": 1, "declared": [], "measured": []})
-    noise = np.random.default_rng(1).integers(0, 256, (500, 800, 3), dtype=np.uint8)
+    noise = np.random.default_rng(1).integers(0, 256, (300, 480, 3), dtype=np.uint8)
     images.write_png(run / "images" / f"{rods_pictures.PICTURES}.png", noise)
     return run
 
@@ -116,7 +116,7 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
 def test_every_picture_of_the_systems_is_published(made, tmp_path):
     """Of the four-corner test's fault, of rays, and the sheet of all: those that the run has, made small."""
     store.write_json(made / packets.FILE, test_packets_study.made_up())
-    noise = np.random.default_rng(2).integers(0, 256, (400, 800, 3), dtype=np.uint8)
+    noise = np.random.default_rng(2).integers(0, 256, (300, 400, 3), dtype=np.uint8)
     modules = (fixed_pictures, packets_pictures, rods_pictures, systems_pictures)
     names = {f"{module.PICTURES}.png" for module in modules}
     for name in names:
