@@ -169,11 +169,16 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
         snprintf(reason, 256, "the flags are too long");
         return false;
     }
-    for (char *word = strtok(words, " "); word && count < MOST_ARGUMENTS - 8;
-         word = strtok(NULL, " "))
-        arguments[count++] = word;
     char *rest[] = {lanes_is, tag_is, (char *)source_path, "-o", (char *)object_path, "-lm"};
-    for (size_t i = 0; i < sizeof rest / sizeof *rest; i++)
+    enum { REST = sizeof rest / sizeof *rest };
+    for (char *word = strtok(words, " "); word; word = strtok(NULL, " ")) {
+        if (count + REST + 1 == MOST_ARGUMENTS) { // the last one is NULL
+            snprintf(reason, 256, "the flags are too many");
+            return false;
+        }
+        arguments[count++] = word;
+    }
+    for (size_t i = 0; i < REST; i++)
         arguments[count++] = rest[i];
     pid_t pid;
     double seconds = time_limit();

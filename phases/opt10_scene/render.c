@@ -1,5 +1,5 @@
 // The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
-// (tile.c, march.c, shade.c), built twice.
+// ("each_variant" of phase.json), built twice.
 #include <math.h>
 #include <stdalign.h>
 #include <stdlib.h>
