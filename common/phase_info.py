@@ -6,7 +6,7 @@ before anything is installed. The sources are NAME's, the compiler flags and ins
 a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
 variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
 the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
-are emulated.
+are emulated. Flags that only gcc knows (COPIES) are left out for clang, which copies that way unasked.
 """
 
 import json
@@ -25,6 +25,8 @@ KEYS = {
     "threads": bool,
     "cflags": str,
 }
+# How structs are copied: in moves as wide as the lanes (phases/opt6_wide/NOTES.md); not a bit of a picture's.
+COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 
 
 def load(name: str, output: Path) -> dict:
@@ -91,9 +93,13 @@ def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 
+def without(flags: str, *beginnings: str) -> str:
+    return " ".join(word for word in flags.split() if not word.startswith(beginnings))
+
+
 def emulate(one: dict, shim: str) -> dict:
     """A variant as it is built without AVX-512: its needs stay, for STEPWISE_ISA_LIMIT to take them away."""
-    flags = [f for f in one["flags"].split() if not f.startswith(("-mavx512", "-mprefer-vector-width"))]
+    flags = [without(one["flags"], "-mavx512", "-mprefer-vector-width", *COPIES)]
     flags = [*flags, "-mavx2", "-mfma", "-isystem", shim, "-Wno-psabi"]
     return one | {"flags": " ".join(flags), "isa": [*one["isa"], "avx2", "fma"]}
 
@@ -143,6 +149,8 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
     variants = phase.get("variants", [])
+    if "clang" in compiler:
+        variants = [one | {"flags": without(one["flags"], *COPIES)} for one in variants]
     emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     names = " ".join(f"lanes{one['lanes']}" for one in variants)

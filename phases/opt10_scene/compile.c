@@ -155,7 +155,7 @@ static int spawn(char **arguments, const char *log, pid_t *pid) {
     return error;
 }
 
-bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
+static bool compile(const char *compiler, const char *flags, int lanes, const char *tag,
                     const char *source_path, const char *object_path, char reason[256]) {
     char lanes_is[32], tag_is[64], words[2048], log[4096];
     char *arguments[MOST_ARGUMENTS] = {(char *)compiler};
@@ -212,4 +212,37 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
         *reason = '\0';
     unlink(log);
     return *reason == '\0';
+}
+
+// How gcc, from 12 on, is told to copy structs (phases/opt6_wide/NOTES.md).
+static const char *const copies[] = {"-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
+enum { COPIES = sizeof copies / sizeof *copies };
+
+// Flags without those. Returns whether the compiler complained of one of them.
+static bool fewer_flags(const char *flags, const char *reason, char fewer[2048]) {
+    bool complained = false;
+    for (int i = 0; i < COPIES; i++)
+        complained |= strstr(reason, copies[i]) != NULL;
+    size_t count = 0;
+    for (size_t length; complained && *flags; flags += length + (flags[length] == ' ')) {
+        bool copy = false;
+        length = strcspn(flags, " ");
+        for (int i = 0; i < COPIES; i++)
+            copy |= strncmp(flags, copies[i], strlen(copies[i])) == 0;
+        if (copy)
+            continue;
+        memcpy(fewer + count, flags, length);
+        count += length;
+        fewer[count++] = ' ';
+    }
+    fewer[count] = '\0';
+    return complained;
+}
+
+bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
+                    const char *source_path, const char *object_path, char reason[256]) {
+    char fewer[2048];
+    return compile(compiler, flags, lanes, tag, source_path, object_path, reason) ||
+           (strlen(flags) < sizeof fewer - 1 && fewer_flags(flags, reason, fewer) &&
+            compile(compiler, fewer, lanes, tag, source_path, object_path, reason));
 }

@@ -26,6 +26,12 @@ OPTIONAL = {
     "approximate",
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
+COPIES = (
+    "-mmove-max=",
+    "-mstore-max=",
+    "-mmemcpy-strategy=",
+    "-mmemset-strategy=",
+)  # of structs, gcc's alone
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = (
     "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
@@ -248,13 +254,20 @@ def variant_here(phase: Phase) -> dict[str, Any]:
 def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str:
     """Compiler flags without those that change no arithmetic, and without a variant's own: what it shares.
 
-    Two builds of one source by equal ones are one program as far as its speed and its picture go.
+    Two builds of one source by equal ones are one program as far as its speed and its picture go, but for how
+    a variant copies its lanes, which clang is not told (common/phase_info.py).
     """
-    for own in (one["flags"] for one in variants):
+    flags = _of_arithmetic(flags)
+    for own in (_of_arithmetic(one["flags"]) for one in variants):
         if own and flags.endswith(own):
-            flags = flags.removesuffix(own)
-            break
-    return " ".join(flag for flag in flags.split() if flag not in NO_ARITHMETIC)
+            return flags.removesuffix(own).rstrip()
+    return flags
+
+
+def _of_arithmetic(flags: str) -> str:
+    return " ".join(
+        word for word in flags.split() if word not in NO_ARITHMETIC and not word.startswith(COPIES)
+    )
 
 
 def cpu_supports(what: Phase | Spec) -> bool:

@@ -1,6 +1,9 @@
 """Phases and scenes found by folder; names, specs and instruction sets."""
 
 import json
+import re
+import subprocess
+import sys
 
 import pytest
 from hypothesis import given
@@ -123,3 +126,30 @@ def test_flags_of_this_cpu_are_read():
 )
 def test_width_is_16_9_unless_the_scene_is_square(scene, height, width, size):
     assert registry.find_scene(scene).size(height, width) == size
+
+
+WIDE = [
+    name
+    for name, phase in registry.phases().items()
+    if any("-mmove-max=" in v["flags"] for v in phase.variants)
+]
+
+
+@pytest.mark.parametrize("name", WIDE)
+@pytest.mark.parametrize("compiler", ["gcc (Debian 12.2.0-14) 12.2.0", "Debian clang version 14.0.6"])
+def test_lanes_are_copied_whole_by_gcc_and_clang_is_not_told(name, compiler, tmp_path):
+    """Moves as wide as a variant's lanes; phases are compared by what their lanes share, either way."""
+    words = [sys.executable, registry.ROOT / "common/phase_info.py", name, name, tmp_path, compiler, ""]
+    subprocess.run(words, check=True)
+    made = (tmp_path / "flags.mk").read_text()
+    phase = registry.phases()[name]
+    for variant in phase.variants:
+        own = re.search(rf"^PHASE_lanes{variant['lanes']} := (.*)", made, re.MULTILINE)[1]
+        assert (f"-mmove-max={32 * variant['lanes']} " in own) == ("gcc" in compiler)
+        assert ("-mavx512f " in own) == (variant["lanes"] == 16)
+        told = f"{phase.cflags} {own.partition(' -DLANES')[0]}"
+        assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"
+
+
+def test_which_phases_copy_lanes_whole():
+    assert WIDE == ["opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene", "fixed_simd"]

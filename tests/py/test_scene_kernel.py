@@ -428,3 +428,24 @@ def test_a_kernel_whose_source_cannot_be_kept_is_used(shop: Workshop, tmp_path: 
     again, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     assert again["generated"] and not again["cached"] and not said
     assert kernel.exists() and not [path for path in folder.iterdir() if path.name.startswith(".")]
+
+
+def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: Path) -> None:
+    """clang and gcc before 12 refuse the words for it: asked again without them, and for nothing else."""
+    asked = tmp_path / "asked"
+    other = shop.script(
+        "other",
+        f"""echo asked >> '{asked}'
+        for i in "$@"; do case "$i" in -mmove-max=*|-mmem*-strategy=*)
+            echo "error: unknown argument: '$i'"; exit 1;; esac; done
+        exec '{shop.compiler}' "$@\"""",
+    )
+    fresh = {"STEPWISE_CACHE": str(tmp_path / "cache"), "STEPWISE_CC": str(other)}
+    facts, said, _ = shop.run("two_spheres", **fresh)
+    assert facts["generated"] and not said
+    told = registry.variant_here(registry.phases()[PHASE])["flags"]
+    assert asked.read_text().split() == ["asked"] * (1 + ("-mmove-max=" in told))
+    broken = shop.script("broken", f"echo asked >> '{asked}'; echo 'error: no space'; exit 1")
+    asked.unlink()
+    facts, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(tmp_path / "new"), STEPWISE_CC=str(broken))
+    assert not facts["generated"] and "no space" in said and asked.read_text().split() == ["asked"]
