@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
-from study import analysis, ladder, machine, show
+from study import analysis, ladder, machine, registry, show
 from study.analysis import Data
 from study.cli import StudyError
 from study.draw import BAD, RING, STYLE, bars_of, legend, look, panels, plain_log, save
@@ -31,7 +31,7 @@ def caption(data: Data, rows: pd.DataFrame) -> str:
     context = data.context
     flags: dict[str, list[str]] = {}
     for spec, text in dict.fromkeys(zip(rows["phase"], rows["flags"], strict=True)):
-        flags.setdefault(text, []).append(spec)
+        flags.setdefault(registry.short(text), []).append(spec)
     built = "; ".join(f"{', '.join(specs)}: {text}" for text, specs in flags.items())
     launches = " to ".join(str(n) for n in dict.fromkeys((rows["launches"].min(), rows["launches"].max())))
     cpu = machine.name(context)

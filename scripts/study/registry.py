@@ -264,6 +264,17 @@ def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str
     return flags
 
 
+def told(flags: str, compiler: str) -> str:
+    """What a compiler of that name is told of a variant's flags (common/phase_info.py)."""
+    known = [word for word in flags.split() if "clang" not in compiler or not word.startswith(COPIES)]
+    return " ".join(known)
+
+
+def short(flags: str) -> str:
+    """For small print: of the words for copies the first alone."""
+    return re.sub(rf"({COPIES[0]}\S+)( ({'|'.join(COPIES[1:])})\S+)+", r"\1 …", flags)
+
+
 def _of_arithmetic(flags: str) -> str:
     return " ".join(
         word for word in flags.split() if word not in NO_ARITHMETIC and not word.startswith(COPIES)

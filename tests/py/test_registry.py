@@ -147,8 +147,15 @@ def test_lanes_are_copied_whole_by_gcc_and_clang_is_not_told(name, compiler, tmp
         own = re.search(rf"^PHASE_lanes{variant['lanes']} := (.*)", made, re.MULTILINE)[1]
         assert (f"-mmove-max={32 * variant['lanes']} " in own) == ("gcc" in compiler)
         assert ("-mavx512f " in own) == (variant["lanes"] == 16)
-        told = f"{phase.cflags} {own.partition(' -DLANES')[0]}"
+        assert own.split(" -DLANES=")[0] == registry.told(variant["flags"], compiler)
+        told = f"{phase.cflags} {own.partition('-DLANES')[0]}"
         assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"
+
+
+def test_small_print_has_the_first_word_for_copies():
+    whole = "-O3 -mmove-max=256 -mstore-max=256 -mmemcpy-strategy=libcall:-1:noalign -DX -O2"
+    assert registry.short(whole) == "-O3 -mmove-max=256 … -DX -O2"
+    assert registry.short("-O3 -mavx2") == "-O3 -mavx2"
 
 
 def test_which_phases_copy_lanes_whole():
