@@ -27,7 +27,7 @@ SAME = 150  # dB; a difference below is less than what float holds of a colour n
 
 
 def caption(data: Data, rows: pd.DataFrame) -> str:
-    """Machine, compiler and flags of every phase, and what the bars and points are."""
+    """Machine, compiler and flags of every phase, and what the points are."""
     context = data.context
     flags: dict[str, list[str]] = {}
     for spec, text in dict.fromkeys(zip(rows["phase"], rows["flags"], strict=True)):
@@ -87,11 +87,11 @@ def pace(rows: pd.DataFrame) -> Figure:
     return against_n(rows, "ns_per_pixel", "ns per pixel", "Time per pixel against picture height")
 
 
-LEFT = 0.8  # where bars begin, on a logarithmic axis
+LEFT = 0.8  # of a logarithmic axis
 
 
 def speedups(rows: pd.DataFrame) -> Figure:
-    """Bars over baseline at each scene's headline size, the paper's values on them, and its errors."""
+    """Points over baseline at each scene's headline size, the paper's values beside them, and its errors."""
     rows = rows[rows["headline"] & rows["speedup"].notna()]
     figure, grid = panels(rows, 0.5 * rows.groupby("scene").size().max() + 1.0, 6.2, 2)
     figure.suptitle("Speed-up over baseline in one interleaved run, and its error", x=0.01, ha="left")
@@ -102,18 +102,18 @@ def speedups(rows: pd.DataFrame) -> Figure:
         styles = [looks[key] for key in zip(group["phase"], group["threads"], strict=True)]
         ends = bars_of(group, "speedup")
         for (i, row), style in zip(group.iterrows(), styles, strict=True):
-            hollow, colour = style["hollow"], style["color"]
-            face, edge = ("white", colour) if hollow else (colour, "white")
-            axes.barh(
+            colour = style["color"]
+            axes.plot([LEFT, row["speedup"]], [i, i], ":", color="#999999", linewidth=1, zorder=1)
+            axes.errorbar(
+                row["speedup"],
                 i,
-                row["speedup"] - LEFT,
-                left=LEFT,
-                height=0.7,
-                color=face,
-                edgecolor=edge,
-                hatch=style["hatch"],
+                xerr=ends[:, [i]],
+                color=colour,
+                capsize=3,
+                marker=style["marker"],
+                markersize=8,
+                markerfacecolor="white" if style["hollow"] else colour,
             )
-            axes.errorbar(row["speedup"], i, xerr=ends[:, [i]], color="black", capsize=3, linestyle="none")
             beside = {"transform": axes.get_yaxis_transform(), "va": "center", "fontsize": 9}
             axes.text(1.15, i, f"{show.number(row['speedup'])}×", **beside, ha="right")
             axes.text(1.19, i, error_text(row), **beside, color=text_colour(row))
@@ -134,7 +134,7 @@ def speedups(rows: pd.DataFrame) -> Figure:
 
 
 def paper_marks(axes: Axes, group: pd.DataFrame) -> None:
-    """The paper's own speed-ups above and below the middle of the bar, outlined so that they show on it."""
+    """The paper's own speed-ups above and below the point, outlined so that they show on it."""
     for name, marker, size, face, shift, label in (
         ("implied", "D", 30, "black", -0.2, "by its tables"),
         ("stated", "*", 90, "black", -0.2, "by its text"),

@@ -82,7 +82,7 @@ def _who(row: Row) -> str:
 
 
 def _per_article(row: Row) -> str:
-    return f"{show.number(row['per_article'])}×"
+    return row["per_article"].partition(" ")[0]
 
 
 def _common(row: Row) -> str:
@@ -147,7 +147,7 @@ def animation_rows(result: Row) -> list[Row]:
     own |= {"ms": {"mean": said["ms"]}, "update_ms": None, "core_ns_per_pixel": theirs}
     own |= {"frames": said["frames"], "width": said["width"], "n": said["height"]}
     rows = fixed.with_common(result["animation"])
-    return [row | {"per_article": theirs / row["core_ns_per_pixel"]} for row in (own, *rows)]
+    return [row | {"per_article": moving.per_article(row, said)} for row in (own, *rows)]
 
 
 def sentence(row: Row) -> str:

@@ -6,7 +6,7 @@ import math
 import statistics
 from typing import Any
 
-from study import fixed, fixed_page, lattice, packets, rods, stats
+from study import fixed, lattice, moving, packets, rods, show, stats
 from study.analysis import Data
 from study.compilers import known
 from study.stats import Interval
@@ -34,17 +34,21 @@ def rtrm(data: Data, claim: Claim) -> Found:
 
 
 def integers(data: Data, claim: Claim) -> Found:
-    """Beside figures of 35 cores of another CPU: that decides nothing."""
+    """Beside figures of 35 cores of another CPU: that decides nothing. Fewer frames than the article's are
+    another stretch of the animation, whose frames drift: no ratio then."""
     result = fixed.read(data.path / fixed.FILE)
     mine = [r for r in result.get("animation", []) if (r["phase"], r["n"]) == (claim["phase"], claim["n"])]
     mine = [r for r in mine if r.get("shadows", True)]
     if not mine:
         return missing(f"frames of {claim['scene']} at n = {claim['n']:.0f}")
-    one = max(mine, key=lambda row: row["threads"])
-    faster = fixed_page.article_ns(result) / one["core_ns_per_pixel"]
+    said = result["article"]
+    one = max(mine, key=lambda row: (row.get("frames") == said["frames"], row["threads"]))
     cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
+    beside = moving.per_article(one, said)
+    if beside == show.NOTHING:
+        beside = f"{one.get('frames', '?')} frames of {one['width']}×{one['n']}, no ratio"
     mean = one["ms"].get("mean", one["ms"]["p50"])  # the article's is one; older files have none
-    text = f"{mean:.1f} ms on {cores}: {faster:.1f}× its pixels per core and second"
+    text = f"{mean:.1f} ms on {cores}: {beside}"
     return Found(text, NEVER, claim["note"], mean, one["ms"]["p5"], one["ms"]["p95"], one["n"])
 
 

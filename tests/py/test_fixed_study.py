@@ -189,8 +189,8 @@ def test_the_animations_table_by_hand():
     ]
     assert article[4] == "14.29" and article[5:11] == ["–"] * 6 and article[11:] == ["241", "1.00×"]
     assert ours[0] == "the article's roots and corners, one lane (fixed)" and ours[1] == "hard"
-    assert two[3] == "2 at 1920×1080, resumed at 1" and two[2] == "2" and two[12] == "2.50×"
-    assert bare[1] == "none" and bare[11:] == ["241", "1.00×"]
+    assert two[3] == "2 at 1920×1080, resumed at 1" and two[2] == "2" and two[12] == "–"
+    assert bare[1] == "none" and bare[11:] == ["241", "–"], "two frames are no 900: no ratio"
 
 
 def test_rows_of_more_frames_have_the_mean_of_those_that_all_have():

@@ -261,13 +261,18 @@ def test_frames_of_other_cores_decide_nothing(data) -> None:
     """14.29 ms of 35 cores are 241 core·ns a pixel; 100 ms on one are 48.2."""
     (claim,) = [c for c in paper.read("claims").to_dict("records") if c["quantity"] == "integers"]
     assert register.CHECKS["integers"](data, claim).verdict == OPEN
-    row = {"phase": "fixed_simd", "n": 1080, "threads": 1, "core_ns_per_pixel": 100e6 / (1920 * 1080)}
+    row = {"phase": "fixed_simd", "n": 1080, "width": 1920, "threads": 1, "frames": 900}
+    row |= {"core_ns_per_pixel": 100e6 / (1920 * 1080)}
     row |= {"ms": {"mean": 100.0, "p50": 98.0, "p5": 90.0, "p95": 120.0}}
     others = [row | {"n": 90, "threads": 2}, row | {"shadows": False, "threads": 2}]
+    others += [row | {"frames": 225, "threads": 2}]  # not all of the animation
     put(data, "fixed.json", {"rows": [1], "article": fixed.ARTICLE, "animation": [*others, row]})
     found = register.CHECKS["integers"](data, claim)
     assert found.verdict == NEVER and (found.value, found.low, found.high) == (100, 90, 120)
-    assert found.here == "100.0 ms on 1 thread: 5.0× its pixels per core and second"
+    assert found.here == "100.0 ms on 1 thread: 5.00× its pixels per core and second"
+    put(data, "fixed.json", {"rows": [1], "article": fixed.ARTICLE, "animation": others})
+    found = register.CHECKS["integers"](data, claim)
+    assert found.here == "100.0 ms on 2 threads: 225 frames of 1920×1080, no ratio"
 
 
 def point(height: int = 2000, **shares: float) -> dict:
