@@ -70,6 +70,25 @@ void cache_sweep(const char *folder) {
         closedir(all);
 }
 
+bool cache_holds(const char *path, const char *text) {
+    FILE *file = fopen(path, "rb");
+    if (!file)
+        return false;
+    char part[16384];
+    size_t left = strlen(text), got;
+    bool same = true;
+    while (same && (got = fread(part, 1, sizeof part, file)) > 0) {
+        same = got <= left && memcmp(part, text, got) == 0;
+        if (same) {
+            text += got;
+            left -= got;
+        }
+    }
+    same = same && left == 0 && !ferror(file);
+    fclose(file);
+    return same;
+}
+
 struct seal {
     char mark[8], tag[16];
     unsigned long long sum;

@@ -290,13 +290,15 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     assert not left
 
 
-@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open"])
+@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source"])
 def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     facts, _, picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     assert facts["generated"]
     kernel = folder / f"{facts['hash']}.so"
     whole = kernel.read_bytes()
+    kept = kernel.with_suffix(".c")
+    source = kept.read_bytes()
     if what == "cut":
         kernel.write_bytes(whole[: len(whole) // 2])
     elif what == "bit":
@@ -306,6 +308,13 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         shutil.copy(folder / f"{other['hash']}.so", kernel)
     elif what == "empty":
         kernel.write_bytes(b"")
+    elif what == "namesake":  # sound and of this name, but made of another source that shares the hash
+        kept.write_bytes(source.replace(b"SHAPES 2", b"SHAPES 3"))
+        assert kept.read_bytes() != source
+    elif what == "longer":
+        kept.write_bytes(source + b"int more;")
+    elif what == "no source":
+        kept.unlink()
     else:  # a folder that others may write to is not trusted
         folder.chmod(0o777)
     again, said, other_picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
@@ -314,7 +323,7 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         return
     assert again["generated"] and not again["cached"] and again["compile_ns"] > 0
     same(picture, other_picture)
-    assert kernel.read_bytes() == whole
+    assert kernel.read_bytes() == whole and kept.read_bytes() == source
 
 
 def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
@@ -418,7 +427,7 @@ def test_what_ends_it_ends_its_compiler(number: signal.Signals, shop: Workshop, 
 
 
 def test_a_kernel_whose_source_cannot_be_kept_is_used(shop: Workshop, tmp_path: Path) -> None:
-    """HASH.c is there to be read only."""
+    """Without HASH.c, which tells of what source HASH.so is, the next launch makes it anew."""
     folder = tmp_path / "cache"
     facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     kernel, source = (folder / f"{facts['hash']}.{ending}" for ending in ("so", "c"))
