@@ -106,6 +106,8 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
     snprintf(object, sizeof object, "%s/%s.so", folder, tag);
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
     uint64_t begin = now_ns();
+    cache_used(kept); // before it is opened: whoever sweeps now leaves it
+    cache_used(object);
     bool same = cache_holds(kept, text);
     if (!same || !open_object(object, tag, loaded)) {
         if (same && cache_sealed(object, tag)) { // made anew it would be the same

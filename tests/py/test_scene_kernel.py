@@ -375,6 +375,47 @@ def test_leftovers_of_killed_processes_go(shop: Workshop, tmp_path: Path) -> Non
     assert not old.exists() and young.exists() and other.exists()
 
 
+def test_unused_kernels_go(shop: Workshop, tmp_path: Path) -> None:
+    """When one is made: of 30 days, and of more than 1,000 files the longest unused; none of this hour."""
+    folder = tmp_path / "cache"
+    folder.mkdir(0o700)
+    day = 24 * 3600.0
+
+    def put(number: int, days: float, ending: str = "so") -> Path:
+        path = folder / f"{number:016x}.{ending}"
+        path.write_text("")
+        os.utime(path, (time.time() - days * day,) * 2)
+        return path
+
+    first, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    own = [folder / f"{first['hash']}.{ending}" for ending in ("so", "c")]
+    for path in own:
+        os.utime(path, (1e9, 1e9))
+    again, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert again["cached"], "which is a use of it"
+    stale = [put(i, 31, ending) for i, ending in enumerate(("so", "c"), 1)]
+    foreign = [folder / name for name in ("notes.c", "0123456789abcdef.txt", "0123456789abcdef0.so")]
+    for path in foreign:
+        path.write_text("")
+        os.utime(path, (1e9, 1e9))
+    made, _, _ = shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert made["generated"] and not made["cached"]
+    assert not any(path.exists() for path in stale)
+    assert all(path.exists() for path in [*own, *foreign])
+    own += [folder / f"{made['hash']}.{ending}" for ending in ("so", "c")]
+    own[-2].unlink()
+    older = [put(1000 + i, 2) for i in range(100)]
+    newer = [put(2000 + i, 1) for i in range(890)]
+    new = [put(5000 + i, 0.01) for i in range(100)]  # 14 minutes
+    shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert all(path.exists() for path in [*own, *foreign, *newer, *new])
+    assert sum(path.exists() for path in older) == 1000 - (len(own) - 1) - len(newer) - len(new)
+    many = [put(1000 + i, 0.02) for i in range(1100)]
+    own[-2].unlink()
+    shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert all(path.exists() for path in [*own, *many]), "none of this hour, however many"
+
+
 def test_killed_compiler_is_said(shop: Workshop, tmp_path: Path) -> None:
     crashing = shop.script("crashing", "kill -SEGV $$")
     fresh = {"STEPWISE_CACHE": str(tmp_path / "cache"), "STEPWISE_CC": str(crashing)}
