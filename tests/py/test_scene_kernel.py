@@ -151,7 +151,7 @@ def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop
     same(picture, generated)
 
 
-def test_a_kernel_ends_when_shapes_move(shop: Workshop) -> None:
+def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
     """Its constants are of one place: an animation is drawn by general code, and its record says so."""
     scene = json.loads(registry.scenes()["scene0"].path.read_text())
     moving = shop.folder / "moving.json"
@@ -162,6 +162,11 @@ def test_a_kernel_ends_when_shapes_move(shop: Workshop) -> None:
     words = ("--frames", "31", "--first-frame", "30")
     facts, said, picture = shop.run(moving, *words)
     assert not facts["generated"] and "the shapes move" in facts["reason"] and not said
+    cache = tmp_path / "cache"
+    asked = shop.script("asked", f"touch {tmp_path}/asked; exit 1")
+    facts, said, _ = shop.run(moving, *words, STEPWISE_CC=str(asked), STEPWISE_CACHE=str(cache))
+    assert "the shapes move" in facts["reason"] and not said and facts["compile_ns"] == 0
+    assert not cache.exists() and not (tmp_path / "asked").exists(), "none is compiled to be dropped"
     same(picture, shop.run(moving, *words, STEPWISE_CC="none")[2])
     assert (picture["id"] != there["id"]).any()
 
