@@ -399,6 +399,8 @@ static void cast_beam(int first, const struct convex *work) {
     beam.near.list = desk->vicinity;
     _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
                    "room for both");
+    _Static_assert(3 * BEAM * sizeof(real) <= CROWD * sizeof(struct close_by),
+                   "wake() reads three rows behind the last");
     beam.near.wakes = (real *)second;
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
@@ -415,7 +417,8 @@ static void cast_beam(int first, const struct convex *work) {
         begin_walk(&beam.walk[i], work);
         leave_solids(&beam.walk[i], desk->near, strength, hit, work);
     }
-    // Steps, and looks: one that no step comes of, as of a place that is no number, must not be taken for ever.
+    // Steps, and looks: one that no step comes of, as of a place that is no number, is not taken for ever (1e9 steps, the
+    // most that a scene may ask for, are a day).
     long left = 2L * model->march.max_steps * BEAM_RAYS;
     for (; left > 0 && look_around(&beam, work); left--)
         for (int steps = 1; left > 0 && walk_on(&beam, strength, hit); left--, steps++)

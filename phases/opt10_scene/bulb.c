@@ -192,7 +192,7 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
             ended += count_of(p[k].done);
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
-        while (ended < enough) {
+        while (ended < enough && steps < STEPS_COUNTED) {
             COUNT(march_floats, step);
             steps += 1.0f;
             ended = step_bulbs(s, p, false, hit_distance, set(steps - most), set(close));
@@ -201,6 +201,11 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
         for (int k = 0; k < ABREAST; k++) {
             retire_bulb(&p[k], &lanes[k], steps, desk);
             live |= lanes[k].live;
+        }
+        if (!(steps < STEPS_COUNTED)) {
+            for (int k = 0; k < ABREAST; k++)
+                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - set(steps);
+            steps = 0.0f;
         }
     } while (next < count || live);
 }

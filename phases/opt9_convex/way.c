@@ -7,6 +7,9 @@ struct cone_of_one {
     real q, narrow, ahead; // narrow: 1 − q²; ahead: narrow·t
 };
 
+// The quadratic of a cone with a sphere: narrow·t² − 2·lean·t + need = 0, `rest` a quarter of its discriminant. That is
+// rounded by 8·2⁻²⁴·|v|², and its margin 2e-6·narrow·|v|²: where narrow is less than a quarter (q above 0.87) a sphere that the
+// cone no more than grazes may be told to be beside it. The term that it would have brought is next to 1.
 static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, real radius,
                               real *lean, real *rest) {
     COUNT(in_its_way, call);
