@@ -153,6 +153,10 @@ SHARED void cast_shadows(const struct convex *work);
 SHARED int convex_tiles(const struct job *job);
 SHARED void convex_tile(const struct job *job, int tile, struct desk *desk);
 
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
 INLINE struct vec in_frame(const struct placed *s, struct vec p) {
     return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
                                   p.z - set(s->position[2])});

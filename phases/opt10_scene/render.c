@@ -12,7 +12,7 @@
 // Of a generated kernel; without a Mandelbulb half as many are a crowd.
 enum { MOST_SHAPES = 64 };
 
-// What the march reads is `prepared`, as in opt4; the team stands behind it.
+// What a tile reads is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
     struct team *team;

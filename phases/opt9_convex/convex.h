@@ -185,6 +185,10 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
     }
 }
 
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
 static inline mask same_shape(real shape, int i) {
     return less(absolute(shape - set((float)i)), set(0.5f));
 }
