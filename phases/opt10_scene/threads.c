@@ -69,9 +69,6 @@ static void *own_memory(size_t size) {
     return own ? memset(own, 0, whole) : NULL;
 }
 
-// Tiles taken at once: at most, and one of so many parts of each worker's share of what is left.
-enum { AT_ONCE = 16, PARTS = 16 };
-
 // Some at a time, fewer towards the end, so that no worker waits long for the last. Half of the workers begin at the
 // picture's end: of two, each writes where it wrote the frame before, and not lines that the other's cache still has
 // (scene0: 4.68 -> 4.38 ms). How many there are; 0: none are left.
@@ -79,8 +76,8 @@ static int take_tiles(struct team *team, bool from_end, int *first) {
     uint64_t taken = atomic_load_explicit(&team->taken, memory_order_relaxed);
     for (;;) {
         int front = (int)(uint32_t)taken, back = (int)(taken >> 32);
-        int left = team->tiles - front - back, some = left / (PARTS * team->count);
-        some = some < 1 ? 1 : some > AT_ONCE ? AT_ONCE : some;
+        int left = team->tiles - front - back, some = left / (16 * team->count);
+        some = some < 1 ? 1 : some > 16 ? 16 : some;
         if (left <= 0)
             return 0;
         *first = from_end ? team->tiles - back - some : front;
