@@ -112,6 +112,7 @@ static int run(struct session *s) {
         !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
         !(s->frames = json_array()))
         return driver_complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
+    s->scene.model.animated = o->frames > 0;
     s->moving = s->scene.model;
     s->moving.shapes = malloc((size_t)s->moving.shape_count * sizeof *s->moving.shapes);
     if (!s->moving.shapes)

@@ -31,7 +31,7 @@ struct prepared *phase_prepare(const struct model *model, int threads);
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
 
 // Moved shapes: same counts, types and sizes as at phase_prepare, and as long-lived. Timed with the frame, before each
-// of an animation's (render --frames). Returns false when memory is short.
+// of an animation's (render --frames; prepare's model is `animated` then). Returns false when memory is short.
 bool phase_update(struct prepared *prepared, const struct model *model);
 
 void phase_release(struct prepared *prepared);

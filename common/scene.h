@@ -104,6 +104,7 @@ struct model {
     enum shadows shadows;
     double shadow_strength;
     struct features features;
+    bool animated; // not the scene's: each frame has its shapes elsewhere (render --frames)
 };
 
 struct view {

@@ -3,6 +3,8 @@
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
 enum { LOOK = 6 }; // steps in a vicinity until it is asked which rays have ended
+// A slope that much less than when it was asked what is in the way: asked again.
+#define LESS_SLOPE 0.9f
 
 // The bits of a and two zeros by turns.
 static unsigned apart(unsigned a) {
@@ -91,7 +93,7 @@ static void look_ahead(struct walk *w, const struct convex *work) {
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     mask asked = but_not(m->done, not_less(m->previous, q * m->from));
-    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(0.9f))));
+    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
     if (!any(asked))
         return;
     real until = set(0.0f);
@@ -346,7 +348,7 @@ static void add_answers(int first, struct desk *desk) {
 }
 
 // Of some packets: a ball that their rays start in, and how far they turn from the first one's direction.
-struct ball {
+struct bundle {
     float centre[3], to_light[3], radius, spread;
 };
 
@@ -354,38 +356,38 @@ static float most_lane(real x) {
     return -least_lane(set(0.0f) - x);
 }
 
-static struct ball ball_about(const struct walk *walk, int packets) {
+static struct bundle bundle_about(const struct walk *walk, int packets) {
     ACTIVE(count_of(walk->rays.active));
-    COUNT(ball_about, call);
-    COUNT(ball_about, scalar);
+    COUNT(bundle_about, call);
+    COUNT(bundle_about, scalar);
     struct vec low = walk->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
         ACTIVE(count_of(walk[i].rays.active));
-        COUNT(ball_about, box);
+        COUNT(bundle_about, box);
         struct vec p = walk[i].rays.point;
         low = (struct vec){least_of(low.x, p.x), least_of(low.y, p.y), least_of(low.z, p.z)};
         high = (struct vec){most_of(high.x, p.x), most_of(high.y, p.y), most_of(high.z, p.z)};
     }
     struct vec to = walk->rays.to_light;
-    struct ball ball = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
-                         0.5f * (least_lane(low.y) + most_lane(high.y)),
-                         0.5f * (least_lane(low.z) + most_lane(high.z))},
-                        {first_of(to.x), first_of(to.y), first_of(to.z)},
-                        0,
-                        0};
-    struct vec c = vec_set(ball.centre), t = vec_set(ball.to_light);
+    struct bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
+                             0.5f * (least_lane(low.y) + most_lane(high.y)),
+                             0.5f * (least_lane(low.z) + most_lane(high.z))},
+                            {first_of(to.x), first_of(to.y), first_of(to.z)},
+                            0,
+                            0};
+    struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     real away = set(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
         ACTIVE(count_of(walk[i].rays.active));
-        COUNT(ball_about, packet);
+        COUNT(bundle_about, packet);
         struct vec p = walk[i].rays.point, l = walk[i].rays.to_light;
         struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
         away = most_of(away, vec_dot(v, v));
         turned = most_of(turned, vec_dot(d, d));
     }
-    ball.radius = sqrtf(most_lane(away)) * (1 + 1e-4f);
-    ball.spread = sqrtf(most_lane(turned)) * 1.01f + 1e-4f;
-    return ball;
+    bundle.radius = sqrtf(most_lane(away)) * (1 + 1e-4f);
+    bundle.spread = sqrtf(most_lane(turned)) * 1.01f + 1e-4f;
+    return bundle;
 }
 
 static void cast_beam(int first, const struct convex *work) {
@@ -399,6 +401,8 @@ static void cast_beam(int first, const struct convex *work) {
     beam.near.list = desk->vicinity;
     _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
                    "room for both");
+    _Static_assert(3 * BEAM * sizeof(real) <= CROWD * sizeof(struct close_by),
+                   "wake() reads three rows behind the last");
     beam.near.wakes = (real *)second;
     beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
@@ -407,15 +411,16 @@ static void cast_beam(int first, const struct convex *work) {
     do // one at least
         gather_walk(&beam.walk[beam.count++], at, &beam, work);
     while ((at += LANES) < desk->shadows && beam.count < BEAM);
-    struct ball ball = ball_about(beam.walk, beam.count);
-    crowd_about_beam(ball.centre, ball.radius, ball.to_light, ball.spread, work);
+    struct bundle bundle = bundle_about(beam.walk, beam.count);
+    crowd_about_beam(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
     for (int i = 0; i < beam.count; i++) {
-        ball = ball_about(&beam.walk[i], 1);
-        crowd_about_packet(ball.centre, ball.radius, ball.to_light, ball.spread, work);
+        bundle = bundle_about(&beam.walk[i], 1);
+        crowd_about_packet(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
         begin_walk(&beam.walk[i], work);
         leave_solids(&beam.walk[i], desk->near, strength, hit, work);
     }
-    // Steps, and looks: one that no step comes of, as of a place that is no number, must not be taken for ever.
+    // Steps, and looks: one that no step comes of, as of a place that is no number, is not taken for ever (1e9 steps, the
+    // most that a scene may ask for, are a day).
     long left = 2L * model->march.max_steps * BEAM_RAYS;
     for (; left > 0 && look_around(&beam, work); left--)
         for (int steps = 1; left > 0 && walk_on(&beam, strength, hit); left--, steps++)

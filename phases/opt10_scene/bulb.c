@@ -1,6 +1,7 @@
 // Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
 // it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
-// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other shapes"); rays that miss the bounding sphere take none.
+// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other shapes"); rays that
+// miss the bounding sphere take none.
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface close.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
 #include "close.h"
@@ -192,7 +193,7 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
             ended += count_of(p[k].done);
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
-        while (ended < enough) {
+        while (ended < enough && steps < STEPS_COUNTED) {
             COUNT(march_floats, step);
             steps += 1.0f;
             ended = step_bulbs(s, p, false, hit_distance, set(steps - most), set(close));
@@ -201,6 +202,11 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
         for (int k = 0; k < ABREAST; k++) {
             retire_bulb(&p[k], &lanes[k], steps, desk);
             live |= lanes[k].live;
+        }
+        if (!(steps < STEPS_COUNTED)) {
+            for (int k = 0; k < ABREAST; k++)
+                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - set(steps);
+            steps = 0.0f;
         }
     } while (next < count || live);
 }

@@ -55,19 +55,89 @@ bool cache_folder(char path[4096], char reason[256]) {
     return false;
 }
 
+// Of a kernel 0.3 MB, two files. None that was asked for within the hour goes: who looked it up may yet load it.
+enum { MOST_FILES = 1000, UNUSED = 30 * 24 * 3600, IN_USE = 3600 };
+
+struct entry {
+    char name[24];
+    time_t used;
+};
+
+static int by_use(const void *a, const void *b) {
+    time_t x = ((const struct entry *)a)->used, y = ((const struct entry *)b)->used;
+    return (x < y) - (x > y); // the last used first
+}
+
+// Whether a file's name is that of a kernel or its source.
+static bool is_kernel(const char *name) {
+    size_t digits = strspn(name, "0123456789abcdef");
+    return digits == 16 && (strcmp(name + 16, ".so") == 0 || strcmp(name + 16, ".c") == 0);
+}
+
+static void drop_unused(int folder, struct entry *kernels, size_t count, time_t now) {
+    qsort(kernels, count, sizeof *kernels, by_use);
+    for (size_t i = 0; i < count; i++) {
+        time_t unused = now - kernels[i].used;
+        if (unused > UNUSED || (i >= MOST_FILES && unused > IN_USE))
+            unlinkat(folder, kernels[i].name, 0);
+    }
+}
+
 void cache_sweep(const char *folder) {
     DIR *all = opendir(folder);
     time_t now = time(NULL);
     struct stat found;
+    struct entry *kernels = NULL;
+    size_t count = 0, room = 0;
     for (struct dirent *one; all && (one = readdir(all));) {
         char tag[17], own[2];
-        if (sscanf(one->d_name, ".%16[0-9a-f]-%1s", tag, own) == 2 &&
-            fstatat(dirfd(all), one->d_name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
-            now - found.st_mtim.tv_sec > 3600)
-            unlinkat(dirfd(all), one->d_name, 0);
+        bool kernel = is_kernel(one->d_name);
+        if (!kernel && sscanf(one->d_name, ".%16[0-9a-f]-%1s", tag, own) != 2)
+            continue;
+        if (fstatat(dirfd(all), one->d_name, &found, AT_SYMLINK_NOFOLLOW) != 0)
+            continue;
+        if (!kernel) {
+            if (now - found.st_mtim.tv_sec > IN_USE)
+                unlinkat(dirfd(all), one->d_name, 0);
+            continue;
+        }
+        if (count == room) {
+            struct entry *more = realloc(kernels, (room = 2 * room + 256) * sizeof *kernels);
+            if (!more)
+                break;
+            kernels = more;
+        }
+        strcpy(kernels[count].name, one->d_name); // 19 characters at most
+        kernels[count++].used = found.st_mtim.tv_sec;
     }
-    if (all)
+    if (all) {
+        drop_unused(dirfd(all), kernels, count, now);
         closedir(all);
+    }
+    free(kernels);
+}
+
+void cache_used(const char *path) {
+    utimensat(AT_FDCWD, path, NULL, 0); // in vain where nothing may be written: nor is swept there
+}
+
+bool cache_holds(const char *path, const char *text) {
+    FILE *file = fopen(path, "rb");
+    if (!file)
+        return false;
+    char part[16384];
+    size_t left = strlen(text), got;
+    bool same = true;
+    while (same && (got = fread(part, 1, sizeof part, file)) > 0) {
+        same = got <= left && memcmp(part, text, got) == 0;
+        if (same) {
+            text += got;
+            left -= got;
+        }
+    }
+    same = same && left == 0 && !ferror(file);
+    fclose(file);
+    return same;
 }
 
 struct seal {

@@ -5,10 +5,6 @@
 #include "bulb.h"
 #include "picture.h"
 
-static int lesser(int a, int b) {
-    return a < b ? a : b;
-}
-
 static inline mask in_picture(struct block block) {
     COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
@@ -17,10 +13,6 @@ static inline mask in_picture(struct block block) {
     real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
     return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
                 less(below, set((float)block.down)));
-}
-
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
 }
 
 // What the tile's blocks have in common.

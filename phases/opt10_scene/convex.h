@@ -64,7 +64,7 @@ enum bulb_field {
 };
 // Of those that wait to go on in close.h: t as two floats.
 enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
-enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + LANES };
+enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + 2 * LANES };
 
 enum { ABOUT_ROOM = 256 };
 
@@ -152,6 +152,10 @@ SHARED void march_bulb(const struct placed *s, int count, const struct limits *l
 SHARED void cast_shadows(const struct convex *work);
 SHARED int convex_tiles(const struct job *job);
 SHARED void convex_tile(const struct job *job, int tile, struct desk *desk);
+
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
+}
 
 INLINE struct vec in_frame(const struct placed *s, struct vec p) {
     return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),

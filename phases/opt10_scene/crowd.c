@@ -41,10 +41,6 @@ static inline mask lies_across(struct vec centre, real radius, const void *with)
     return both(in, less(neg_mul_add(w->top, z, y), r * w->sides[3]));
 }
 
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
-}
-
 static float farthest(const double a[3]) {
     double sum = 0;
     for (int k = 0; k < 3; k++)

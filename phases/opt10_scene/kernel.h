@@ -41,11 +41,16 @@ bool compile_kernel(const char *compiler, const char *flags, int lanes, const ch
 
 // cache.c. The folder, made if it is not there; false and why not.
 bool cache_folder(char path[4096], char reason[256]);
-// Removes what processes that were killed while they compiled have left there an hour ago or longer.
+// Removes what processes that were killed while they compiled have left there an hour ago or longer, kernels that nobody
+// has asked for in 30 days, and of more than 500 those that were asked for longest ago.
 void cache_sweep(const char *folder);
+// Says of a kernel or its source that it was asked for now.
+void cache_used(const char *path);
 // Behind what was compiled: a checksum, so that a file cut short or written over is not loaded.
 bool cache_seal(const char *path, const char *tag);
 bool cache_sealed(const char *path, const char *tag);
+// Whether a file is there and has that text, no more and no less.
+bool cache_holds(const char *path, const char *text);
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count);
 #define FNV_BEGIN 0xcbf29ce484222325ull
 #endif

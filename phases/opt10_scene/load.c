@@ -17,29 +17,35 @@ static uint64_t now_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-// What the kernel is told by: its source, its flags, and the compiler, by the file it is.
-static void name_kernel(const char *source, const char *flags, int lanes, const char *compiler,
-                        char tag[17]) {
-    char real[4096];
+// A kernel's whole text: before its source a line of what else tells it from others, its flags and the compiler, by the
+// file it is. To be freed; NULL: memory is short.
+static char *text_of(const char *source, const char *flags, int lanes, const char *compiler) {
+    char real[4096], *text;
     struct stat file = {0};
     const char *path = realpath(compiler, real) ? real : compiler;
     if (stat(path, &file) != 0)
         file.st_size = 0;
-    const long long facts[] = {lanes, (long long)file.st_size, (long long)file.st_mtim.tv_sec,
-                               (long long)file.st_mtim.tv_nsec, (long long)file.st_ino};
-    unsigned long long hash = fnv(FNV_BEGIN, source, strlen(source) + 1);
-    hash = fnv(hash, flags, strlen(flags) + 1);
-    hash = fnv(hash, path, strlen(path) + 1);
-    snprintf(tag, 17, "%016llx", fnv(hash, facts, sizeof facts));
+    if (asprintf(&text, "// %d lanes; %s; %s: %lld bytes of %lld.%09ld, inode %lld.\n", lanes,
+                 flags, path, (long long)file.st_size, (long long)file.st_mtim.tv_sec,
+                 file.st_mtim.tv_nsec, (long long)file.st_ino) < 0)
+        return NULL;
+    size_t head = strlen(text), length = strlen(source);
+    for (size_t i = 0; i + 1 < head; i++)
+        text[i] = text[i] == '\n' ? ' ' : text[i]; // of the path: it must stay a comment
+    char *whole = realloc(text, head + length + 1);
+    if (whole)
+        memcpy(whole + head, source, length + 1);
+    else
+        free(text);
+    return whole;
 }
 
 // Under a name of this process's own, then renamed: who reads it finds all of it or nothing.
 static bool make_object(const char *source, const char *folder, const char *compiler,
                         const char *flags, int lanes, const char *tag, const char *object,
-                        char reason[256]) {
-    char text[4400], made[4400], kept[4400];
+                        const char *kept, char reason[256]) {
+    char text[4400], made[4400];
     snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
-    snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
     cache_sweep(folder);
     int opened =
         mkostemps(text, 2, O_CLOEXEC); // not by a process's number: containers may share the folder
@@ -61,7 +67,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         if (!done)
             snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
         else if (rename(text, kept) != 0)
-            unlink(kept); // it is there to be read only; none is better than another's
+            unlink(kept); // without it the kernel is used now and made anew next time
     }
     unlink(text);
     unlink(made);
@@ -89,30 +95,33 @@ static void say_why_not(const char *object, struct loaded *loaded) {
     snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s", why ? why : object);
 }
 
-static void find_or_make(const char *source, int lanes, const char *flags, struct loaded *loaded) {
-    char compiler[4096], folder[4096], object[4400];
-    find_compiler(compiler, loaded->reason);
-    if (!*compiler || !cache_folder(folder, loaded->reason))
+// The name is a hash, which two sources may share: what is found is taken if the source kept beside it is this one.
+static void find_or_make(const char *text, int lanes, const char *flags, const char *compiler,
+                         struct loaded *loaded) {
+    char folder[4096], object[4400], kept[4400];
+    if (!cache_folder(folder, loaded->reason))
         return;
-    name_kernel(source, flags, lanes, compiler, loaded->hash);
-    snprintf(object, sizeof object, "%s/%s.so", folder, loaded->hash);
+    const char *tag = loaded->hash;
+    snprintf(loaded->hash, sizeof loaded->hash, "%016llx", fnv(FNV_BEGIN, text, strlen(text)));
+    snprintf(object, sizeof object, "%s/%s.so", folder, tag);
+    snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
     uint64_t begin = now_ns();
-    if (!open_object(object, loaded->hash, loaded)) {
-        if (cache_sealed(
-                object,
-                loaded
-                    ->hash)) { // whole, and made anew it would be the same: a folder without execution
-            say_why_not(object, loaded);
+    cache_used(kept); // before it is opened: whoever sweeps now leaves it
+    cache_used(object);
+    bool same = cache_holds(kept, text);
+    if (!same || !open_object(object, tag, loaded)) {
+        if (same && cache_sealed(object, tag)) { // made anew it would be the same
+            say_why_not(object, loaded);         // so it is in a folder without execution
             return;
         }
         uint64_t compile = now_ns();
-        bool made = make_object(source, folder, compiler, flags, lanes, loaded->hash, object,
-                                loaded->reason);
+        bool made =
+            make_object(text, folder, compiler, flags, lanes, tag, object, kept, loaded->reason);
         begin = now_ns();
         loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
         if (!made)
             return;
-        if (!open_object(object, loaded->hash, loaded))
+        if (!open_object(object, tag, loaded))
             say_why_not(object, loaded);
     }
     loaded->facts.load_ns = now_ns() - begin;
@@ -122,12 +131,17 @@ void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
                  struct loaded *loaded) {
     *loaded = (struct loaded){0};
     uint64_t begin = now_ns();
-    char *scene = generate_scene(prepared), *source = scene ? kernel_source(scene) : NULL;
+    char compiler[4096];
+    find_compiler(compiler, loaded->reason);
+    char *scene = *compiler ? generate_scene(prepared) : NULL;
+    char *source = scene ? kernel_source(scene) : NULL;
+    char *text = source ? text_of(source, flags, lanes, compiler) : NULL;
     loaded->facts.generate_ns = now_ns() - begin;
-    if (source)
-        find_or_make(source, lanes, flags, loaded);
-    else
+    if (text)
+        find_or_make(text, lanes, flags, compiler, loaded);
+    else if (!*loaded->reason)
         snprintf(loaded->reason, sizeof loaded->reason, "memory is short");
+    free(text);
     free(source);
     free(scene);
     struct kernel_facts *facts = &loaded->facts;

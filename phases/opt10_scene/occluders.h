@@ -8,6 +8,9 @@
 #include "crowd.h"
 #include "stage.h"
 
+// A hard shadow's ray is a line: so much of a slope for what is rounded in it.
+#define HARD_SLOPE 1e-3f
+
 // The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
 struct ball {
     float centre[3], radius, to_light[3], spread;
@@ -67,7 +70,7 @@ static bool ball_clears(const struct ball *ball, const struct placed *s, float q
 INLINE void shade_from(int i, const struct ball *ball, const struct convex *work) {
     const struct prepared *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
-    float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+    float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
     if (s->type == SHAPE_MANDELBULB)
         q /= BULB_SHARE;
     if (!ball || s->way == LINEAR || REPEATED(s) || !ball_clears(ball, s, q))
@@ -80,7 +83,7 @@ static void choose_shading(const struct stage *stage, int count, const struct co
     bool known = ball_of(stage, count, work->view, &ball);
     if (known && IS_CROWD(work->scene)) {
         const struct prepared *scene = work->scene;
-        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
         fill_list(&work->desk->shading, crowd_towards_light, ball.centre, ball.radius,
                   ball.to_light, q + ball.spread, work);
         return;

@@ -12,7 +12,7 @@
 // Of a generated kernel; without a Mandelbulb half as many are a crowd.
 enum { MOST_SHAPES = 64 };
 
-// What the march reads is `prepared`, as in opt4; the team stands behind it.
+// What a tile reads is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
     struct team *team;
@@ -25,14 +25,15 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-// A kernel has its shapes' places as constants: once they move general code runs, and the record says so.
+// A kernel has its shapes' places as constants: where they move general code runs, and the record says so.
+#define MOVING "the shapes move: a kernel is generated for one place of each"
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     struct loaded *loaded = &((struct kept *)prepared)->loaded; // its first member
     place_all(prepared, model);
     if (loaded->kernel) {
         kernel_unload(loaded);
-        loaded->facts = (struct kernel_facts){
-            .reason = "the shapes move: a kernel is generated for one place of each"};
+        loaded->facts = (struct kernel_facts){.reason = MOVING};
     }
     return true;
 }
@@ -62,6 +63,8 @@ static void make_kernel(struct kept *kept) {
             "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MOST_SHAPES)
         loaded->facts.reason = "more shapes than a generated kernel gains from";
+    else if (kept->prepared.model.animated)
+        loaded->facts.reason = MOVING; // not compiled, to be dropped by the first update
     else
         kernel_load(&kept->prepared, variant_here().lanes, variant_here().flags, loaded);
 #endif

@@ -5,10 +5,6 @@
 
 #include <stdlib.h>
 
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
-}
-
 static struct place split_place(const double a[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
@@ -78,10 +74,6 @@ static void store(struct frame *frame, struct block block, const struct shaded *
 
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-}
-
-static int lesser(int a, int b) {
-    return a < b ? a : b;
 }
 
 static void draw_tile(const struct job *job, int tile, struct approach *own) {

@@ -174,7 +174,7 @@ static void cast_packets(const struct convex *work) {
     const struct prepared *scene = work->scene;
     real strength = set((float)KNOWN(scene)->model.shadow_strength),
          hit = set((float)scene->model.march.hit_distance);
-    real enough = strength * strength * set(0.7499f);
+    real enough = strength * strength * set(0.7499f); // ¾, but for rounding
     COUNT(cast_packets, call);
     struct cast cast[CASTS];
     int next = 0, live = 0;

@@ -24,6 +24,10 @@ static inline struct vec vec_set(const float *a) {
     return (struct vec){set(a[0]), set(a[1]), set(a[2])};
 }
 
+static inline struct vec vec_from(const double a[3]) {
+    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
+}
+
 static inline real vec_dot(struct vec a, struct vec b) {
     return mul_add(a.x, b.x, mul_add(a.y, b.y, a.z * b.z));
 }

@@ -6,6 +6,8 @@
 // no further than. NOTES.md has what others cost.
 #define VICINITY 0.4f
 #define WIDER 1.2f
+// How much of that distance a ray leaves to the vicinity's edge, at least: it has room for a step.
+#define MARGIN 0.4f
 // How far ahead of the ray behind all others it starts, as a share of what leaves that one a step: all of them go on.
 #define AHEAD 0.6f
 // How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
@@ -63,7 +65,7 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
                             set(picked(one, ahead.z))};
     v->along = (struct vec){set(picked(one, l.x)), set(picked(one, l.y)), set(picked(one, l.z))};
     v->length = fmaxf(fminf(LENGTH * scene->tree.spacing, left - on), 0.0f);
-    v->room = v->within - 0.4f * near;
+    v->room = v->within - MARGIN * near;
     find_close_by(beam, slack, scene);
     for (int i = 0; i < beam->count; i++) {
         struct walk *each = &beam->walk[i];

@@ -7,6 +7,9 @@ struct cone_of_one {
     real q, narrow, ahead; // narrow: 1 − q²; ahead: narrow·t
 };
 
+// The quadratic of a cone with a sphere: narrow·t² − 2·lean·t + need = 0, `rest` a quarter of its discriminant. That is
+// rounded by 8·2⁻²⁴·|v|², and its margin 2e-6·narrow·|v|²: where narrow is less than a quarter (q above 0.87) a sphere that the
+// cone no more than grazes may be told to be beside it. The term that it would have brought is next to 1.
 static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, real radius,
                               real *lean, real *rest) {
     COUNT(in_its_way, call);
@@ -21,7 +24,7 @@ static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, re
     return both(meets, either(less(over, zero), not_less(*rest, over * over)));
 }
 
-static float most_lane(mask of, real x) {
+static float most_of_those(mask of, real x) {
     return -least_lane(choose(of, set(0.0f) - x, set(INFINITY)));
 }
 
@@ -48,8 +51,8 @@ static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near
     return (struct sheaf){those,
                           {first[0], first[1], first[2]},
                           {first[3], first[4], first[5]},
-                          sqrtf(most_lane(those, away)) * (1 + 1e-4f),
-                          sqrtf(most_lane(those, vec_dot(l, l))) * 1.01f + 1e-4f};
+                          sqrtf(most_of_those(those, away)) * (1 + 1e-4f),
+                          sqrtf(most_of_those(those, vec_dot(l, l))) * 1.01f + 1e-4f};
 }
 
 // Those that do not meet a leaf; for the others, where they leave it. Rays do not meet the shape that they are from, `own`.
@@ -130,10 +133,10 @@ static real ways_end(const struct tree *tree, const struct cone_of_one *rays, re
     while (any(open)) {
         ACTIVE(count_of(open));
         struct sheaf sheaf = sheaf_of(rays, open, tree->spacing);
-        float q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+        float q = most_of_those(sheaf.rays, rays->q) + sheaf.spread;
         if (!(q < 0.995f)) {
             sheaf = sheaf_of(rays, open, 0.0f);
-            q = most_lane(sheaf.rays, rays->q) + sheaf.spread;
+            q = most_of_those(sheaf.rays, rays->q) + sheaf.spread;
         }
         COUNT(ways_end, asked);
         COUNT(ways_end, scalar);

@@ -1,4 +1,6 @@
 // Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
+// A cone of slope q about the ray meets a sphere where narrow·t² − 2·lean·t + need = 0, narrow = 1 − q² (`wide`,
+// `narrow_part`), lean = v·l + q·R, need = |v|² − R², v from the ray's origin to the centre; `rest` = lean² − narrow·need.
 #include "cells.h"
 
 void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,

@@ -51,6 +51,8 @@ struct pieces {
 };
 
 enum { REFILL = LANES / 4, REFILL_CLOSE = LANES / 2 }; // ended lanes
+// Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
+#define STEPS_COUNTED 0x1p23f
 
 static inline wide wide_along(wide origin, wide direction, wide t) {
     return (wide){half_mul_add(direction.low, t.low, origin.low),
@@ -66,7 +68,7 @@ static inline struct wide_vec places(struct wide_vec o, struct wide_vec d, wide 
 // The rays of the lanes in m wait for their next pieces. t is two floats.
 static void wait_close(mask m, real ray, real t, real rest, real had, struct desk *desk) {
     COUNT(wait_close, call);
-    if (desk->closes + LANES > CLOSE_ROOM) {
+    if (desk->closes + 2 * LANES > CLOSE_ROOM) { // whole registers are read from the last ray on
         int left = desk->closes - desk->close_first;
         for (int i = 0; i < C_FIELDS; i++)
             memmove(desk->close[i], desk->close[i] + desk->close_first,
@@ -366,13 +368,18 @@ static void march_close(const struct placed *s, const struct limits *limits,
         if (ended == ABREAST * LANES || (!more && ended >= REFILL_CLOSE && desk->opens > 0))
             return;
         int enough = more || desk->opens > 0 ? ended + REFILL_CLOSE : ABREAST * LANES;
-        while (ended < enough && ended < ABREAST * LANES) {
+        while (ended < enough && ended < ABREAST * LANES && *steps < STEPS_COUNTED) {
             COUNT(march_close, step);
             *steps += 1.0f;
             ended = step_close(s, lanes, p, hit_distance, set(*steps - most));
         }
         for (int k = 0; k < ABREAST; k++)
             retire_close(&p[k], &lanes[k], *steps, most, desk);
+        if (*steps < STEPS_COUNTED)
+            continue;
+        for (int k = 0; k < ABREAST; k++)
+            lanes[k].field[N_BORN] = lanes[k].field[N_BORN] - set(*steps);
+        *steps = 0.0f;
     }
 }
 

@@ -204,42 +204,116 @@ static void look_for_bulbs(const struct tile *tile, const struct job *job, struc
     }
 }
 
-void convex_tile(const struct job *job, int number, struct desk *desk) {
-    struct frame *frame = job->frame;
+static inline void set_work(const struct job *job, struct desk *desk, struct convex *work) {
     const struct view *view = job->view;
-    struct convex work = {.scene = job->prepared, .view = view, .desk = desk};
+    *work = (struct convex){.scene = job->prepared, .view = view, .desk = desk};
     for (int k = 0; k < 3; k++) {
-        work.light[k] = (float)view->light_position[k];
-        work.emission[k] = (float)view->light_emission[k];
-        work.lamp[k] = (float)(view->light_position[k] - view->position[k]);
+        work->light[k] = (float)view->light_position[k];
+        work->emission[k] = (float)view->light_emission[k];
+        work->lamp[k] = (float)(view->light_position[k] - view->position[k]);
     }
     const double *at = view->position;
-    work.inside = (float)(job->prepared->model.march.bounds_radius * (1 - 0x1p-16) -
-                          sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
+    work->inside = (float)(job->prepared->model.march.bounds_radius * (1 - 0x1p-16) -
+                           sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
+}
+
+static inline void set_tile(const struct job *job, int number, struct tile *tile) {
+    const struct frame *frame = job->frame;
+    const struct view *view = job->view;
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+    int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
+    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    *tile = (struct tile){left,
+                          lesser(frame->width, left + TILE_WIDTH),
+                          top,
+                          lesser(frame->height, top + job->tile_height),
+                          vec_from(view->position),
+                          vec_from(view->forward),
+                          vec_from(view->right),
+                          vec_from(view->up),
+                          below,
+                          lane_numbers() - below * set(BLOCK_WIDTH),
+                          (float)(view->tan_half_fov / frame->height)};
+}
+
+// To desk->listed: what the tile's camera rays may meet.
+static inline void list_shapes(const struct tile *tile, const struct job *job, struct desk *desk) {
+    const struct frame *frame = job->frame;
+    struct window window = {(float)(2 * tile->left + 1 - frame->width) * tile->per_height,
+                            (float)(2 * tile->right - 1 - frame->width) * tile->per_height,
+                            (float)(frame->height + 1 - 2 * tile->bottom) * tile->per_height,
+                            (float)(frame->height - 1 - 2 * tile->top) * tile->per_height};
+    desk->listed = job->prepared->tree.levels ? crowd_in_window(&window, job, desk, desk->list)
+                                              : shapes_in(&window, job, desk->list);
+}
+
+// A row's packets; how many. sights: where shapes are repeated, what they see.
+static inline int look_row(const struct tile *tile, int row, int pixel, const struct sight *sights,
+                           const struct job *job, struct desk *desk, struct stage *stage) {
+    int count = 0;
+    sights += (row - tile->top) / BLOCK_HEIGHT * ACROSS;
+    if (job->prepared->tree.levels)
+        cut_row(tile, row, job, desk);
+    for (; tile->left + count * BLOCK_WIDTH < tile->right; count++, pixel += LANES) {
+        struct stage *at = &stage[count];
+        if (job->prepared->repeats) {
+            const struct sight *seen = &sights[count];
+            set_camera_ray(tile, seen->direction, seen->active, pixel, &at->ray);
+            at->hit.found = seen->hit.found;
+            at->hit.t = seen->hit.t;
+            at->hit.shape = seen->hit.shape;
+            at->hit.local = seen->hit.local;
+            continue;
+        }
+        look(tile, block_at(tile, row, count), pixel, job, desk, at);
+        if (job->prepared->bulbs)
+            take_bulb(at, pixel, desk);
+    }
+    return count;
+}
+
+static inline void keep_row(const struct tile *tile, int row, int pixel, const struct stage *stage,
+                            int count, struct frame *frame, struct desk *desk) {
+    for (int i = 0; i < count; i++, pixel += LANES) {
+        if (frame->depth)
+            store_hit(frame, block_at(tile, row, i), &stage[i].hit, stage[i].surface.normal);
+        float *to = &desk->color[pixel];
+        unload(stage[i].color.x, to);
+        unload(stage[i].color.y, to + COLOR_ROOM);
+        unload(stage[i].color.z, to + 2 * COLOR_ROOM);
+    }
+}
+
+// plain: see color_row.
+static inline void store_tile(const struct tile *tile, bool plain, struct frame *frame,
+                              const struct desk *desk) {
+#if LANES == 8
+    if (plain)
+        return;
+#else
+    (void)plain;
+    if (whole_lines(tile->left, tile->right, tile->top, tile->bottom)) {
+        store_lines(frame, tile->left, tile->right, tile->top, tile->bottom, desk->color);
+        return;
+    }
+#endif
+    int pixel = 0;
+    for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES)
+            store_colors(frame, block_at(tile, row, i), &desk->color[pixel]);
+}
+
+void convex_tile(const struct job *job, int number, struct desk *desk) {
     ACTIVE(LANES); // not what the tile before has left
     COUNT(convex_tile, call);
     COUNT(convex_tile, scalar);
     COUNT(convex_tile, eye);
-    int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    struct tile tile = {left,
-                        lesser(frame->width, left + TILE_WIDTH),
-                        top,
-                        lesser(frame->height, top + job->tile_height),
-                        vec_from(view->position),
-                        vec_from(view->forward),
-                        vec_from(view->right),
-                        vec_from(view->up),
-                        below,
-                        lane_numbers() - below * set(BLOCK_WIDTH),
-                        (float)(view->tan_half_fov / frame->height)};
-    struct window window = {(float)(2 * tile.left + 1 - frame->width) * tile.per_height,
-                            (float)(2 * tile.right - 1 - frame->width) * tile.per_height,
-                            (float)(frame->height + 1 - 2 * tile.bottom) * tile.per_height,
-                            (float)(frame->height - 1 - 2 * tile.top) * tile.per_height};
-    desk->listed = job->prepared->tree.levels ? crowd_in_window(&window, job, desk, desk->list)
-                                              : shapes_in(&window, job, desk->list);
+    struct frame *frame = job->frame;
+    struct convex work;
+    set_work(job, desk, &work);
+    struct tile tile;
+    set_tile(job, number, &tile);
+    list_shapes(&tile, job, desk);
     if (desk->listed == 0) {
         fill_background(frame, tile.left, tile.right, tile.top, tile.bottom, &job->prepared->model);
         return;
@@ -251,58 +325,19 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     if (job->prepared->repeats)
         look_through(&tile, job, desk, sights);
     struct stage stage[GROUP];
-    int pixel = 0;
-    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT) {
-        int count = 0;
+    int across = (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES, pixel = 0;
+    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT, pixel += across) {
         if (plain) {
             color_row(&tile, row, sights, pixel, frame, &work);
-            pixel += (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES;
             continue;
         }
-        if (job->prepared->tree.levels)
-            cut_row(&tile, row, job, desk);
-        for (; tile.left + count * BLOCK_WIDTH < tile.right; count++) {
-            struct stage *at = &stage[count];
-            if (job->prepared->repeats) {
-                const struct sight *seen =
-                    &sights[(row - tile.top) / BLOCK_HEIGHT * ACROSS + count];
-                set_camera_ray(&tile, seen->direction, seen->active, pixel + count * LANES,
-                               &at->ray);
-                at->hit.found = seen->hit.found;
-                at->hit.t = seen->hit.t;
-                at->hit.shape = seen->hit.shape;
-                at->hit.local = seen->hit.local;
-                continue;
-            }
-            look(&tile, block_at(&tile, row, count), pixel + count * LANES, job, desk, at);
-            if (job->prepared->bulbs)
-                take_bulb(at, pixel + count * LANES, desk);
-        }
+        int count = look_row(&tile, row, pixel, sights, job, desk, stage);
         color_all(stage, count, &work);
-        for (int i = 0; i < count; i++, pixel += LANES) {
-            if (frame->depth)
-                store_hit(frame, block_at(&tile, row, i), &stage[i].hit, stage[i].surface.normal);
-            float *to = &desk->color[pixel];
-            unload(stage[i].color.x, to);
-            unload(stage[i].color.y, to + COLOR_ROOM);
-            unload(stage[i].color.z, to + 2 * COLOR_ROOM);
-        }
+        keep_row(&tile, row, pixel, stage, count, frame, desk);
         if (desk->mirrors > QUEUE / 2)
             follow_mirrors(&work);
     }
     follow_mirrors(&work);
     cast_shadows(&work);
-#if LANES == 8
-    if (plain)
-        return;
-#else
-    if (whole_lines(tile.left, tile.right, tile.top, tile.bottom)) {
-        store_lines(frame, tile.left, tile.right, tile.top, tile.bottom, desk->color);
-        return;
-    }
-#endif
-    pixel = 0;
-    for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT)
-        for (int i = 0; tile.left + i * BLOCK_WIDTH < tile.right; i++, pixel += LANES)
-            store_colors(frame, block_at(&tile, row, i), &desk->color[pixel]);
+    store_tile(&tile, plain, frame, desk);
 }

@@ -63,7 +63,7 @@ enum bulb_field {
 };
 // Of those that wait to go on in close.h: t as two floats.
 enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
-enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + LANES };
+enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + 2 * LANES };
 
 enum { ABOUT_ROOM = 256 };
 
@@ -183,6 +183,10 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
         desk->color[COLOR_ROOM + i] += green[lane];
         desk->color[2 * COLOR_ROOM + i] += blue[lane];
     }
+}
+
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
 }
 
 static inline mask same_shape(real shape, int i) {

@@ -7,6 +7,9 @@
 #include "crowd.h"
 #include "stage.h"
 
+// A hard shadow's ray is a line: so much of a slope for what is rounded in it.
+#define HARD_SLOPE 1e-3f
+
 // The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
 struct ball {
     float centre[3], radius, to_light[3], spread;
@@ -71,14 +74,14 @@ static void choose_shading(const struct stage *stage, int count, const struct co
     bool known = ball_of(stage, count, work->view, &ball);
     desk->shadings = 0;
     if (known && scene->tree.levels) {
-        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
         desk->shadings = crowd_towards_light(ball.centre, ball.radius, ball.to_light,
                                              q + ball.spread, work, desk->shading);
         return;
     }
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
-        float q = scene->model.shadows == SHADOWS_HARD ? 1e-3f : scene->lit_slope;
+        float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
         if (s->type == SHAPE_MANDELBULB)
             q /= BULB_SHARE;
         if (!known || s->way == LINEAR || s->repeated || !ball_clears(&ball, s, q))

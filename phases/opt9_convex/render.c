@@ -9,7 +9,7 @@
 #include "threads.h"
 #include "variant.h"
 
-// What the march reads is `prepared`, as in opt4; the team stands behind it.
+// What a tile reads is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
     struct team *team;

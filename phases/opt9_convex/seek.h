@@ -4,10 +4,6 @@
 
 #include "crowd.h"
 
-static inline int lesser(int a, int b) {
-    return a < b ? a : b;
-}
-
 static inline int and_planes(const struct prepared *scene, int *list, int count) {
     for (int k = 0; k < scene->plane_count; k++)
         list[count++] = scene->planes[k];

@@ -146,7 +146,7 @@ static void cast_pair(int first, const struct convex *work) {
     const struct model *model = &work->scene->model;
     float (*field)[QUEUE_ROOM] = desk->shadow;
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    real enough = strength * strength * set(0.7499f);
+    real enough = strength * strength * set(0.7499f); // ¾, but for rounding
     struct march a, b;
     struct rays r = waiting(field, first, desk->shadows);
     begin(&r, desk->near, desk->casters, work, &a);

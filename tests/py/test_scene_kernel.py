@@ -151,7 +151,7 @@ def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop
     same(picture, generated)
 
 
-def test_a_kernel_ends_when_shapes_move(shop: Workshop) -> None:
+def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
     """Its constants are of one place: an animation is drawn by general code, and its record says so."""
     scene = json.loads(registry.scenes()["scene0"].path.read_text())
     moving = shop.folder / "moving.json"
@@ -162,6 +162,11 @@ def test_a_kernel_ends_when_shapes_move(shop: Workshop) -> None:
     words = ("--frames", "31", "--first-frame", "30")
     facts, said, picture = shop.run(moving, *words)
     assert not facts["generated"] and "the shapes move" in facts["reason"] and not said
+    cache = tmp_path / "cache"
+    asked = shop.script("asked", f"touch {tmp_path}/asked; exit 1")
+    facts, said, _ = shop.run(moving, *words, STEPWISE_CC=str(asked), STEPWISE_CACHE=str(cache))
+    assert "the shapes move" in facts["reason"] and not said and facts["compile_ns"] == 0
+    assert not cache.exists() and not (tmp_path / "asked").exists(), "none is compiled to be dropped"
     same(picture, shop.run(moving, *words, STEPWISE_CC="none")[2])
     assert (picture["id"] != there["id"]).any()
 
@@ -290,13 +295,15 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     assert not left
 
 
-@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open"])
+@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source"])
 def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     facts, _, picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     assert facts["generated"]
     kernel = folder / f"{facts['hash']}.so"
     whole = kernel.read_bytes()
+    kept = kernel.with_suffix(".c")
+    source = kept.read_bytes()
     if what == "cut":
         kernel.write_bytes(whole[: len(whole) // 2])
     elif what == "bit":
@@ -306,6 +313,13 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         shutil.copy(folder / f"{other['hash']}.so", kernel)
     elif what == "empty":
         kernel.write_bytes(b"")
+    elif what == "namesake":  # sound and of this name, but made of another source that shares the hash
+        kept.write_bytes(source.replace(b"SHAPES 2", b"SHAPES 3"))
+        assert kept.read_bytes() != source
+    elif what == "longer":
+        kept.write_bytes(source + b"int more;")
+    elif what == "no source":
+        kept.unlink()
     else:  # a folder that others may write to is not trusted
         folder.chmod(0o777)
     again, said, other_picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
@@ -314,7 +328,7 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         return
     assert again["generated"] and not again["cached"] and again["compile_ns"] > 0
     same(picture, other_picture)
-    assert kernel.read_bytes() == whole
+    assert kernel.read_bytes() == whole and kept.read_bytes() == source
 
 
 def test_two_at_once(shop: Workshop, tmp_path: Path) -> None:
@@ -364,6 +378,47 @@ def test_leftovers_of_killed_processes_go(shop: Workshop, tmp_path: Path) -> Non
     facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     assert facts["generated"]
     assert not old.exists() and young.exists() and other.exists()
+
+
+def test_unused_kernels_go(shop: Workshop, tmp_path: Path) -> None:
+    """When one is made: of 30 days, and of more than 1,000 files the longest unused; none of this hour."""
+    folder = tmp_path / "cache"
+    folder.mkdir(0o700)
+    day = 24 * 3600.0
+
+    def put(number: int, days: float, ending: str = "so") -> Path:
+        path = folder / f"{number:016x}.{ending}"
+        path.write_text("")
+        os.utime(path, (time.time() - days * day,) * 2)
+        return path
+
+    first, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    own = [folder / f"{first['hash']}.{ending}" for ending in ("so", "c")]
+    for path in own:
+        os.utime(path, (1e9, 1e9))
+    again, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
+    assert again["cached"], "which is a use of it"
+    stale = [put(i, 31, ending) for i, ending in enumerate(("so", "c"), 1)]
+    foreign = [folder / name for name in ("notes.c", "0123456789abcdef.txt", "0123456789abcdef0.so")]
+    for path in foreign:
+        path.write_text("")
+        os.utime(path, (1e9, 1e9))
+    made, _, _ = shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert made["generated"] and not made["cached"]
+    assert not any(path.exists() for path in stale)
+    assert all(path.exists() for path in [*own, *foreign])
+    own += [folder / f"{made['hash']}.{ending}" for ending in ("so", "c")]
+    own[-2].unlink()
+    older = [put(1000 + i, 2) for i in range(100)]
+    newer = [put(2000 + i, 1) for i in range(890)]
+    new = [put(5000 + i, 0.01) for i in range(100)]  # 14 minutes
+    shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert all(path.exists() for path in [*own, *foreign, *newer, *new])
+    assert sum(path.exists() for path in older) == 1000 - (len(own) - 1) - len(newer) - len(new)
+    many = [put(1000 + i, 0.02) for i in range(1100)]
+    own[-2].unlink()
+    shop.run("scene0", STEPWISE_CACHE=str(folder))
+    assert all(path.exists() for path in [*own, *many]), "none of this hour, however many"
 
 
 def test_killed_compiler_is_said(shop: Workshop, tmp_path: Path) -> None:
@@ -418,7 +473,7 @@ def test_what_ends_it_ends_its_compiler(number: signal.Signals, shop: Workshop, 
 
 
 def test_a_kernel_whose_source_cannot_be_kept_is_used(shop: Workshop, tmp_path: Path) -> None:
-    """HASH.c is there to be read only."""
+    """Without HASH.c, which tells of what source HASH.so is, the next launch makes it anew."""
     folder = tmp_path / "cache"
     facts, _, _ = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
     kernel, source = (folder / f"{facts['hash']}.{ending}" for ending in ("so", "c"))
