@@ -419,8 +419,8 @@ static void cast_beam(int first, const struct convex *work) {
         begin_walk(&beam.walk[i], work);
         leave_solids(&beam.walk[i], desk->near, strength, hit, work);
     }
-    // Steps, and looks: one that no step comes of, as of a place that is no number, is not taken for ever (1e9 steps, the
-    // most that a scene may ask for, are a day).
+    // Steps, and looks: one that no step comes of, as of a place that is no number, is taken as often as the rays may step
+    // at most, twice, and not for ever.
     long left = 2L * model->march.max_steps * BEAM_RAYS;
     for (; left > 0 && look_around(&beam, work); left--)
         for (int steps = 1; left > 0 && walk_on(&beam, strength, hit); left--, steps++)
