@@ -50,7 +50,7 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
     made = json.loads(done.stdout)["by_function"]
     rays = made["sorted"]["lanes"]
     assert 0 < rays < 8 and made["sorted"]["calls"] == 1
-    for name in ("gather_walk", "ball_about", "begin", "crowd_ahead", "may_enter"):
+    for name in ("gather_walk", "bundle_about", "begin", "crowd_ahead", "may_enter"):
         assert made[name]["lanes"] == rays * made[name]["calls"] > 0, name
     marching = (
         "vicinity_about",
