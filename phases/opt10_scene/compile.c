@@ -215,7 +215,8 @@ static bool compile(const char *compiler, const char *flags, int lanes, const ch
 }
 
 // How gcc, from 12 on, is told to copy structs (phases/opt6_wide/NOTES.md).
-static const char *const copies[] = {"-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
+static const char *const copies[] = {
+    "-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
 enum { COPIES = sizeof copies / sizeof *copies };
 
 // Flags without those. Returns whether the compiler complained of one of them.

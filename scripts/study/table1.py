@@ -48,7 +48,8 @@ TERMS = {
         cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along take_whole
     """,
     "shadow rays' set-up": """
-        cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at plane_between
+        cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
+        plane_between
         own_shadow reaches_light crowd_* ways_end in_its_way look_behind passes sheaf_of
         shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds begin_walk
         gather_walk begin_tile waiting

@@ -459,7 +459,12 @@ def test_what_ends_it_ends_its_compiler(number: signal.Signals, shop: Workshop, 
     folder, told = tmp_path / "cache", tmp_path / "pid"
     environment = shop.environment({"STEPWISE_CACHE": str(folder), "STEPWISE_CC": str(slow)})
     with subprocess.Popen(
-        shop.command("two_spheres"), env=environment, stdout=subprocess.DEVNULL
+        shop.command("two_spheres"),
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(
+            number, signal.SIG_DFL
+        ),  # a shell's & has it ignored, and that stays
     ) as renderer:
         for _ in range(600):
             if told.exists():
