@@ -21,15 +21,16 @@ static const char *in_ascii(const char *text, char ascii[4096]) {
 // What kernel a phase that generates them runs: all null of one that does not.
 static bool add_kernel(json_t *header, const struct session *s) {
     const struct kernel_facts *facts = phase_kernel ? phase_kernel(s->prepared) : NULL;
-    char said[320] = "generated";
+    char said[320] = "generated", ascii[4096];
     if (facts && !facts->generated)
         snprintf(said, sizeof said, "general: %s", facts->reason);
-    json_t *kernel = json_pack(
-        "{s:s?, s:s?, s:s?, s:o?, s:o?, s:o?}", "kernel", facts ? said : NULL, "kernel_hash",
-        facts ? facts->hash : NULL, "kernel_compiler", facts ? facts->compiler : NULL,
-        "kernel_generate_ns", facts ? json_integer((json_int_t)facts->generate_ns) : NULL,
-        "kernel_compile_ns", facts ? json_integer((json_int_t)facts->compile_ns) : NULL,
-        "kernel_load_ns", facts ? json_integer((json_int_t)facts->load_ns) : NULL);
+    json_t *kernel =
+        json_pack("{s:s?, s:s?, s:s?, s:o?, s:o?, s:o?}", "kernel",
+                  in_ascii(facts ? said : NULL, ascii), "kernel_hash", facts ? facts->hash : NULL,
+                  "kernel_compiler", facts ? facts->compiler : NULL, "kernel_generate_ns",
+                  facts ? json_integer((json_int_t)facts->generate_ns) : NULL, "kernel_compile_ns",
+                  facts ? json_integer((json_int_t)facts->compile_ns) : NULL, "kernel_load_ns",
+                  facts ? json_integer((json_int_t)facts->load_ns) : NULL);
     bool added = header && kernel && json_object_update(header, kernel) == 0;
     json_decref(kernel);
     return added;

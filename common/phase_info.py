@@ -6,7 +6,7 @@ before anything is installed. The sources are NAME's, the compiler flags and ins
 a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
 variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
 the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
-are emulated. Flags that only gcc knows (COPIES) are left out for clang, which copies that way unasked.
+are emulated. Flags that only gcc knows, from 12 on (COPIES), are left out for others; clang copies that way unasked.
 """
 
 import json
@@ -93,6 +93,12 @@ def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 
+def knows_copies(compiler: str) -> bool:
+    """Whether that is gcc 12 or later, by the first line of its --version: "gcc (Debian 12.2.0-14) 12.2.0"."""
+    said = re.search(r"\) (\d+)\.", compiler)
+    return said is not None and int(said[1]) >= 12 and "clang" not in compiler
+
+
 def without(flags: str, *beginnings: str) -> str:
     return " ".join(word for word in flags.split() if not word.startswith(beginnings))
 
@@ -149,7 +155,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
     variants = phase.get("variants", [])
-    if "clang" in compiler:
+    if not knows_copies(compiler):
         variants = [one | {"flags": without(one["flags"], *COPIES)} for one in variants]
     emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]

@@ -49,6 +49,10 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
     target = root / "phases" / name
     if name in phases or target.exists():
         raise StudyError(f"phases/{name} exists already; choose another name")
+    if "+" in parent:
+        raise StudyError(
+            f"'{parent}' is an ablation; a phase is made from a phase, and its patch applied then"
+        )
     base = registry.find_phase(parent, root)
     described = json.loads((base.path / "phase.json").read_text(encoding="utf-8"))
     described |= {

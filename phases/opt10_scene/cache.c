@@ -75,10 +75,14 @@ static bool is_kernel(const char *name) {
 }
 
 static void drop_unused(int folder, struct entry *kernels, size_t count, time_t now) {
-    qsort(kernels, count, sizeof *kernels, by_use);
+    if (count)
+        qsort(kernels, count, sizeof *kernels, by_use);
     for (size_t i = 0; i < count; i++) {
         time_t unused = now - kernels[i].used;
-        if (unused > UNUSED || (i >= MOST_FILES && unused > IN_USE))
+        struct stat found;
+        if ((unused > UNUSED || (i >= MOST_FILES && unused > IN_USE)) &&
+            fstatat(folder, kernels[i].name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
+            found.st_mtim.tv_sec == kernels[i].used) // nobody has asked for it since
             unlinkat(folder, kernels[i].name, 0);
     }
 }
@@ -118,7 +122,7 @@ void cache_sweep(const char *folder) {
 }
 
 void cache_used(const char *path) {
-    utimensat(AT_FDCWD, path, NULL, 0); // in vain where nothing may be written: nor is swept there
+    utimensat(AT_FDCWD, path, NULL, 0); // in vain where nothing may be written
 }
 
 bool cache_holds(const char *path, const char *text) {
@@ -140,9 +144,10 @@ bool cache_holds(const char *path, const char *text) {
     return same;
 }
 
+// text, length: of the source, summed otherwise than for its name.
 struct seal {
     char mark[8], tag[16];
-    unsigned long long sum;
+    unsigned long long sum, text, length;
 };
 
 // The checksum of a file's first `count` bytes (all: SIZE_MAX), how many they were.
@@ -159,25 +164,26 @@ static unsigned long long sum_of(FILE *file, size_t count, size_t *read) {
     return hash;
 }
 
-static struct seal seal_of(const char *tag, unsigned long long sum) {
-    struct seal seal = {.sum = sum};
+static struct seal seal_of(const char *tag, const char *text, unsigned long long sum) {
+    size_t length = strlen(text);
+    struct seal seal = {.sum = sum, .text = fnv(~FNV_BEGIN, text, length), .length = length};
     memcpy(seal.mark, "stepwise", 8);
     memcpy(seal.tag, tag, 16);
     return seal;
 }
 
-bool cache_seal(const char *path, const char *tag) {
+bool cache_seal(const char *path, const char *tag, const char *text) {
     FILE *file = fopen(path, "r+b");
     if (!file)
         return false;
     size_t size;
-    struct seal seal = seal_of(tag, sum_of(file, SIZE_MAX, &size));
+    struct seal seal = seal_of(tag, text, sum_of(file, SIZE_MAX, &size));
     bool done =
         !ferror(file) && fseek(file, 0, SEEK_END) == 0 && fwrite(&seal, sizeof seal, 1, file) == 1;
     return fclose(file) == 0 && done;
 }
 
-bool cache_sealed(const char *path, const char *tag) {
+bool cache_sealed(const char *path, const char *tag, const char *text) {
     FILE *file = fopen(path, "rb");
     struct stat found;
     if (!file)
@@ -186,7 +192,7 @@ bool cache_sealed(const char *path, const char *tag) {
     if (fstat(fileno(file), &found) == 0 && found.st_uid == geteuid() &&
         found.st_size > (off_t)sizeof(struct seal)) {
         size_t count = (size_t)found.st_size - sizeof(struct seal), read;
-        struct seal expected = seal_of(tag, sum_of(file, count, &read)), seal;
+        struct seal expected = seal_of(tag, text, sum_of(file, count, &read)), seal;
         good = read == count && fread(&seal, sizeof seal, 1, file) == 1 &&
                memcmp(&seal, &expected, sizeof seal) == 0;
     }

@@ -47,8 +47,8 @@ void cache_sweep(const char *folder);
 // Says of a kernel or its source that it was asked for now.
 void cache_used(const char *path);
 // Behind what was compiled: a checksum, so that a file cut short or written over is not loaded.
-bool cache_seal(const char *path, const char *tag);
-bool cache_sealed(const char *path, const char *tag);
+bool cache_seal(const char *path, const char *tag, const char *text);
+bool cache_sealed(const char *path, const char *tag, const char *text);
 // Whether a file is there and has that text, no more and no less.
 bool cache_holds(const char *path, const char *text);
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count);

@@ -63,7 +63,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         snprintf(reason, 256, "%.160s wrote no object", compiler);
         done = false;
     } else {
-        done = cache_seal(made, tag) && rename(made, object) == 0;
+        done = cache_seal(made, tag, source) && rename(made, object) == 0;
         if (!done)
             snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
         else if (rename(text, kept) != 0)
@@ -74,8 +74,9 @@ static bool make_object(const char *source, const char *folder, const char *comp
     return done;
 }
 
-static bool open_object(const char *object, const char *tag, struct loaded *loaded) {
-    if (!cache_sealed(object, tag))
+static bool open_object(const char *object, const char *tag, const char *text,
+                        struct loaded *loaded) {
+    if (!cache_sealed(object, tag, text))
         return false;
     loaded->library = dlopen(object, RTLD_NOW | RTLD_LOCAL);
     if (!loaded->library)
@@ -109,9 +110,9 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
     cache_used(kept); // before it is opened: whoever sweeps now leaves it
     cache_used(object);
     bool same = cache_holds(kept, text);
-    if (!same || !open_object(object, tag, loaded)) {
-        if (same && cache_sealed(object, tag)) { // made anew it would be the same
-            say_why_not(object, loaded);         // so it is in a folder without execution
+    if (!same || !open_object(object, tag, text, loaded)) {
+        if (same && cache_sealed(object, tag, text)) { // made anew it would be the same
+            say_why_not(object, loaded);               // so it is in a folder without execution
             return;
         }
         uint64_t compile = now_ns();
@@ -121,7 +122,7 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
         loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
         if (!made)
             return;
-        if (!open_object(object, tag, loaded))
+        if (!open_object(object, tag, text, loaded))
             say_why_not(object, loaded);
     }
     loaded->facts.load_ns = now_ns() - begin;

@@ -169,6 +169,7 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
         values["frames"] = launch.size()
         values.index = pd.Index(launch["round"].first(), name="round")
         facts = {name: group[name].iloc[-1] if name in group else None for name in FACTS}
+        facts["kernel"] = kernel_said(group)
         facts["algorithm"] = about.get(group["phase"].iloc[-1], {}).get("algorithm")
         facts["unwarmed"] = not group["warmup"].any()
         cells.append(Cell(*key, facts, values))
@@ -182,6 +183,17 @@ def _cells(frames: pd.DataFrame, plan: Mapping) -> list[Cell]:
             c.threads,
         ),
     )
+
+
+def kernel_said(group: pd.DataFrame) -> str | None:
+    """Which code a program's launches ran; where some had no kernel for their scene, how many and why."""
+    if "kernel" not in group or group["kernel"].isna().all():
+        return None
+    said = group.groupby("launch")["kernel"].first()
+    others = said[said != GENERATED]
+    if others.empty or len(others) == len(said):
+        return str(said.iloc[-1])
+    return f"{others.iloc[0]}, in {len(others)} of {len(said)} launches"
 
 
 def _flat(pair: dict[str, Any]) -> dict[str, Any]:

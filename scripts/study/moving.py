@@ -228,7 +228,11 @@ def mean_said(row: Row) -> str:
 def per_article(row: Row, said: Row) -> str:
     """Ours over the article's pixels per core and second; of as many frames as the article's alone, for what
     the frames show drifts."""
-    if (row["frames"], row["width"], row["n"]) != (said["frames"], said["width"], said["height"]):
+    if tuple(row.get(key) for key in ("frames", "width", "n")) != (
+        said["frames"],
+        said["width"],
+        said["height"],
+    ):
         return show.NOTHING
     theirs = said["ms"] * 1e6 * said["cores"] / (said["width"] * said["height"])
     return f"{show.number(theirs / row['core_ns_per_pixel'])}× its pixels per core and second"

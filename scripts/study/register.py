@@ -28,6 +28,7 @@ from study.verdicts import (
     missing,
     near,
     sized,
+    timed,
 )
 
 Claim = dict[str, Any]
@@ -231,7 +232,8 @@ def _normalize(data: Data, claim: Claim) -> Found:
     low, high = (end if known(end) else math.nan for end in ends)
     text = f"{gain['value']:.2f}× for {n:,} vectors"
     verdict, why = judged(gain["value"], claim["value"])
-    return sized(Found(text, verdict, why, gain["value"], low, high, n), claim["n"], unit="vectors = ")
+    found = timed(Found(text, verdict, why, gain["value"], low, high, n))
+    return sized(found, claim["n"], unit="vectors = ")
 
 
 CHECKS: dict[str, Callable[[Data, Claim], Found]] = {

@@ -10,7 +10,7 @@ from study import fixed, lattice, moving, packets, rods, show, stats
 from study.analysis import Data
 from study.compilers import known
 from study.stats import Interval
-from study.verdicts import FAILS, NEAR, NEVER, PART, Found, figure, judged, missing, reached, sized
+from study.verdicts import FAILS, NEAR, NEVER, PART, Found, figure, judged, missing, reached, sized, timed
 
 Claim = dict[str, Any]
 
@@ -46,10 +46,11 @@ def integers(data: Data, claim: Claim) -> Found:
     cores = f"{one['threads']} thread{'s' * (one['threads'] > 1)}"
     beside = moving.per_article(one, said)
     if beside == show.NOTHING:
-        beside = f"{one.get('frames', '?')} frames of {one['width']}×{one['n']}, no ratio"
+        beside = f"{one.get('frames', '?')} frames of {one.get('width', '?')}×{one['n']}, no ratio"
     mean = one["ms"].get("mean", one["ms"]["p50"])  # the article's is one; older files have none
     text = f"{mean:.1f} ms on {cores}: {beside}"
-    return Found(text, NEVER, claim["note"], mean, one["ms"]["p5"], one["ms"]["p95"], one["n"])
+    text += f" (5 to 95 % of its frames: {one['ms']['p5']:.1f} to {one['ms']['p95']:.1f} ms)"
+    return Found(text, NEVER, claim["note"], mean, n=one["n"])  # of one process: no interval
 
 
 def linear(data: Data, claim: Claim) -> Found:
@@ -94,4 +95,4 @@ def rods_gain(data: Data, claim: Claim) -> Found:
     ends = [end if known(end) else math.nan for end in (own["gain_low"], own["gain_high"])]
     text = f"{own['gain']:.2f}×: {times[0]:.3g} ms per pixel, {times[1]:.3g} ms by rods"
     verdict, why = judged(own["gain"], claim["value"])
-    return sized(Found(text, verdict, why, own["gain"], *ends, own["n"]), claim["n"])
+    return sized(timed(Found(text, verdict, why, own["gain"], *ends, own["n"])), claim["n"])

@@ -265,9 +265,10 @@ def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str
 
 
 def told(flags: str, compiler: str) -> str:
-    """What a compiler of that name is told of a variant's flags (common/phase_info.py)."""
-    known = [word for word in flags.split() if "clang" not in compiler or not word.startswith(COPIES)]
-    return " ".join(known)
+    """What a compiler is told of a variant's flags, by its --version (common/phase_info.py)."""
+    said = re.search(r"\) (\d+)\.", compiler)
+    known = said is not None and int(said[1]) >= 12 and "clang" not in compiler
+    return " ".join(word for word in flags.split() if known or not word.startswith(COPIES))
 
 
 def short(flags: str) -> str:

@@ -60,6 +60,8 @@ def verdict(law: scaling_fit.Fit, paper: float | None) -> str:
     if paper is None:
         return "a power law"
     found = law.exponent
+    if not (math.isfinite(found.low) and math.isfinite(found.high)):
+        return "too few launches"
     if abs(found.value - paper) <= NEAR or found.low <= paper <= found.high:
         return "as the paper's law"
     return (
@@ -111,7 +113,7 @@ def covered(rows: Sequence[Row], shapes: int) -> float | None:
 
 def under(here: dict[tuple[str, int], float]) -> str:
     """Whether every (scene, threads) is under MOST_MIB; which scenes were not measured is said."""
-    if not here:
+    if not here or not all(map(math.isfinite, here.values())):
         return OPEN
     if not all(mib < MOST_MIB for mib in here.values()):
         return MISSED

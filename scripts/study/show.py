@@ -85,7 +85,11 @@ def percent(value: Any) -> str:
 
 def share(value: Any) -> str:
     """A percentage near 100, where the digits that count are the last ones."""
-    return NOTHING if value is None or pd.isna(value) else f"{100 * value:.5g}\u00a0%"
+    if value is None or pd.isna(value):
+        return NOTHING
+    texts = (f"{100 * value:.{digits}g}" for digits in range(5, 18))
+    text = next(text for text in texts if value >= 1 or float(text) < 100)  # only all of it is 100 %
+    return f"{text}\u00a0%"
 
 
 def psnr(row: Row, name: str) -> str:

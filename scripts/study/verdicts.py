@@ -47,6 +47,13 @@ def figure(ratio: Interval, text: str, verdict: str, why: str = "", n: int | Non
     return Found(text, verdict, why, ratio.value, ratio.low, ratio.high, n)
 
 
+def timed(found: Found) -> Found:
+    """A figure of times whose interval is in it: without one, of too few launches, it decides nothing."""
+    if math.isfinite(found.low) and math.isfinite(found.high):
+        return found
+    return found._replace(verdict=UNSURE, why="too few launches for an interval")
+
+
 def reached(ratio: Interval, stated: float) -> tuple[str, str]:
     """Verdict and reason: whether all, none or a part of the interval reaches the stated figure."""
     if ratio.low >= stated:

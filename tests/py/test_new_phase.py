@@ -107,6 +107,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess:
     [
         (["--name", "opt1", "--from", "opt2"], "new_phase.py: phases/opt1 exists already"),
         (["--name", "x", "--from", "op2"], "new_phase.py: no phase 'op2'; did you mean opt2"),
+        (["--name", "x", "--from", "opt3+sleef"], "'opt3+sleef' is an ablation"),
         (["--from", "opt2"], "the following arguments are required: --name"),
     ],
 )

@@ -550,6 +550,9 @@ def test_verdicts_beside_the_papers_law() -> None:
 
     assert said(1.04) == "as the paper's law" and said(0.5) == "grows slower than the paper's bound"
     assert said(1.2) == "grows faster than the paper's law" and said(1.2, None) == "a power law"
+    few = scaling_fit.fit(xs, [[x**0.5] * 2 for x in xs])
+    assert scaling_goals.verdict(few, 1) == "too few launches"
+    assert scaling_goals.under({("scene0", 1): math.nan}) == "not measured"
     bent = scaling_fit.fit(xs, [[x + 20] * 6 for x in xs])
     assert scaling_goals.verdict(bent, 1).startswith("no power law: off at 1, 4")
 

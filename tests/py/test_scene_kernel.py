@@ -295,7 +295,17 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     assert not left
 
 
-@pytest.mark.parametrize("what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source"])
+def test_a_reason_that_is_no_utf8_is_recorded(shop: Workshop, tmp_path: Path) -> None:
+    """JSON is: a byte that is not ASCII is a question mark in the record, and itself in the line."""
+    environment = {"STEPWISE_CC": os.fsdecode(b"/nowhere/k\xe4fig/cc"), "STEPWISE_CACHE": str(tmp_path)}
+    done = subprocess.run(shop.command("two_spheres"), env=shop.environment(environment), capture_output=True)
+    assert done.returncode == 0 and b"/nowhere/k\xe4fig/cc" in done.stderr
+    assert facts_of(done.stdout)["reason"] == "general: there is no compiler /nowhere/k?fig/cc (STEPWISE_CC)"
+
+
+@pytest.mark.parametrize(
+    "what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source", "twin"]
+)
 def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     facts, _, picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))
@@ -320,6 +330,8 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         kept.write_bytes(source + b"int more;")
     elif what == "no source":
         kept.unlink()
+    elif what == "twin":  # sound and of this name, sealed for another source, and this one's beside it
+        kernel.write_bytes(whole[:-16] + bytes(8) + whole[-8:])
     else:  # a folder that others may write to is not trusted
         folder.chmod(0o777)
     again, said, other_picture = shop.run("two_spheres", STEPWISE_CACHE=str(folder))

@@ -229,10 +229,19 @@ def test_slow_launches_are_named(times, words):
 
 def test_stolen_time_is_named():
     stolen = frames([[1e9]] * 3, warmup=0, steal_ticks=5)  # 0.05 s of 1 s, three times
-    assert stats.noise_warnings(stolen) == ["the hypervisor took 5.0% of the measured time (steal)"]
+    assert stats.noise_warnings(stolen) == [
+        "the hypervisor took 0.050 s of all CPUs' time a second measured (steal)"
+    ]
 
 
 def test_other_processes_on_the_cpu_are_named():
     busy = frames([[1e9]] * 3, warmup=0, ctx_involuntary=21)
     assert stats.noise_warnings(busy) == ["other processes took the measured CPU 21 times a second"]
     assert stats.noise_warnings(frames([[1e9]] * 3, warmup=0, ctx_involuntary=20)) == []
+
+
+def test_nan_tells_nothing_apart():
+    whole, torn = [1.0, 1.1, 1.2, 1.0, 1.1, 1.2], [2.0, 2.1, np.nan, 2.0, 2.1, 2.2]
+    assert stats.distinguishable(whole, [2 * time for time in whole])
+    assert not stats.distinguishable(whole, torn) and not stats.distinguishable([0.0] * 6, [0.0] * 6)
+    assert not stats.median_interval(torn).sufficient and not stats.ratio_interval(whole, torn).sufficient
