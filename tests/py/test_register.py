@@ -17,7 +17,7 @@ from study import analysis, claims, fixed, paper, register
 from study.analysis import Data
 from study.cli import StudyError
 from study.registry import ROOT
-from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, judged, near
+from study.verdicts import FAILS, HOLDS, NEVER, OPEN, PART, UNSURE, judged, near
 
 
 @pytest.fixture
@@ -120,10 +120,15 @@ def test_a_single_miss_refutes_never(data: Data) -> None:
 def test_normalising_holds_at_the_claims_size_alone(
     data: Data, here: float | None, vectors: int, verdict: str
 ) -> None:
-    row = {"isa": "SSE", "name": "RSQRTPS + 1", "vectors": vectors, "speedup": {"value": here}}
+    claim = {"value": 18.35, "n": 20_000_000}
+    ends = {} if here is None else {"low": 0.9 * here, "high": 1.1 * here}
+    row = {"isa": "SSE", "name": "RSQRTPS + 1", "vectors": vectors, "speedup": {"value": here} | ends}
     put(data, "functions.json", {"normalise": [row]})
-    text, found, *_ = register.CHECKS["normalize"](data, {"value": 18.35, "n": 20_000_000})
+    text, found, *_ = register.CHECKS["normalize"](data, claim)
     assert found == verdict and (here is None or f"{vectors:,} vectors" in text)
+    if here is not None:  # of too few launches for an interval
+        put(data, "functions.json", {"normalise": [row | {"speedup": {"value": here}}]})
+        assert register.CHECKS["normalize"](data, claim).verdict == UNSURE
 
 
 @pytest.mark.parametrize(
@@ -248,7 +253,7 @@ def test_threads_are_linear_on_the_longest_frame(data, two, verdict) -> None:
 def test_rods_are_held_against_their_article(data, n, factor, verdict) -> None:
     """Its 100 and 15 times, by the article's own 150 and 10 ms."""
     evaluations, ms = 2000 * factor, 300 * factor
-    own = {"n": n, "fewer": evaluations / 10, "gain": ms / 10, "gain_low": None, "gain_high": None}
+    own = {"n": n, "fewer": evaluations / 10, "gain": ms / 10, "gain_low": ms / 11, "gain_high": ms / 9}
     own |= {"pixels": {"evaluations": evaluations, "ms": ms}, "rods": {"evaluations": 10.0, "ms": 10.0}}
     put(data, "rods.json", {"own": own, "rows": [1], "trade": []})
     claims_ = {c["quantity"]: c for c in paper.read("claims").to_dict("records")}
