@@ -26,12 +26,8 @@ OPTIONAL = {
     "approximate",
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
-COPIES = (
-    "-mmove-max=",
-    "-mstore-max=",
-    "-mmemcpy-strategy=",
-    "-mmemset-strategy=",
-)  # of structs, gcc's alone
+# Of structs, gcc's alone; which compiler is told them: common/phase_info.py.
+COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = (
     "systems"  # family of what other articles did: alternatives to the ladder, shown apart (scripts/rods.py)
@@ -262,13 +258,6 @@ def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str
         if own and flags.endswith(own):
             return flags.removesuffix(own).rstrip()
     return flags
-
-
-def told(flags: str, compiler: str) -> str:
-    """What a compiler is told of a variant's flags, by its --version (common/phase_info.py)."""
-    said = re.search(r"\) (\d+)\.", compiler)
-    known = said is not None and int(said[1]) >= 12 and "clang" not in compiler
-    return " ".join(word for word in flags.split() if known or not word.startswith(COPIES))
 
 
 def short(flags: str) -> str:

@@ -157,7 +157,8 @@ def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, k
         own = re.search(rf"^PHASE_lanes{variant['lanes']} := (.*)", made, re.MULTILINE)[1]
         assert (f"-mmove-max={32 * variant['lanes']} " in own) == knows
         assert ("-mavx512f " in own) == (variant["lanes"] == 16)
-        assert own.split(" -DLANES=")[0] == registry.told(variant["flags"], compiler)
+        words = [word for word in variant["flags"].split() if knows or not word.startswith(registry.COPIES)]
+        assert own.split(" -DLANES=")[0] == " ".join(words)
         told = f"{phase.cflags} {own.partition('-DLANES')[0]}"
         assert registry.arithmetic_flags(told, phase.variants) == "-O3 -mavx2 -mfma -ffp-contract=off"
 
