@@ -6,7 +6,7 @@ before anything is installed. The sources are NAME's, the compiler flags and ins
 a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
 variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
 the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
-are emulated. Flags that only gcc knows, from 12 on (COPIES), are left out for others; clang copies that way unasked.
+are emulated. Flags that only gcc from 12 on knows (COPIES) are left out for others; clang copies so unasked.
 """
 
 import json
@@ -94,7 +94,7 @@ def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
 
 
 def knows_copies(compiler: str) -> bool:
-    """Whether that is gcc 12 or later, by the first line of its --version: "gcc (Debian 12.2.0-14) 12.2.0"."""
+    """Whether that is gcc 12 or later, by the first line of --version: "gcc (Debian 12.2.0-14) 12.2.0"."""
     said = re.search(r"\) (\d+)\.", compiler)
     return said is not None and int(said[1]) >= 12 and "clang" not in compiler
 
