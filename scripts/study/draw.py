@@ -129,11 +129,14 @@ def save(figure: Figure, stem: Path, note: str) -> list[Path]:
 def _few_colours(picture: Image.Image) -> Image.Image:
     """With those of the rungs and its commonest, 256 in all, others as the nearest of these; as it is if
     that are under 97 % of the pixels."""
-    pixels = np.asarray(picture).reshape(-1, 3)
-    colours, place, count = np.unique(pixels, axis=0, return_inverse=True, return_counts=True)
+    pixels = np.asarray(picture).reshape(-1, 3).astype(np.uint32) @ np.uint32([1 << 16, 1 << 8, 1])
+    packed = np.unique(pixels)  # numbers: rows of three take seconds
+    place = np.searchsorted(packed, pixels)
+    count = np.bincount(place)
     common = np.argsort(-count, kind="stable")[: 256 - len(COLOURS)]
     if count[common].sum() < 0.97 * len(pixels):
         return picture
+    colours = packed[:, None] >> np.uint32([16, 8, 0]) & 255
     own = [[round(255 * part) for part in to_rgb(colour)] for colour in COLOURS]
     kept = np.concatenate([colours[common].astype(int), own])
     nearest = np.array([((kept - colour) ** 2).sum(axis=1).argmin() for colour in colours.astype(int)])
