@@ -34,11 +34,11 @@ XML = """<testsuites><testsuite>
 def test_the_end_names_every_test_once_and_has_the_sums_last(runner, tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text(XML)
     total = runner.read_results(tmp_path / "a.xml", "py", ended_well=False)
-    assert runner.told(total, ["builds 60 s", "py 30 s of one core"], 75.4).splitlines() == [
+    assert runner.told(total, ["builds 60 s", "py 30 s of 3 at once"], 75.4).splitlines() == [
         "skipped 2: no AVX-512: py: a.b::one[1], py: a.b::one[2]",
         "skipped 1: no perf: py: a.b::other",
         "FAILED: py: a.b::bad",
-        f"1 min 15 s on {runner.JOBS} cores: builds 60 s, py 30 s of one core",
+        f"1 min 15 s on {runner.JOBS} cores: builds 60 s, py 30 s of 3 at once",
         "1 passed, 1 failed, 3 skipped",
     ]
 
