@@ -137,13 +137,21 @@ def _judged(truth: Picture) -> np.ndarray:
     return finite
 
 
-def _colours(pictures: list[tuple[np.ndarray, np.ndarray]], factor: int = 1) -> dict[str, float]:
-    """Picture metrics to the three truths, averaged first if factor > 1. The first one's are complete."""
+def _colours(
+    pictures: list[tuple[np.ndarray, np.ndarray]], judged: np.ndarray, factor: int = 1
+) -> dict[str, float]:
+    """Picture metrics to the three truths, of the pixels judged. The first one's are complete.
+
+    factor > 1: averaged first, and of the blocks of which all is judged.
+    """
     found: dict[str, float] = {}
+    if factor > 1:
+        whole = np.repeat(judged[..., None], 3, axis=-1).astype(np.float32)
+        judged = images.box_average(whole, factor)[..., 0] == 1
     for which, (exact, made) in zip(TRUTHS, pictures, strict=False):
         if factor > 1:
             exact, made = (images.box_average(x, factor) for x in (exact, made))
-        one = images.colour_errors(exact, made, with_flip=not which and factor == 1)
+        one = images.colour_errors(exact, made, not which and factor == 1, judged)
         if not which:
             found |= one
         else:
@@ -156,8 +164,8 @@ def _colours(pictures: list[tuple[np.ndarray, np.ndarray]], factor: int = 1) -> 
 
 
 def shadow_rmse(exact: tuple[np.ndarray, np.ndarray], made: tuple[np.ndarray, np.ndarray]) -> float:
-    """RMSE between what the shadow takes away in both: pictures (with, without) it, linear and clamped."""
-    if not all(np.isfinite(x).all() for x in (*exact, *made)):
+    """RMSE between what the shadow takes away in both: colours (with, without) it, linear and clamped."""
+    if not exact[0].size or not all(np.isfinite(x).all() for x in (*exact, *made)):
         return math.nan
     taken = [np.subtract(*(images.clamped(x).astype(np.float64) for x in pair)) for pair in (exact, made)]
     return float(np.sqrt(np.mean((taken[0] - taken[1]) ** 2)))
@@ -194,19 +202,19 @@ def metrics(
         "undecided_pixels": int((~(status >= CONVERGED)).sum()),
         "unjudged_colours": int((~judged).sum()),
         **_hits(truth, image),
-        **_colours(pairs),
+        **_colours(pairs, judged),
     }
     if unshadowed is not None:
-        both = made[0], made[2]
-        found["shadow_rmse"] = shadow_rmse((exact[0], exact[2]), both)
-        found["shadow_ideal_rmse"] = shadow_rmse((exact[1], exact[2]), both)
+        both = made[0][judged], made[2][judged]
+        for name, which in (("shadow_rmse", 0), ("shadow_ideal_rmse", 1)):
+            found[name] = shadow_rmse((exact[which][judged], exact[2][judged]), both)
     if fractal:
         decided = status >= CONVERGED
         parts = [{name: p[name][decided] for name in images.AOVS} for p in (truth, image)]
         found["depth_agree_fraction"] = (
             images.geometry(*parts)["depth_agree_fraction"] if decided.any() else math.nan
         )
-        found["antialiased"] = _colours(pairs, FACTOR)
+        found["antialiased"] = _colours(pairs, judged, FACTOR)
     return found
 
 

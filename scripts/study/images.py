@@ -130,15 +130,16 @@ def _oiio(
     return psnr, rmse, found.nfail / (reference.shape[0] * reference.shape[1])
 
 
-def flip(reference8: np.ndarray, image8: np.ndarray) -> tuple[float, float]:
-    """Mean and maximum of FLIP between two display pictures (Andersson et al. 2020)."""
+def flip(reference8: np.ndarray, image8: np.ndarray, judged: np.ndarray | None = None) -> tuple[float, float]:
+    """Mean and maximum of FLIP between two display pictures (Andersson et al. 2020), where judged."""
     if np.array_equal(reference8, image8):
         return 0.0, 0.0  # by definition, and it is most of the gate's time
     a, b = (x.astype(np.float32) / 255 for x in (reference8, image8))
     error, _, _ = flip_evaluator.evaluate(
         a, b, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=False
     )
-    return float(error.mean(dtype=np.float64)), float(error.max())
+    shown = error if judged is None else error.reshape(judged.shape)[judged]
+    return float(shown.mean(dtype=np.float64)), float(shown.max())
 
 
 def _percentile(values: np.ndarray, share: float, any_hit: bool) -> float:
@@ -174,24 +175,41 @@ def geometry(reference: Picture, image: Picture) -> dict[str, float]:
     }
 
 
-def colour_errors(reference: np.ndarray, image: np.ndarray, with_flip: bool = True) -> dict[str, float]:
-    """The picture metrics of two linear colours (height × width × 3), in linear and in display space."""
-    linear = reference, image
+def of_judged(judged: np.ndarray, psnr: float, rmse: float, over: float) -> tuple[float, float, float]:
+    """PSNR in dB, RMSE, share of pixels: of the judged ones (height × width), where all others are equal."""
+    share = float(judged.mean())
+    if share in (0, 1):
+        return (psnr, rmse, over) if share else (math.nan,) * 3
+    return psnr + 10 * math.log10(share), rmse / math.sqrt(share), over / share
+
+
+def colour_errors(
+    reference: np.ndarray, image: np.ndarray, with_flip: bool = True, judged: np.ndarray | None = None
+) -> dict[str, float]:
+    """The picture metrics of two linear colours (height × width × 3), in linear and in display space.
+
+    `judged`: height × width, the pixels that they are of, else all. Of no pixel all are NaN.
+    """
+    judged = np.ones(reference.shape[:2], bool) if judged is None else judged
+    linear = [np.where(judged[..., None], x, 0) for x in (reference, image)]
     finite = all(np.isfinite(x).all() for x in linear)
     # Infinity would look like 1 once clamped, so a picture that is not finite has no picture metrics.
     psnr, rmse, over = _oiio(*map(clamped, linear), ONE_STEP, 1.0) if finite else (math.nan,) * 3
     display = [to_display(x) for x in linear]
-    psnr8, _, over8 = _oiio(*display, 1.0, 255.0) if finite else (math.nan,) * 3
+    psnr8, rmse8, over8 = _oiio(*display, 1.0, 255.0) if finite else (math.nan,) * 3
+    psnr, rmse, over = of_judged(judged, psnr, rmse, over)
+    psnr8, _, over8 = of_judged(judged, psnr8, rmse8, over8)
     found = {
         "psnr_db": psnr,
         "rmse": rmse,
         "fraction_over_1_255": over,
-        "max_abs": float(np.abs(linear[0] - linear[1]).max()) if finite else math.nan,
+        "max_abs": float(np.abs(linear[0] - linear[1]).max()) if finite and judged.any() else math.nan,
         "psnr_display_db": psnr8,
         "fraction_over_1_255_display": over8,
     }
     if with_flip:
-        found["flip_mean"], found["flip_max"] = flip(*display) if finite else (math.nan, math.nan)
+        none = math.nan, math.nan
+        found["flip_mean"], found["flip_max"] = flip(*display, judged) if finite and judged.any() else none
     return found
 
 

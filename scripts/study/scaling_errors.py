@@ -17,17 +17,13 @@ def against(reference: images.Picture, image: images.Picture, exact: bool) -> Ro
     if exact:
         accuracy.check(reference, image)
         wrong = accuracy.wrong_hits(reference, image)
-        judged, known = (
-            reference["status"] == accuracy.PROVED,
-            np.isfinite(images.rgb(reference)).all(axis=-1),
-        )
+        judged = reference["status"] == accuracy.PROVED
+        known = np.isfinite(images.rgb(reference)).all(axis=-1)
         share = sum(int(mask.sum()) for mask in wrong.values()) / max(1, int(judged.sum()))
-        pair = [np.where(known[..., None], images.rgb(one), 0) for one in (reference, image)]
     else:
         metrics = images.geometry(reference, image)
-        share = (metrics["mask_mismatch_ppm"] + metrics["id_mismatch_ppm"]) / 1e6
-        pair = [images.rgb(one) for one in (reference, image)]
-    colours = images.colour_errors(*pair, with_flip=False)
+        share, known = (metrics["mask_mismatch_ppm"] + metrics["id_mismatch_ppm"]) / 1e6, None
+    colours = images.colour_errors(images.rgb(reference), images.rgb(image), with_flip=False, judged=known)
     return {"psnr_db": colours["psnr_db"], "rmse": colours["rmse"], "wrong_ppm": 1e6 * share}
 
 

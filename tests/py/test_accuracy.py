@@ -232,6 +232,26 @@ def test_a_truth_that_is_none_is_refused_where_it_claims_to_know(blank):
         accuracy.metrics(truth, blank())
 
 
+def test_what_truth_does_not_know_is_no_agreement(blank):
+    """A tenth off everywhere is 20 dB, however many pixels are judged; of none there is no error."""
+    truth, image = made_truth(blank(64, 64)), blank(64, 64)
+    for axis in "RGB":
+        image[axis] += np.float32(0.1)
+    whole = accuracy.metrics(truth, image, blank(64, 64))
+    truth["ideal.G"][:48] = np.nan
+    truth["status.all"][:48] = 0
+    found = accuracy.metrics(truth, image, blank(64, 64))
+    assert found["unjudged_colours"] == 48 * 64 and whole["psnr_db"] == pytest.approx(20, abs=1e-3)
+    for name in ("psnr_db", "psnr_display_db", "rmse", "fraction_over_1_255", "shadow_rmse"):
+        assert found[name] == pytest.approx(whole[name], rel=1e-5, abs=1e-7), name
+    assert found["flip_mean"] == pytest.approx(whole["flip_mean"], rel=0.25), "its filter mixes neighbours"
+    averaged = accuracy.metrics(truth, image, fractal=True)["antialiased"]
+    assert averaged["psnr_db"] == pytest.approx(20, abs=1e-3)
+    truth["ideal.G"][:], truth["status.all"][:] = np.nan, 0
+    found = accuracy.metrics(truth, image, blank(64, 64))
+    assert all(math.isnan(found[n]) for n in ("psnr_db", "rmse", "max_abs", "flip_max", "shadow_rmse"))
+
+
 def test_a_hit_without_a_normal_in_truth_is_left_out_of_the_angles_alone(blank):
     truth, image = made_truth(blank(10, 10)), blank(10, 10)
     image["N.x"][:5], image["N.z"][:5] = 1, 0  # a quarter turn off, where truth knows nothing
