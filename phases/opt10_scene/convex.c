@@ -184,14 +184,10 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
                       (struct vec){negate_where(away, n.x), negate_where(away, n.y),
                                    negate_where(away, n.z)});
         }
-#if LANES == 8
-        store_block_of(frame, block_at(tile, row, i), at.color);
-#else // later, whole lines
         float *to = &work->desk->color[pixel];
         unload(at.color.x, to);
         unload(at.color.y, to + COLOR_ROOM);
         unload(at.color.z, to + 2 * COLOR_ROOM);
-#endif
     }
 }
 
@@ -301,19 +297,12 @@ static inline void keep_row(const struct tile *tile, int row, int pixel, const s
     }
 }
 
-// plain: see color_row.
-static inline void store_tile(const struct tile *tile, bool plain, struct frame *frame,
+static inline void store_tile(const struct tile *tile, struct frame *frame,
                               const struct desk *desk) {
-#if LANES == 8
-    if (plain)
-        return;
-#else
-    (void)plain;
     if (whole_lines(tile->left, tile->right, tile->top, tile->bottom)) {
         store_lines(frame, tile->left, tile->right, tile->top, tile->bottom, desk->color);
         return;
     }
-#endif
     int pixel = 0;
     for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
         for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES)
@@ -359,5 +348,5 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     }
     follow_mirrors(&work);
     cast_shadows(&work);
-    store_tile(&tile, plain, frame, desk);
+    store_tile(&tile, frame, desk);
 }

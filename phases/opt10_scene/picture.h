@@ -47,37 +47,52 @@ static void store_colors(struct frame *frame, struct block block, const float *c
         (struct vec){load(color), load(color + COLOR_ROOM), load(color + 2 * COLOR_ROOM)});
 }
 
-#if LANES == 16
-// Of a tile of whole blocks, sixteen pixels of a row at once: three whole cache lines where the row begins with one, in
-// place of four pieces of one and two.
+// Whether a row of the picture is whole cache lines, as sixteen of its pixels then are: what is stored of such a
+// picture goes past the caches, for it is read when all is done. What is on its way then is there before the
+// frame ends: a worker leaves it under a lock, and x86's instructions with LOCK wait for it (Intel's manual, volume
+// 3, "Buffering of Write Combining Memory Locations"; AMD's, volume 2). A fence a tile took all of the gain.
+static bool past_caches(const struct frame *frame) {
+    return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
+}
+
+// Of a tile of whole blocks, a row of the picture at once in place of pieces of one.
 static bool whole_lines(int left, int right, int top, int bottom) {
     return (right - left) % 16 == 0 && (bottom - top) % BLOCK_HEIGHT == 0;
 }
 
 static void store_lines(struct frame *frame, int left, int right, int top, int bottom,
                         const float *color) {
+    const bool past = past_caches(frame);
     int across = right - left;
     for (int row = top; row < bottom; row++) {
         size_t first = (size_t)row * (size_t)frame->width + (size_t)left;
         const float *from = color + (row - top) / BLOCK_HEIGHT * across * BLOCK_HEIGHT +
                             (row - top) % BLOCK_HEIGHT * BLOCK_WIDTH;
-        for (int i = 0; i < across; i += 16, from += 16 * BLOCK_HEIGHT)
-            store_row(frame->rgb + 3 * (first + (size_t)i), row_of(from), row_of(from + COLOR_ROOM),
-                      row_of(from + 2 * COLOR_ROOM));
+        for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
+            store_row(frame->rgb + 3 * (first + (size_t)i), past, row_of(from),
+                      row_of(from + COLOR_ROOM), row_of(from + 2 * COLOR_ROOM));
     }
 }
-#endif
 
 static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
                             const struct model *model) {
-    float color[3] = {(float)model->background[0], (float)model->background[1],
-                      (float)model->background[2]};
+    enum { REGISTERS = 3 }; // have whole pixels
+    const bool past = past_caches(frame);
+    real part[REGISTERS];
+    float color[REGISTERS * LANES];
+    for (int i = 0; i < REGISTERS * LANES; i++)
+        color[i] = (float)model->background[i % 3];
+    for (int i = 0; i < REGISTERS; i++)
+        part[i] = load(color + i * LANES);
     for (int row = top; row < bottom; row++) {
         size_t first = (size_t)row * (size_t)frame->width + (size_t)left,
                count = (size_t)(right - left);
-        for (size_t i = 3 * first; i < 3 * (first + count); i += 3)
-            for (int k = 0; k < 3; k++)
-                frame->rgb[i + (size_t)k] = color[k];
+        float *to = frame->rgb + 3 * first;
+        size_t more = 3 * count;
+        for (; more >= REGISTERS * LANES; more -= REGISTERS * LANES)
+            for (int i = 0; i < REGISTERS; i++, to += LANES)
+                put(to, past, part[i]);
+        memcpy(to, color, more * sizeof *to);
         for (size_t i = first; frame->depth && i < first + count; i++) {
             frame->depth[i] = INFINITY;
             frame->id[i] = -1;

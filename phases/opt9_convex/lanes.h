@@ -4,6 +4,7 @@
 //
 //     real                          a float in each lane: + − × ÷ are the compiler's, others are below
 //     set(a)  load(p)  unload(a, p)  first_of(a)
+//     put(p, past, a)               unload; past: the caches, and p is a multiple of a register's size
 //     mul_add(a, b, c)              a·b + c, once rounded; neg_mul_add: c − a·b; mul_sub: a·b − c
 //     root  absolute  floor_of      whole_near: the nearest whole number, ties to even
 //     least_of(a, b)  most_of(a, b) b where either is NaN
@@ -12,7 +13,7 @@
 //     rough_inverse_root  rough_inverse  root_and_inverse  root_guess  mantissa_near_1: not rounded alike at both widths
 //                                   (Mandelbulbs; of crowds a bound that leaves room for it)
 //     power_per(a)                  the power of 2 that takes a > 0 to 1 … 2
-//     move_lanes  store_row         lanes of rows into others; 16 pixels of three planes as whole lines (16 lanes)
+//     move_lanes  store_row         lanes of rows into others; pixels of a row from three planes, one a lane
 //     scaled(a, n)                  a·2^n for whole n, while it stays a normal number
 //
 //     mask                          which lanes: a type of its own, no real passes for one

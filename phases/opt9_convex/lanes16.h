@@ -20,6 +20,14 @@ static inline void unload(real a, float to[LANES]) {
     _mm512_storeu_ps(to, a);
 }
 
+// past: the caches, to a place that is a multiple of a register.
+static inline void put(float *to, bool past, real a) {
+    if (past)
+        _mm512_stream_ps(to, a);
+    else
+        _mm512_storeu_ps(to, a);
+}
+
 static inline float first_of(real a) {
     return _mm512_cvtss_f32(a);
 }
@@ -268,7 +276,7 @@ static inline real row_of(const float *from) {
 }
 
 // Red, green and blue of 16 pixels in a row.
-static inline void store_row(float *rgb, real r, real g, real b) {
+static inline void store_row(float *rgb, bool past, real r, real g, real b) {
     // Of each of the three registers which lanes come from red, which from green (from 16 on), then which from blue.
     const __m512i rg[3] = {
         _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5),
@@ -279,8 +287,8 @@ static inline void store_row(float *rgb, real r, real g, real b) {
         _mm512_setr_epi32(0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15),
         _mm512_setr_epi32(26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31)};
     for (int i = 0; i < 3; i++)
-        _mm512_storeu_ps(rgb + 16 * i,
-                         _mm512_permutex2var_ps(_mm512_permutex2var_ps(r, rg[i], g), to_b[i], b));
+        put(rgb + 16 * i, past,
+            _mm512_permutex2var_ps(_mm512_permutex2var_ps(r, rg[i], g), to_b[i], b));
 }
 
 static inline half half_set(double a) {

@@ -20,6 +20,14 @@ static inline void unload(real a, float to[LANES]) {
     _mm256_storeu_ps(to, a);
 }
 
+// past: the caches, to a place that is a multiple of a register.
+static inline void put(float *to, bool past, real a) {
+    if (past)
+        _mm256_stream_ps(to, a);
+    else
+        _mm256_storeu_ps(to, a);
+}
+
 static inline float first_of(real a) {
     return _mm256_cvtss_f32(a);
 }
@@ -272,6 +280,26 @@ static inline void store_block(float *rgb, size_t stride, real r, real g, real b
         _mm_storeu_ps(rgb + 4 * i, _mm256_castps256_ps128(third[i]));
         _mm_storeu_ps(rgb + stride + 4 * i, _mm256_extractf128_ps(third[i], 1));
     }
+}
+
+// One row of two blocks of 4 x 2 that lie one behind the other.
+static inline real row_of(const float *from) {
+    __m256 a = _mm256_castps128_ps256(_mm_loadu_ps(from));
+    return _mm256_insertf128_ps(a, _mm_loadu_ps(from + 8), 1);
+}
+
+// Red, green and blue of 8 pixels in a row.
+static inline void store_row(float *rgb, bool past, real r, real g, real b) {
+    // In each half of a register (four pixels) as in store_block.
+    real rg = _mm256_shuffle_ps(r, g, _MM_SHUFFLE(2, 0, 2, 0));
+    real gb = _mm256_shuffle_ps(g, b, _MM_SHUFFLE(3, 1, 3, 1));
+    real br = _mm256_shuffle_ps(b, r, _MM_SHUFFLE(3, 1, 2, 0));
+    real first = _mm256_shuffle_ps(rg, br, _MM_SHUFFLE(2, 0, 2, 0));
+    real second = _mm256_shuffle_ps(gb, rg, _MM_SHUFFLE(3, 1, 2, 0));
+    real third = _mm256_shuffle_ps(br, gb, _MM_SHUFFLE(3, 1, 3, 1));
+    put(rgb, past, _mm256_permute2f128_ps(first, second, 0x20));
+    put(rgb + 8, past, _mm256_permute2f128_ps(third, first, 0x30));
+    put(rgb + 16, past, _mm256_permute2f128_ps(second, third, 0x31));
 }
 
 static inline half half_set(double a) {

@@ -146,6 +146,8 @@ static void memory(const struct given *in, char *end) {
     memcpy(to, in->c, sizeof(float) * (size_t)highest);
     _mm512_mask_storeu_ps(to, (__mmask16)in->k, a);
     out("mask_storeu_ps", to, sizeof(float) * (size_t)highest);
+    _mm512_stream_ps((float *)(end - sizeof a), a);
+    out("stream_ps", end - sizeof a, sizeof a);
 }
 
 int main(int count, char **words) {

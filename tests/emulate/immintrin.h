@@ -123,6 +123,12 @@ EMULATED void emulated_mask_storeu_ps(void *to, __mmask16 k, __m512 a) {
 #undef _mm512_mask_storeu_ps
 #define _mm512_mask_storeu_ps(to, k, a) emulated_mask_storeu_ps(to, k, a)
 
+EMULATED void emulated_stream_ps(void *to, __m512 a) {
+    *(__m512 *)to = a; // where it is a multiple of 64, as the instruction wants it: UBSan asks
+}
+#undef _mm512_stream_ps
+#define _mm512_stream_ps(to, a) emulated_stream_ps(to, a)
+
 EMULATED __m512 emulated_i32gather_ps(__m512i at, const void *from, int scale) {
     union {
         __m512i all;

@@ -191,6 +191,7 @@ def by_numpy(g: np.ndarray) -> dict[str, np.ndarray]:
         "kortestz8": bits16(sixteenths & 255 == 0),
         "mask_expandloadu_ps": np.where(on, np.take_along_axis(c.view(u), index, 1), b.view(u)),
         "mask_storeu_ps": np.where(highest > LANES, np.where(on, a.view(u), c.view(u)), 0),
+        "stream_ps": a.view(u),
         "fmadd_pd": fused_double(d),
         "fnmadd_pd": fused_double(-d),
     }
