@@ -30,7 +30,9 @@ def timed(phase: str, speedup: tuple[float, float, float], lanes: int = 16, **mo
     [
         ((3100, 3000, 3300), 16, "met"),
         ((2588, 2130, 2846), 16, "missed"),
+        ((3100, 2900, 3300), 16, "cannot be told apart here"),
         ((2900, 2800, 3001), 16, "cannot be told apart here"),
+        ((2900, 2800, 3000), 16, "cannot be told apart here"),  # its end is not below
         ((1600, 1500, 1700), 8, "met"),  # half of it was asked of 8 lanes
         ((1400, 1300, 1499), 8, "missed"),
         ((1400, math.nan, math.nan), 8, "too few launches"),
@@ -66,6 +68,12 @@ def test_two_threads_are_of_the_last_rung() -> None:
     own, best = goals._two(rows, "scene0")
     assert (own.name.split()[0], own.verdict, own.what) == ("opt5_threads", "missed", "")
     assert (best.name.split()[0], best.verdict, best.what) == ("best", "met", "opt10_scene")
+    ends = {"ms": 0.49, "ms_low": 0.48, "ms_high": 0.52}
+    rows.append(timed("opt9_convex", (2040, 1900, 2100), **slow) | ends)
+    rows[1] |= {"ms_low": 0.47, "ms_high": 0.51}
+    assert list(goals._two(rows, "scene0"))[1] == best  # less, and not told apart
+    rows[2] |= {"ms": 0.45, "ms_low": 0.44, "ms_high": 0.46}
+    assert list(goals._two(rows, "scene0"))[1].what == "opt9_convex"
 
 
 def test_the_worst_rung_is_held_against_baseline(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,6 +182,10 @@ def test_embrees_ways_are_those_that_were_asked(monkeypatch: pytest.MonkeyPatch)
     camera, light = goals.of_packets(run_of(monkeypatch, goals.packets, result))
     assert camera.beside == "asked by single rays; Embree 3, a build with assertions"
     assert (goals_page.asked(light), light.verdict) == ("–", "") and "**" not in goals_page.cell(light)
+    slower = {"scene": "scene0", "embree1_ratio": 0.7, "embree1_ratio_low": 0.6, "embree1_ratio_high": 0.8}
+    result["rays"] += [row | slower, row | {"scene": "spheres40"}]
+    camera, light = goals.of_packets(SimpleNamespace(path=Path()))
+    assert (camera.what, camera.verdict) == ("packets on scene0", "missed")  # the least of them
 
 
 def test_digits_are_shown_where_values_differ_and_three_do_not_show_it() -> None:
@@ -188,6 +200,23 @@ def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch)
     assert next(iter(goals.of_growth(data))).beside == "coverage not recorded in this run"
     row["coverage"] = [0.4, 0.4]
     assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400"
+
+
+def test_the_most_memory_and_the_best_growth_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another rung's growth counts where it is told apart from the last one's."""
+    row = {"shapes": 4096, "coverage": [0.4, 0.4], "shapes_goal": "met", "memory_goal": "met"}
+    phases = {"opt8_streams": (3.6, 3.3, 3.9, 9.0), "opt9_convex": (3.0, 2.9, 3.4, 63.0)}
+    phases["opt10_scene"] = (3.7, 3.5, 3.9, 20.0)
+    rows = [
+        row | {"phase": phase, "ratio": given(*ratio), "above_frame_mib": mib}
+        for phase, (*ratio, mib) in phases.items()
+    ]
+    growth, memory = goals.of_growth(run_of(monkeypatch, goals.scaling, {"goals": rows}))
+    assert (growth.what, growth.found.value) == ("opt9_convex", 3.0)
+    assert (memory.what, memory.found.value) == ("opt9_convex", 63.0)
+    rows[1]["ratio"] = given(3.0, 2.9, 3.5)
+    growth, _ = goals.of_growth(SimpleNamespace(path=Path()))
+    assert growth.what == "opt10_scene"
 
 
 def test_of_another_machine_the_value_decides(monkeypatch: pytest.MonkeyPatch) -> None:
