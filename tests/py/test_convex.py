@@ -481,6 +481,11 @@ IN_THE_WAY = {
         ],
         light=lit("soft", [0.4, 7, 0.2]),
     ),
+    # Past the near side of its ring, and through the other.
+    "a ring that is passed twice": scene(
+        [FLOOR, shape("torus", minor_radius=0.15, rotation_degrees=[90, 0, 0])],
+        light=lit("soft", [7, 3.5, 0]),
+    ),
     # Rays through its position: what is left of the way beside it is rounding, and 744 pixels were lit.
     "a light in the middle of a solid": scene(
         [
@@ -634,6 +639,20 @@ def test_a_mandelbulb_beside_others(what: str, tmp_path: Path) -> None:
     )
     assert (base["id"] == 2).sum() > 300
     assert agree(image, base).sum() >= agree(other, base).sum()
+
+
+@pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
+def test_normals_far_out_are_of_unit_length(phase: str, tmp_path: Path) -> None:
+    """Float misses a solid 300 times its size away by 2e-5 of it; its normals are no longer for that."""
+    solids = [
+        shape("sphere", radius=1, position=[-1.2, 0, 0]),
+        shape("box", half_size=[0.8, 0.8, 0.8], rounding=0.5, position=[1.2, 0, 0]),
+    ]
+    camera = {"position": [70, 90, -280], "look_at": [0, 0, 0], "vertical_fov_degrees": 1}
+    made = picture(scene(solids, camera=camera, march={"bounds_radius": 1e3}), tmp_path, phase=phase)
+    assert all((made["id"] == i).sum() > 200 for i in range(2))
+    normal = np.stack([made[f"N.{axis}"] for axis in "xyz"], -1)[made["id"] >= 0].astype(float)
+    assert np.abs(np.linalg.norm(normal, axis=-1) - 1).max() < 1e-6
 
 
 @pytest.mark.parametrize("phase", [PHASE, "opt10_scene"])
