@@ -486,6 +486,11 @@ IN_THE_WAY = {
         [FLOOR, shape("torus", minor_radius=0.15, rotation_degrees=[90, 0, 0])],
         light=lit("soft", [7, 3.5, 0]),
     ),
+    # The estimator's rays go on past the light, and from there apart: a row's first and last are 2 off at the spheres.
+    "solids behind the light": scene(
+        [FLOOR, *(shape("sphere", radius=1, position=[x, 28, z]) for x, z in ((0, 0), (-9, 4)))],
+        light=lit("soft", [0.3, 3.5, 0]),
+    ),
     # Rays through its position: what is left of the way beside it is rounding, and 744 pixels were lit.
     "a light in the middle of a solid": scene(
         [
