@@ -144,6 +144,13 @@ MARCHED = {
         SOLIDS, light=lit("hard", BEHIND), march={"surface_offset": 0.05}
     ),
     "a hard shadow of a Mandelbulb": scene([FLOOR, shape("mandelbulb")], light=lit("hard", [1, 3, -3])),
+    # Its march has no step: the light reaches all that is nearer to it, though beyond it is a ceiling.
+    "a light nearer than the first step": scene(
+        [FLOOR, shape("plane", normal=[0, -1, 0], offset=1.3), shape("box", position=[0.6, -1.5, 1])],
+        light=lit("hard", [0, -1.38, 0]) | {"emission": [1, 1, 1]},
+        march={"surface_offset": 0.5},
+        camera={"position": [0.1, -1.35, -0.6], "look_at": [0, -1.45, 0], "vertical_fov_degrees": 60},
+    ),
     "a blocker beyond the bounds": scene(
         [FLOOR, shape("sphere", position=[2, 2.5, 0], radius=0.7)],
         light=lit("hard", [4, 6, 0]),
