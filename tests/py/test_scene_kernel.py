@@ -240,12 +240,18 @@ def trapped(shop: Workshop, folder: Path) -> dict[str, str]:
     return {"STEPWISE_CC": str(compiler), "STEPWISE_CACHE": str(folder / "cache")}
 
 
-def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path: Path) -> None:
-    """There is a kernel, of the scene; but its frame is marched, which a kernel is not made for."""
+def from_inside(folder: Path) -> Path:
+    """scene0 from within its sphere: a kernel is made for it, and none draws it."""
     scene = json.loads(registry.scenes()["scene0"].path.read_text())
     scene["camera"] = scene["camera"] | {"position": [0, 0, 20], "look_at": [0, 0, 30]}
-    inside = tmp_path / "inside.json"
-    inside.write_text(json.dumps(scene))
+    path = folder / "inside.json"
+    path.write_text(json.dumps(scene))
+    return path
+
+
+def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path: Path) -> None:
+    """There is a kernel, of the scene; but its frame is marched, which a kernel is not made for."""
+    inside = from_inside(tmp_path)
     facts, _, picture = shop.run(inside)
     assert facts["generated"]
     trap = trapped(shop, tmp_path)
@@ -262,6 +268,27 @@ def test_a_camera_within_a_shape_is_drawn_by_opt9s_code(shop: Workshop, tmp_path
     assert opt9.keys() == picture.keys() and (opt9["id"] >= 0).any()
     for name in opt9:
         assert np.array_equal(opt9[name].view(np.uint32), picture[name].view(np.uint32)), name
+
+
+def test_another_compiler_of_the_same_name_makes_its_own_kernel(shop: Workshop, tmp_path: Path) -> None:
+    """It is told by its file: a copy in its place, one byte more of it, a nanosecond later."""
+    inside, trap = from_inside(tmp_path), trapped(shop, tmp_path)
+    compiler = Path(trap["STEPWISE_CC"])
+    stamp = 10**18
+    os.utime(compiler, ns=(stamp, stamp))
+    hashes = {shop.run(inside, **trap)[0]["hash"]}
+    assert shop.run(inside, **trap)[0]["cached"]
+    for change in ("copy", "longer", "later"):
+        if change == "copy":
+            os.replace(shutil.copy2(compiler, tmp_path / "copy"), compiler)
+        elif change == "longer":
+            compiler.write_text(compiler.read_text() + "\n")
+        stamp += change == "later"
+        os.utime(compiler, ns=(stamp, stamp))
+        facts, said, _ = shop.run(inside, **trap)
+        assert facts["generated"] and not facts["cached"] and not said, change
+        assert facts["hash"] not in hashes, change
+        hashes.add(facts["hash"])
 
 
 @pytest.mark.parametrize(
