@@ -201,7 +201,9 @@ class Sweep:
                     "launch": number,
                     "round": self.now,
                 }
-                self.run.append_frame(head | frame | {"env_bytes": padding, "time": now()})
+                # The driver's name for the scene is ASCII and short: two scenes may have the same.
+                frame |= {"scene": config.scene, "env_bytes": padding, "time": now()}
+                self.run.append_frame(head | frame)
                 there.add(frame["frame"])
         if self.timed(config, number) < self.reps(config):
             raise DriverError(0, f"{spec}: the driver ended before its last frame")

@@ -164,7 +164,8 @@ def make_plan(options: argparse.Namespace) -> dict[str, Any]:
                     continue
             once = options.long is not None and seconds > options.long
             frames = 1 if once else options.reps + options.warmup
-            asked = [spec.phase, spec.flags_from, picture["scene_hash"], width, height, threads]
+            of_scene = [scene.name, picture["scene_hash"]]  # two scenes may have one content
+            asked = [spec.phase, spec.flags_from, *of_scene, width, height, threads]
             asked += overrides(plan).values()
             config = Config(
                 config=hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:12],

@@ -397,6 +397,34 @@ def test_a_changed_scene_is_not_mixed_in(tmp_path):
     assert not (tmp_path / "frames.jsonl").exists()
 
 
+def test_scenes_of_one_content_are_told_apart(monkeypatch):
+    """A copy of a scene, before its first change: launches of the one must not count as the other's."""
+    picture = {"frames": [{"ns": 1e6}], "width": 16, "height": 9, "scene_hash": "h"}
+    monkeypatch.setattr(planning.run, "render", lambda *_, **__: picture)
+    monkeypatch.setattr(planning, "build", lambda spec: Path(__file__))
+    options = {"phase": ["baseline"], "scene": ["cubes", "trio"], "n": [(None, 9)], "threads": [1]}
+    options |= {"no_second_base": True, "hit_distance": None, "max_steps": None, "budget": None, "cpu": 0}
+    options |= {"seed": 1, "launches": 1, "reps": 3, "warmup": 1, "long": None}
+    configurations = planning.make_plan(argparse.Namespace(**options))["configurations"]
+    assert len({one["config"] for one in configurations}) == len(configurations) == 2
+
+
+def test_frames_have_the_scenes_own_name(tmp_path, monkeypatch):
+    """A driver's records are ASCII and short: szene_ü and szene_ö would be one scene, and no verified one."""
+    frame = {"schema": 1, "phase": "opt1", "scene": "szene_??", "scene_hash": "h", "warmup": False}
+    frames = [frame | {"frame": number} for number in range(2)]
+    monkeypatch.setattr(module.run, "frames", lambda *_, **__: (each for each in frames))
+    monkeypatch.setattr(module, "find_scene", lambda name: registry.Scene(name, tmp_path, {}, False))
+    monkeypatch.setattr(module, "build", lambda spec: Path(__file__))
+    plan = planned({"szene_ü": [1]}).plan | {"cpu": None, "hit_distance": None, "max_steps": None}
+    plan["binaries"] = {"opt1": planning.sha256(Path(__file__))}
+    target = store.Run(tmp_path)
+    made = module.Sweep(target, plan, None)
+    made.launch(made.configs[0])
+    text = (tmp_path / "frames.jsonl").read_text(encoding="utf-8")
+    assert [json.loads(line)["scene"] for line in text.splitlines()] == ["szene_ü"] * 2
+
+
 def test_a_rebuilt_driver_is_not_mixed_in(tmp_path):
     plan = planned({"cubes": [1]}).plan | {"cpu": None, "hit_distance": None, "max_steps": None}
     made = module.Sweep(store.Run(tmp_path), plan | {"binaries": {"opt1": "0" * 64}}, None)
