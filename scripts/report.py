@@ -139,7 +139,8 @@ def copied(wanted: dict[Path, str], folder: Path) -> list[dict[str, str]]:
     for path, text in wanted.items():
         if path.is_file():
             folder.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, folder / path.name)
+            if folder.resolve() != path.parent.resolve():  # of a page in the run's own folder
+                shutil.copyfile(path, folder / path.name)
             made.append({"name": path.stem, "caption": text, "uri": data_uri(path)})
     return made
 

@@ -235,6 +235,15 @@ def test_pictures_and_failing_heat_maps_are_in_the_page(run: Path, quick: Callab
     assert "No picture was made" not in page.text
 
 
+def test_a_page_in_the_runs_own_folder_keeps_its_pictures(run: Path) -> None:
+    (run / "figures").mkdir()
+    Image.effect_noise((200, 100), 50).save(run / "figures" / "contact-sheet.png")
+    before = (run / "figures" / "contact-sheet.png").read_bytes()
+    (made,) = report.copied({run / "figures" / "contact-sheet.png": "the sheet"}, run / "figures")
+    assert base64.b64decode(made["uri"].partition(",")[2]) == before
+    assert (run / "figures" / "contact-sheet.png").read_bytes() == before
+
+
 def test_notes_become_html_without_foreign_markup() -> None:
     made = report.notes_html(
         "# Title\n\nA *word*, `code` <script>alert(1)</script>\n\n| a | b |\n| - | - |\n| 1 | 2 |\n\n![p](http://x/y.png)"
