@@ -3,9 +3,11 @@
 
 #include <errno.h>
 #include <math.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "phase_info.h"
 #include "timer.h"
@@ -151,9 +153,16 @@ static int run(struct session *s) {
     return driver_flush();
 }
 
+static bool same_file(const char *a, const char *b) {
+    struct stat x, y;
+    return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
 int main(int argc, char **argv) {
     struct session s = {
         .program = {PHASE_NAME, PHASE_FLAGS_FROM, PHASE_PRECISION, PHASE_COMPILER, variant_here()}};
+    signal(SIGXFSZ,
+           SIG_IGN); // a file beyond `ulimit -f` is an error of its write, that can be said
     int status = driver_parse(argc, argv, &s.options);
     if (status != OK)
         return status < 0 ? driver_flush() : status;
@@ -177,6 +186,9 @@ int main(int argc, char **argv) {
                             "%s: --frames: no shape has a path, so that all frames would be one; "
                             "--reps renders a still picture again",
                             s.options.scene);
+    else if (s.options.out && same_file(s.options.out, s.options.scene))
+        status =
+            driver_complain(BAD_INPUT, "%s: cannot be written: it is the scene", s.options.out);
     else if (s.options.out && !frame_writable(s.options.out, error))
         status = driver_complain(BAD_INPUT, "%s", error); // before a long render, not after
     else

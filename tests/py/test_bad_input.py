@@ -137,6 +137,17 @@ def test_unwritable_output(name: str, reason: str, tmp_path: Path) -> None:
     assert (tmp_path / "file").read_text() == "kept" and not os.listdir(tmp_path / "folder")
 
 
+@pytest.mark.parametrize("name", ["mine.json", "./link.json", "hard.json"])
+def test_a_picture_does_not_take_its_scenes_place(name: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text(SPHERE)
+    (tmp_path / "link.json").symlink_to("mine.json")
+    (tmp_path / "hard.json").hardlink_to(tmp_path / "mine.json")
+    run = call(REFERENCE, tmp_path / "mine.json", "-n", 4, "-o", tmp_path / name)
+    check_refusal(run, 2)
+    assert ": cannot be written: it is the scene" in run.stderr, f"{run}"
+    assert all((tmp_path / each).read_text() == SPHERE for each in ("mine.json", "link.json", "hard.json"))
+
+
 def small_disk() -> list[str] | None:
     """Command prefix for a shell with mounts of its own, which end with it, if this machine lets us."""
     for command in (["unshare", "--mount"], ["unshare", "--mount", "--map-root-user"]):
@@ -162,10 +173,11 @@ def test_full_disk(tmp_path: Path) -> None:
     assert ": cannot be written: No space left on device" in run.stderr, f"{run}"
 
 
-def test_limited_file_size(tmp_path: Path) -> None:
-    """As on a full disk, and the picture that was there before is kept."""
+@pytest.mark.parametrize("trap", ["", "trap '' XFSZ; "])
+def test_limited_file_size(trap: str, tmp_path: Path) -> None:
+    """As on a full disk, and the picture that was there before is kept, signal ignored or not."""
     (tmp_path / "a.exr").write_text("earlier")
-    script = "ulimit -f 8; trap '' XFSZ; exec \"$@\""
+    script = f'ulimit -f 8; {trap}exec "$@"'
     command = [
         "sh",
         "-c",
