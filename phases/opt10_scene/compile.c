@@ -113,7 +113,7 @@ static bool wait_for(pid_t pid, int *status, double seconds) {
     }
 }
 
-// The first line of what the compiler said that names an error, or its first line.
+// The first line of what the compiler said that names an error, or its first that is not blank.
 static void first_error(const char *log, char text[128]) {
     FILE *file = fopen(log, "r");
     char line[512];
@@ -121,7 +121,7 @@ static void first_error(const char *log, char text[128]) {
     while (file && fgets(line, sizeof line, file)) {
         line[strcspn(line, "\n")] = '\0';
         const char *error = strstr(line, "error");
-        if (error || !*text)
+        if (error || (!*text && line[strspn(line, " \t")]))
             snprintf(text, 128, ": %.120s", error ? error : line);
         if (error)
             break;

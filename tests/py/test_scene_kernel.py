@@ -292,7 +292,19 @@ def test_another_compiler_of_the_same_name_makes_its_own_kernel(shop: Workshop, 
 
 
 @pytest.mark.parametrize(
-    "what", ["missing", "silent", "idle", "hanging", "no number", "path", "file", "unwritable", "no folder"]
+    "what",
+    [
+        "missing",
+        "silent",
+        "late word",
+        "idle",
+        "hanging",
+        "no number",
+        "path",
+        "file",
+        "unwritable",
+        "no folder",
+    ],
 )
 def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
@@ -300,6 +312,10 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
     changes = {
         "missing": ({"STEPWISE_CC": "/nowhere/cc"}, "there is no compiler"),
         "silent": ({"STEPWISE_CC": str(shop.script("silent", "exit 1"))}, "failed"),
+        "late word": (
+            {"STEPWISE_CC": str(shop.script("late", "echo; echo virtual memory exhausted; exit 1"))},
+            "failed: virtual memory exhausted",
+        ),
         "idle": ({"STEPWISE_CC": str(shop.script("idle", "exit 0"))}, "wrote no object"),
         "hanging": (
             {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
