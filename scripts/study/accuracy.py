@@ -253,7 +253,10 @@ def read(run: Path) -> dict[str, Any]:
     if not path.exists():
         return {"rows": [], "skipped": [], "convergence": None}
     result = store.read_rows(path, "accuracy.py", {"false_hits_ppm"}, empty=True)
-    for row in (*result["rows"], *((result.get("convergence") or {}).get("rows") or ())):
+    converged = result.get("convergence") or {}
+    if not isinstance(converged, dict):
+        raise StudyError(f"{path}: convergence is not what accuracy.py writes; make it again")
+    for row in (*result["rows"], *(converged.get("rows") or ())):
         _restore(row)
     return result
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ SHARE_BESIDE = {
     "antialiased_psnr_db": "antialiased_fraction_over_1_255",
 }
 FACTS = ("isa", "precision", "lanes", "flags", "compiler", "libc", "hit_distance", "max_steps", "kernel")
+# What reading another thing's JSON can raise, from here down to a cell's text.
+BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
 GENERATED = "generated"  # a frame's `kernel` where code generated for its scene ran
 NEEDED = {
     *("config", "launch", "frame", "warmup", "spec", "phase", "flags_from", "scene", "scene_hash"),
@@ -97,13 +100,27 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
     context = optional("context.json", "the machine and the commit are unknown")
     plan = optional("plan.json", "what was to be measured is unknown")
     verify = optional("verify.json", "no error stands beside the speeds; run scripts/verify.py")
-    frames = _usable(run, notes)
+    with _content_of(run.frames_path):
+        frames = _usable(run, notes)
     if frames.empty:
         notes.append("frames.jsonl has no timed frame: there are no speeds; run scripts/sweep.py.")
         if strict:
             raise StudyError(f"{run.path}: no timed frame in frames.jsonl; run scripts/sweep.py first")
-    pairs = [_flat(pair) for pair in verify.get("pairs") or []]
-    return Data(run.path, context, plan, frames, _cells(frames, plan), pairs, notes)
+    with _content_of(run.path / "verify.json"):
+        pairs = [_flat(pair) for pair in verify.get("pairs") or []]
+    with _content_of(f"{run.path / 'plan.json'} or {run.frames_path}"):
+        cells = _cells(frames, plan)
+    return Data(run.path, context, plan, frames, cells, pairs, notes)
+
+
+@contextlib.contextmanager
+def _content_of(files: Path | str) -> Iterator[None]:
+    """Whatever the content of `files` makes fail becomes a StudyError that names them."""
+    try:
+        yield
+    except BROKEN as error:
+        why = " ".join(repr(error).split())
+        raise StudyError(f"{files}: not what results/README.md says ({why})") from error
 
 
 def _usable(run: store.Run, notes: list[str]) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from study import ablations, bounds_page, columns, flops, hotspots, libm, roof, roof_tables, show, table1
-from study.analysis import Data
+from study.analysis import BROKEN, Data
 from study.cli import StudyError
 from study.draw import Drawing
 from study.show import Column, Row, Table
@@ -58,10 +58,6 @@ class Section:
     drawn: dict[str, Drawing] = field(default_factory=dict)
     images: dict[Path, str] = field(default_factory=dict)  # pictures, which no figure replaces; captions
     html: str = ""  # a fragment of its own, in place of tables
-
-
-# What reading another thing's JSON can raise, from here down to a cell's text.
-BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError)
 
 
 @contextlib.contextmanager
