@@ -14,6 +14,8 @@ from pathlib import Path
 from study import cli, registry
 from study.cli import StudyError
 
+BUILD_FOLDERS = {"common", "calibration"}  # of common/rules.mk, where a phase would be built too
+
 NOTES = """\
 # {name}
 
@@ -45,6 +47,8 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise StudyError(f"'{name}' is no phase name; use a-z, 0-9 and _, a letter first, like opt4b")
+    if name in BUILD_FOLDERS:
+        raise StudyError(f"'{name}' is no phase name: build/{name} is taken; choose another")
     phases = registry.phases(root)
     target = root / "phases" / name
     if name in phases or target.exists():

@@ -170,7 +170,8 @@ def _scenes_in(folder: Path) -> dict[str, Scene]:
     for path in sorted(folder.glob("*.json")):
         data = _read_json(path)
         shapes = data.get("shapes")
-        types = [shape.get("type") for shape in shapes if isinstance(shape, dict)] if shapes else []
+        shapes = shapes if isinstance(shapes, list) else []  # what is wrong, the driver says
+        types = [shape.get("type") for shape in shapes if isinstance(shape, dict)]
         found[path.stem] = Scene(path.stem, path, data, "mandelbulb" in types)
     return found
 

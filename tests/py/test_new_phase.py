@@ -67,6 +67,14 @@ def test_bad_names_are_refused(root, name):
         new_phase.create(name, "opt2", root)
 
 
+@pytest.mark.parametrize("name", ["common", "calibration"])
+def test_names_of_build_folders_are_refused(root, name):
+    """build/common holds what all phases share: a phase of that name could not be built."""
+    with pytest.raises(StudyError, match=f"build/{name} is taken"):
+        new_phase.create(name, "opt2", root)
+    assert not (root / "phases" / name).exists()
+
+
 def test_taken_name_and_unknown_parent_are_refused(root):
     (root / "phases/half").mkdir()
     for name in ("opt1", "half"):
