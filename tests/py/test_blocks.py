@@ -555,12 +555,15 @@ def test_counts_that_cannot_be_are_refused(counted, change, text):
 def test_more_lanes_than_there_are_is_refused():
     folder = build("calibration", "calibrate-blocks").parent
     table = blocks.read_table(folder / "blocks/table.json")
-    (block, _), slot = next(iter(table.masked.items()))
+    (block, place), slot = next(iter(table.masked.items()))
+    lanes = table.blocks[block].code[place].lanes
     said = {"counts": "basic blocks", "table": table.hash}
     said |= {"blocks": [0] * len(table.blocks), "masked": [0] * len(table.masked)}
     said["repeated"] = [0] * len(table.repeated)
-    said["blocks"][block], said["masked"][slot] = 1, 17
-    with pytest.raises(StudyError, match=r"17 lanes in 1 executions of .*, which cannot be"):
+    said["blocks"][block], said["masked"][slot] = 2, 2 * lanes
+    blocks.evaluate(table, said)
+    said["masked"][slot] += 1
+    with pytest.raises(StudyError, match=rf"{2 * lanes + 1} lanes in 2 executions of .*, which cannot be"):
         blocks.evaluate(table, said)
 
 

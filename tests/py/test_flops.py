@@ -462,7 +462,8 @@ def test_table1_against_the_paper_and_by_hand():
     base["by_function"] = {"sdf": {"lanes": 50, "calls": 50, "machine": 100, "paper": 100}}
     half = base | {
         "phase": "opt1",
-        "flops": {"paper": 60, "machine": 60},
+        "flops": {"paper": 60, "machine": 70},
+        "by_class": base["by_class"] | {"compare": 5},
         "executed": 60,
         "useful": 30,
         "useful_paper": 30,
@@ -472,6 +473,9 @@ def test_table1_against_the_paper_and_by_hand():
     assert first["flop_per_evaluation"] == 2 and first["evaluations_million"] == 50e-6
     assert second["cut"] == pytest.approx(0.7)  # half of its 60 are useful: 30 of 100 are left
     assert second["paper_cut"] == pytest.approx(0.51)
+    giga = [second[name] for name in ("paper_convention_gflop", "machine_convention_gflop", "compare_gop")]
+    assert giga == pytest.approx([60e-9, 70e-9, 5e-9])
+    assert (second["useful_share"], second["flop_per_pixel"]) == (0.5, 60 / (1280 * 720))
 
 
 @pytest.mark.parametrize(

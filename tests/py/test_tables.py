@@ -14,7 +14,7 @@ import pytest
 import started
 
 import tables
-from study import analysis, claims, ladder, paper, show, stats, summary
+from study import analysis, claims, columns, ladder, paper, show, stats, summary
 from study.cli import StudyError
 from study.verdicts import OPEN, PART
 
@@ -72,6 +72,15 @@ def test_times_are_medians_over_launches_in_the_unit_of_their_name(run: Path) ->
     assert opt4["setup_first_ms"] == pytest.approx(0.02 + 2 * 28.8)  # the warm-up frame is the first one
     assert opt4["present_ms"] == 1
     assert opt4["frames_per_s"] == pytest.approx(1000 / (28.8 + 1))
+    shown = show.table([opt4], columns.WHOLE)
+    texts = {column.name: text for column, (text, _) in zip(shown.columns, shown.cells[0], strict=True)}
+    clocks = [texts[name] for name in ("TSC", "core", "core under its vector load")]
+    assert (texts["10⁶ TSC cycles"], clocks) == ("72.00", ["2.500", "4.000", "3.500"])
+    assert [texts[name] for name in ("set-up", "present", "frames/s with present")] == [
+        "0.0200",
+        "1.00",
+        "33.6",
+    ]
 
 
 def test_how_many_frames_a_launch_stands_for_is_beside_its_time(run: Path) -> None:
