@@ -297,6 +297,13 @@ def test_arithmetic_that_is_not_counted_is_refused_by_name(code, name):
     Counts().add(decode.Disassembler().decode(bytes.fromhex(code))[0], 0)  # never executed: no harm
 
 
+def test_of_masked_lanes_the_active_ones_are_doubled():
+    (one,) = decode.Disassembler().decode(bytes.fromhex("660f58c0"))
+    found = Counts()
+    found.add(one, 3, 5)  # of the six lanes of three sums five
+    assert (found.doublings, found.machine, found.instructions) == (5, 5, 3)
+
+
 def test_doublings_survive_json_and_splitting():
     one = executed("660f58c0")
     assert Counts.from_json(one.to_json()) == one
