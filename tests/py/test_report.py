@@ -162,7 +162,7 @@ def test_what_it_stands_on_is_said(made: Made) -> None:
             "0.00 s stolen by the hypervisor; context switches: 210 involuntary",
             "opt9: this CPU lacks avx512f",
         ),
-        *("-O3 -mavx2 -mfma -ffp-contract=off", "machine/run"),
+        *("-O3 -mavx2 -mfma -ffp-contract=off", "machine/run", "8.0 GiB"),
     ):
         assert part in text
 
