@@ -47,9 +47,10 @@ def test_median_interval_covers_the_true_median_19_times_in_20(n):
 
 
 @pytest.mark.parametrize("common", [0, 0.7, 0.95])
-def test_the_ratio_of_rounds_that_share_their_noise(common):
+def test_the_ratio_of_rounds_that_share_their_noise(common, monkeypatch):
     """None, half and nine tenths of the noise's variance are the round's: 92 to 99 % hold the true ratio, and
     the more the rounds share, the narrower."""
+    monkeypatch.setattr(stats, "RESAMPLES", 1000)
     random = np.random.default_rng(9)
     shared, own = random.normal(size=(400, 1, 7)), random.normal(size=(400, 2, 7))
     times = np.exp(0.15 * (common * shared + np.sqrt(1 - common**2) * own))

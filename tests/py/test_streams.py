@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import test_tiles
 from test_convex import SHARP, STRENGTH, bound, clamped
-from test_tiles import WIDTHS, check_same, crowd, picture
+from test_tiles import EACH_WIDTH, WIDTHS, check_same, crowd, picture
 
 from conformance.feature_scenes import FEATURES
 from study import registry
@@ -28,7 +28,7 @@ def test_slope_of_scene0s_cones() -> None:
     assert bound(0.3458) * STRENGTH == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("shadows", ["hard", "soft"])
 def test_cones_and_queues_are_the_parents_picture(shadows, width, tmp_path) -> None:
     """A march in float has noise at its first steps, which what is told without one has not."""
@@ -49,7 +49,7 @@ def test_shadows_at_edges_are_the_parents(name, tmp_path) -> None:
     assert np.abs(clamped(mine) - clamped(march)).max() < 1e-5
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", EACH_WIDTH)
 def test_starts_are_the_parents(width, tmp_path) -> None:
     """The same squares and patches, from other arrangements of lanes.
 
@@ -81,7 +81,7 @@ def hall_of_mirrors() -> dict:
     return scene
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", EACH_WIDTH)
 def test_full_queues(width, tmp_path) -> None:
     """Four shadow rays of a pixel wait where there is room for one: a full queue is worked off, and
     the rays that are under way then keep their own lists."""
@@ -91,7 +91,7 @@ def test_full_queues(width, tmp_path) -> None:
     check_same(picture(PHASE, scene, tmp_path, (256, 90), **WIDTHS[width]), parents, width)
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("name", [name for name, scene in registry.scenes().items() if scene.fractal])
 def test_a_mandelbulbs_streams_are_the_parents_packets(name, width, tmp_path) -> None:
     """Lanes that are filled again find what those of a packet find: to the bit, and as many steps."""
@@ -117,7 +117,7 @@ def test_bulbs_among_other_shapes(tmp_path) -> None:
         check_same(mine, picture(PARENT, whole, tmp_path, (96, 54)), f"{len(more)} bulbs")
 
 
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("shadows", ["hard", "soft"])
 def test_stretches_of_two_bulbs_over_two_planes(shadows, width, tmp_path) -> None:
     """Where along a shadow ray either bulb may be nearer than either plane: both bulbs throw shadows on
