@@ -48,7 +48,7 @@ def picture(phase: str, scene: Path | dict, folder: Path, size=SMALL, *arguments
 
 
 def check_starts(scene: dict, folder: Path, where: str, size=SMALL) -> float:
-    """No start is past the true hit, by any width; the share of cones, by pixel, that started beyond the camera."""
+    """No start is past the true hit, by any width; the share of starts that are beyond the camera."""
     true = picture("truth", scene, folder, size, "--threads", 2)
     known = true["status"] > 0
     late = []
