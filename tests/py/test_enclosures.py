@@ -1,6 +1,6 @@
 """Every enclosure that truth calls proved holds: random and adversarial rays of each shape, judged exactly.
 
-STEPWISE_RAYS is the number of rays a shape: 20,000 when not given, and 100,000 for the full count.
+STEPWISE_RAYS is the number of rays a shape: 10,000 when not given, and 100,000 for the full count.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pytest
 from study import enclosures
 from study.build import build
 
-COUNT = int(os.environ.get("STEPWISE_RAYS", "20000"))
+COUNT = int(os.environ.get("STEPWISE_RAYS", "10000"))
 CHUNK = 1000
 FRAMES = {  # share of the rays, the shape's frame
     "plain": (0.65, {}),
