@@ -187,8 +187,8 @@ int main(int argc, char **argv) {
                             "--reps renders a still picture again",
                             s.options.scene);
     else if (s.options.out && same_file(s.options.out, s.options.scene))
-        status =
-            driver_complain(BAD_INPUT, "%s: cannot be written: it is the scene", s.options.out);
+        status = driver_complain(
+            BAD_INPUT, "%s: cannot be written: it is the scene, or a link to it", s.options.out);
     else if (s.options.out && !frame_writable(s.options.out, error))
         status = driver_complain(BAD_INPUT, "%s", error); // before a long render, not after
     else

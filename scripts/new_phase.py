@@ -14,7 +14,11 @@ from pathlib import Path
 from study import cli, registry
 from study.cli import StudyError
 
-BUILD_FOLDERS = {"common", "calibration"}  # of common/rules.mk, where a phase would be built too
+BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
+    *("accuracy", "asan", "asan-clang", "calibration", "ceilings", "clang", "common", "drjit", "emulated"),
+    *("frames", "functions", "hard-fast", "hard-fma", "scaling", "systems", "test-opinions", "test-results"),
+    *("test-scenes", "tests", "toolchains", "tsan", "views"),
+}
 
 NOTES = """\
 # {name}

@@ -250,9 +250,10 @@ def inline(path: Path) -> str:
 def caption(data: Data, table: pd.DataFrame, limits: Ceilings | None) -> str:
     """Machine, clock, what counted, and what the roofs (where there are any) and whiskers are."""
     cpu = machine.name(data.context)
-    by = "; ".join(dict.fromkeys(roof_tables.counted_by(row) for row in table.to_dict("records")))
+    every = [roof_tables.counted_by(row) for row in table.to_dict("records")]
+    by = "; ".join(dict.fromkeys(one.removesuffix(roof_tables.FOREIGN) for one in every))  # told below
     text = (
-        f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by: {by}. Points: "
+        f"{cpu}; one thread. FLOPs by the machine's convention (an FMA is two), counted by {by}. Points: "
         "median over process launches; whiskers: its 95 % interval (none where launches are fewer than 6)."
     )
     if limits:

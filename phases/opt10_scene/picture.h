@@ -48,9 +48,10 @@ static void store_colors(struct frame *frame, struct block block, const float *c
 }
 
 // Whether a row of the picture is whole cache lines, as sixteen of its pixels then are: what is stored of such a
-// picture goes past the caches, for it is read when all is done. What is on its way then is there before the
-// frame ends: a worker leaves it under a lock, and x86's instructions with LOCK wait for it (Intel's manual, volume
-// 3, "Buffering of Write Combining Memory Locations"; AMD's, volume 2). A fence a tile took all of the gain.
+// picture goes past the caches, for it is read when all is done. What is on its way then is there before another
+// thread reads it: a worker leaves the frame under a lock (team_run), and x86's instructions with LOCK wait for such
+// stores (Intel's manual, volume 3, "Buffering of Write Combining Memory Locations"; AMD's, volume 2). A thread reads
+// its own in any case. A fence a tile took all of the gain.
 static bool past_caches(const struct frame *frame) {
     return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
 }

@@ -22,10 +22,14 @@ static inline void unload(real a, float to[LANES]) {
 
 // past: the caches, to a place that is a multiple of a register.
 static inline void put(float *to, bool past, real a) {
-    if (past)
-        _mm256_stream_ps(to, a);
-    else
+    if (!past)
         _mm256_storeu_ps(to, a);
+    else
+#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__ // gcc's do not see the instruction
+        *(real *)to = a;
+#else
+        _mm256_stream_ps(to, a);
+#endif
 }
 
 static inline float first_of(real a) {

@@ -14,6 +14,8 @@ from study.roof import Row, headline, remarks
 from study.roof_shares import ELEMENT, NEAREST, clocks
 from study.show import Column, interval, number, percent, plain, whole, word
 
+FOREIGN = ", not of what was timed"
+
 
 def counted_by(row: Row) -> str:
     """The back end, with what speaks against trusting it."""
@@ -25,7 +27,7 @@ def counted_by(row: Row) -> str:
     other = "" if scaled is None or pd.isna(scaled) else f", scaled from n = {scaled:.0f}"
     libm = "" if row["libm_counted"] or row["backend"] == "declared" else ", without libm's inside"
     # More of it in the remarks. Where a table has one of them, what is None beside it is read as NaN.
-    foreign = ", not of what was timed" if isinstance(row["foreign_counts"], str) else ""
+    foreign = FOREIGN if isinstance(row["foreign_counts"], str) else ""
     return f"{row['backend']}{state}{other}{libm}{foreign}"
 
 

@@ -386,7 +386,8 @@ class Pretended:
 
 
 def named(arrangement: str, count: int, seed: int, folder: Path) -> Scene:
-    """A scene of that name, for which it is not looked where 4,096 shapes cover what they should."""
+    """A scene of that name, if there is one; where its shapes cover what they should is not looked for."""
+    scaling_scenes.placed(arrangement, count, seed)
     return dataclasses.replace(registry.find_scene("trio"), name=f"{arrangement}-{count}-seed{seed}")
 
 
