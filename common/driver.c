@@ -57,6 +57,14 @@ static bool timed_frame(struct session *s, const struct view *view, struct measu
     return done;
 }
 
+static bool write_picture(const struct session *s, char *error) {
+    const struct frame *frame = &s->frame;
+    const uint8_t *shown = s->rgb8 ? s->rgb8 : frame->shown;
+    return s->options.display
+               ? frame_write_ppm(frame->width, frame->height, shown, s->options.out, error)
+               : frame_write_exr(frame, s->options.out, error);
+}
+
 static int one_frame(struct session *s, int index, bool warmup, bool first) {
     bool moves = s->options.frames > 0, exact = index == s->options.first_frame;
     // Of an animation nothing can be kept anyway, and frame k is the same picture wherever it begins.
@@ -71,12 +79,14 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
         count_end();
     if (!done)
         return driver_complain(NO_MEMORY, "out of memory while rendering");
-    m.present_ns = timer_ns();
-    frame_present(s->presenter, &s->frame, s->rgb8);
-    m.present_ns = timer_ns() - m.present_ns;
+    if (s->rgb8) {
+        m.present_ns = timer_ns();
+        frame_present(s->presenter, &s->frame, s->rgb8);
+        m.present_ns = timer_ns() - m.present_ns;
+    }
     if (exact && s->options.out) {
         char error[512];
-        if (!frame_write_exr(&s->frame, s->options.out, error))
+        if (!write_picture(s, error))
             return driver_complain(BAD_INPUT, "%s", error);
     }
     json_t *record = driver_record(&m, s, index, warmup, first);
@@ -106,13 +116,22 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
     return OK;
 }
 
-static int run(struct session *s) {
+// What the frames are rendered into; false: memory is short.
+static bool create_pictures(struct session *s) {
     const struct options *o = &s->options;
     static const char *const planes[] = {PHASE_PLANES NULL};
-    if (!frame_create(&s->frame, o->width, o->height, o->aov, planes) ||
-        !(s->presenter = presenter_create(o->threads)) ||
-        !(s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height)) ||
-        !(s->frames = json_array()))
+    s->presenter = presenter_create(o->threads);
+    if (!s->presenter)
+        return false;
+    if (o->display && PHASE_DISPLAY)
+        return frame_create_shown(&s->frame, o->width, o->height, s->presenter);
+    s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height);
+    return s->rgb8 && frame_create(&s->frame, o->width, o->height, o->aov, planes);
+}
+
+static int run(struct session *s) {
+    const struct options *o = &s->options;
+    if (!create_pictures(s) || !(s->frames = json_array()))
         return driver_complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
     s->scene.model.animated = o->frames > 0;
     s->moving = s->scene.model;

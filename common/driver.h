@@ -17,7 +17,7 @@ struct options {
     const char *scene, *out;
     int height, width, threads, reps, warmup;
     int frames, first_frame; // of an animation; 0 frames: a still picture
-    bool aov, json, jsonl;
+    bool aov, display, json, jsonl;
     struct scene_overrides overrides;
 };
 
@@ -40,7 +40,7 @@ struct session {
     struct frame frame;
     struct presenter *presenter;
     struct program program;
-    uint8_t *rgb8;
+    uint8_t *rgb8; // NULL where the phase makes the picture as it is displayed: frame.shown
     double tsc_hz, core_hz_load;
     uint64_t overhead, prepare_ns;
     json_t *frames;

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "driver.h"
 
@@ -17,6 +18,10 @@ static const char USAGE[] =
     "  -w WIDTH, --width     default: round(HEIGHT*16/9)\n"
     "  -o FILE.exr           write the picture of the exact camera (float, linear RGB)\n"
     "  --aov                 with depth, shape id, normal and evaluation count per pixel\n"
+    "  --display             the picture as displayed alone (gamma, 8 bits), by the phase itself "
+    "if it "
+    "can;\n"
+    "                        -o writes it as a binary PPM\n"
     "  --threads T           default 1\n"
     "  --reps R              timed frames, default 1; all but the first are moved by a hair\n"
     "  --frames N            an animation of N frames in place of those: frame k is at k/60 s, "
@@ -66,6 +71,13 @@ static int good_together(int argc, char **argv, struct options *o) {
         return driver_complain(BAD_INPUT, "-n HEIGHT is required; see render -h");
     if (o->json && o->jsonl)
         return driver_complain(BAD_INPUT, "--json and --jsonl exclude each other");
+    const char *ending = o->display ? ".ppm" : ".exr";
+    size_t length = o->out ? strlen(o->out) : 0;
+    if (o->out && (length < 5 || strcasecmp(o->out + length - 4, ending) != 0))
+        return driver_complain(BAD_INPUT, "-o: a name that ends in %s is required, not \"%s\"%s",
+                               ending, o->out, o->display ? "" : " (of 8 bits: --display, .ppm)");
+    if (o->display && o->aov)
+        return driver_complain(BAD_INPUT, "--display and --aov exclude each other");
     if (o->frames && o->reps)
         return driver_complain(BAD_INPUT, "--frames and --reps exclude each other");
     if (o->first_frame && !o->frames)
@@ -85,11 +97,12 @@ static int good_together(int argc, char **argv, struct options *o) {
     return OK;
 }
 
-enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST };
+enum { AOV = 256, THREADS, REPS, WARMUP, HIT, STEPS, JSON, JSONL, LIST, FRAMES, FIRST, DISPLAY };
 static const struct option known[] = {{"height", required_argument, 0, 'n'},
                                       {"width", required_argument, 0, 'w'},
                                       {"output", required_argument, 0, 'o'},
                                       {"aov", no_argument, 0, AOV},
+                                      {"display", no_argument, 0, DISPLAY},
                                       {"threads", required_argument, 0, THREADS},
                                       {"reps", required_argument, 0, REPS},
                                       {"warmup", required_argument, 0, WARMUP},
@@ -159,6 +172,7 @@ int driver_parse(int argc, char **argv, struct options *o) {
         const char *wanted = NULL;
         switch (c) {
         case AOV: o->aov = true; break;
+        case DISPLAY: o->display = true; break;
         case JSON: o->json = true; break;
         case JSONL: o->jsonl = true; break;
         case LIST: return driver_list_phases();

@@ -43,7 +43,7 @@ json_t *driver_header(const struct session *s) {
     const struct scene_overrides *over = &s->options.overrides;
     json_t *about = json_pack(
         "{s:i, s:s, s:s, s:s, s:s, s:i, s:i, s:i, s:s, s:s, s:i, s:s, s:s, s:s, s:f, s:i, s:b, "
-        "s:I, s:I, s:f, s:f, s:i, s:s?, s:s?, }",
+        "s:I, s:I, s:f, s:f, s:i, s:s?, s:s?, s:s?}",
         "schema", SCHEMA, "phase", program->phase, "flags_from", program->flags_from, "scene",
         s->scene.name, "scene_hash", s->scene.hash, "width", s->options.width, "height",
         s->options.height, "threads", s->options.threads, "isa", program->variant.isa, "precision",
@@ -53,7 +53,10 @@ json_t *driver_header(const struct session *s) {
         over->hit_distance > 0 || over->max_steps > 0, "prepare_ns", (json_int_t)s->prepare_ns,
         "timer_overhead_cycles", (json_int_t)s->overhead, "tsc_hz", s->tsc_hz, "core_hz_load",
         s->core_hz_load, "cpu", driver_cpu(), "image", in_ascii(s->options.out, image), "settings",
-        phase_settings ? phase_settings(s->prepared) : NULL);
+        phase_settings ? phase_settings(s->prepared) : NULL, "display",
+        !s->options.display ? NULL
+        : s->rgb8           ? "driver"
+                            : "phase");
     if (add_kernel(about, s))
         return about;
     json_decref(about);

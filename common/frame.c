@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <math.h>
 #include <openexr.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,19 +14,24 @@
 
 enum { ERROR_SIZE = 512, LARGE_PAGE = 1 << 21 };
 
+// 64: a cache line, and the widest vector. What fills large pages is on them, so that the CPU looks up fewer.
+static void *aligned(size_t size) {
+    size_t unit = size < LARGE_PAGE ? 64 : LARGE_PAGE;
+    size = (size + unit - 1) / unit * unit;
+    void *memory = aligned_alloc(unit, size);
+    if (memory && unit == LARGE_PAGE)
+        (void)madvise(memory, size, MADV_HUGEPAGE); // where there are none, small ones
+    return memory;
+}
+
 static float *plane(size_t samples, bool wanted, bool *ok) {
     if (!wanted)
         return NULL;
-    // 64: a cache line, and the widest vector. What fills large pages is on them, so that the CPU looks up fewer.
-    size_t size = samples * sizeof(float), unit = size < LARGE_PAGE ? 64 : LARGE_PAGE;
-    size = (size + unit - 1) / unit * unit;
-    float *memory = aligned_alloc(unit, size);
+    float *memory = aligned(samples * sizeof(float));
     if (!memory) {
         *ok = false;
         return NULL;
     }
-    if (unit == LARGE_PAGE)
-        (void)madvise(memory, size, MADV_HUGEPAGE); // where there are none, small ones
     for (size_t i = 0; i < samples; i++)
         memory[i] = NAN;
     return memory;
@@ -48,7 +54,20 @@ bool frame_create(struct frame *frame, int width, int height, bool aov, const ch
     return ok;
 }
 
+bool frame_create_shown(struct frame *frame, int width, int height,
+                        const struct presenter *presenter) {
+    size_t samples = 3 * (size_t)width * (size_t)height;
+    *frame = (struct frame){.width = width, .height = height};
+    frame->presenter = presenter;
+    frame->show = presenter_show;
+    frame->shown = aligned(samples);
+    for (size_t i = 0; frame->shown && i < samples; i++)
+        frame->shown[i] = i % 2 ? 255 : 0; // what a phase forgot has the colours of no scene
+    return frame->shown;
+}
+
 void frame_free(struct frame *frame) {
+    free(frame->shown);
     free(frame->rgb);
     free(frame->depth);
     free(frame->id);
@@ -147,6 +166,30 @@ static exr_result_t write_image(exr_context_t context, const struct frame *frame
     return result;
 }
 
+// A file under its temporary name, which a signal that ends the program takes along. SIGKILL leaves it.
+static char unfinished[4096];
+enum { ENDING = 3 };
+static const int ending[ENDING] = {SIGINT, SIGTERM, SIGHUP};
+
+static void take_along(int number) {
+    unlink(unfinished);
+    raise(number); // SA_RESETHAND: by default it ends the program
+}
+
+static void begin_file(const char *temporary, struct sigaction before[ENDING]) {
+    snprintf(unfinished, sizeof unfinished, "%s", temporary);
+    struct sigaction action = {.sa_handler = take_along, .sa_flags = (int)SA_RESETHAND};
+    sigemptyset(&action.sa_mask);
+    for (int i = 0; i < ENDING; i++)
+        if (sigaction(ending[i], NULL, &before[i]) == 0 && before[i].sa_handler == SIG_DFL)
+            sigaction(ending[i], &action, NULL); // what is ignored (nohup) stays so
+}
+
+static void end_file(const struct sigaction before[ENDING]) {
+    for (int i = 0; i < ENDING; i++)
+        sigaction(ending[i], &before[i], NULL);
+}
+
 static bool temporary_name(const char *path, char name[4096], char *error) {
     int length = snprintf(name, 4096, "%s.%ld.tmp", path, (long)getpid());
     if (length > 0 && length < 4096)
@@ -164,11 +207,17 @@ bool frame_writable(const char *path, char *error) {
     char temporary[4096];
     if (!temporary_name(path, temporary, error))
         return false;
+    struct sigaction before[ENDING];
+    begin_file(temporary, before);
     FILE *probe = fopen(temporary, "wb");
+    int reason = errno;
+    if (probe) {
+        fclose(probe);
+        unlink(temporary);
+    }
+    end_file(before);
     if (!probe)
-        return unwritable(path, strerror(errno), error);
-    fclose(probe);
-    unlink(temporary);
+        return unwritable(path, strerror(reason), error);
     struct stat existing;
     if (stat(path, &existing) == 0 && !S_ISREG(existing.st_mode))
         return unwritable(path, "it exists and is no regular file", error);
@@ -193,6 +242,8 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
                4 * sizeof *channels);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = quiet;
+    struct sigaction before[ENDING];
+    begin_file(temporary, before);
     exr_context_t context = NULL;
     errno = 0;
     exr_result_t result = exr_start_write(&context, temporary, EXR_WRITE_FILE_DIRECTLY, &setup);
@@ -202,11 +253,39 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
     exr_result_t finished = context ? exr_finish(&context) : EXR_ERR_SUCCESS;
     if (result == EXR_ERR_SUCCESS)
         result = finished;
-    if (result == EXR_ERR_SUCCESS && rename(temporary, path) == 0)
-        return true;
-    if (result == EXR_ERR_SUCCESS)
-        reason = errno;
-    unlink(temporary);
-    return unwritable(path, reason ? strerror(reason) : exr_get_default_error_message(result),
+    bool done = result == EXR_ERR_SUCCESS && rename(temporary, path) == 0;
+    if (!done) {
+        if (result == EXR_ERR_SUCCESS)
+            reason = errno;
+        unlink(temporary);
+    }
+    end_file(before);
+    return done ||
+           unwritable(path, reason ? strerror(reason) : exr_get_default_error_message(result),
                       error);
+}
+
+bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *path, char *error) {
+    char temporary[4096];
+    if (!temporary_name(path, temporary, error))
+        return false;
+    struct sigaction before[ENDING];
+    begin_file(temporary, before);
+    FILE *file = fopen(temporary, "wb");
+    size_t samples = 3 * (size_t)width * (size_t)height;
+    bool written = file && fprintf(file, "P6\n%d %d\n255\n", width, height) > 0 &&
+                   fwrite(rgb8, 1, samples, file) == samples;
+    int reason = errno;
+    if (file && fclose(file) != 0 && written) {
+        written = false;
+        reason = errno;
+    }
+    bool done = written && rename(temporary, path) == 0;
+    if (!done) {
+        if (written)
+            reason = errno;
+        unlink(temporary);
+    }
+    end_file(before);
+    return done || unwritable(path, strerror(reason), error);
 }

@@ -25,7 +25,9 @@ SECONDS = 60
 
 
 def arguments() -> argparse.Namespace:
-    parser = cli.parser(DESCRIPTION, {1: "a picture has samples that are not finite"})
+    parser = cli.parser(
+        DESCRIPTION, {1: "a picture has samples that are not finite, or is displayed as another"}
+    )
     add = parser.add_argument
     add("--phase", nargs="+", metavar="SPEC", help="default: every phase with threads")
     add("--scene", nargs="+", default=list(frames.GOALS), metavar="NAME", help="default: %(default)s")
@@ -67,9 +69,12 @@ def main() -> int:
         print("\n".join(map(str, paths)))
     for row in result["left_out"]:
         cli.say(f"left out {row['phase']} {row.get('scene', '')}: {row['reason']}")
-    bad = [row for row in result["rows"] if row["non_finite"]]
+    bad = [row for row in result["rows"] if row["non_finite"] or row["displayed_otherwise"]]
     for row in bad:
-        cli.say(f"FAIL {row['phase']} on {row['scene']}: {row['non_finite']} samples not finite")
+        why = (
+            f"{row['non_finite']} samples not finite, {row['displayed_otherwise']} bytes displayed otherwise"
+        )
+        cli.say(f"FAIL {row['phase']} on {row['scene']}: {why} than the picture's")
     return cli.FAILED if bad else cli.OK
 
 

@@ -105,7 +105,7 @@ def main() -> int:
             made += SHEETS[kind](args.run, out)
             continue
         file, make = KINDS[kind]
-        if (args.run / file).exists():
+        if store.stored(args.run / file).exists():  # published runs have packed ones
             made += make(args.run, out / "figures")
         else:
             cli.say(f"{kind}: left out, {args.run / file} is missing")

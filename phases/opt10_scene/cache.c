@@ -37,7 +37,8 @@ static bool make_folders(char *path) {
 bool cache_folder(char path[4096], char reason[256]) {
     const char *own = getenv("STEPWISE_CACHE"), *xdg = getenv("XDG_CACHE_HOME"),
                *home = getenv("HOME");
-    int length = own && *own     ? snprintf(path, 4000, "%s", own)
+    // "./": a name that begins with "-" is no option of the compiler's
+    int length = own && *own     ? snprintf(path, 4000, "%s%s", *own == '-' ? "./" : "", own)
                  : xdg && *xdg   ? snprintf(path, 4000, "%s/stepwise", xdg)
                  : home && *home ? snprintf(path, 4000, "%s/.cache/stepwise", home)
                                  : 0;
@@ -49,7 +50,8 @@ bool cache_folder(char path[4096], char reason[256]) {
     else if (!S_ISDIR(found.st_mode))
         snprintf(reason, 256, "%.120s is no folder", path);
     else if (found.st_uid != geteuid() || (found.st_mode & (S_IWGRP | S_IWOTH)))
-        snprintf(reason, 256, "%.120s is open to others: a folder of one's own is required", path);
+        snprintf(reason, 256, "%.120s is %s: a folder of one's own is required", path,
+                 found.st_uid != geteuid() ? "another user's" : "open to others");
     else
         return true;
     return false;
@@ -125,8 +127,19 @@ void cache_used(const char *path) {
     utimensat(AT_FDCWD, path, NULL, 0); // in vain where nothing may be written
 }
 
+// A regular file, or NULL: what else may stand there would be waited for.
+static FILE *open_file(const char *path) {
+    int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    struct stat found;
+    if (opened >= 0 && (fstat(opened, &found) != 0 || !S_ISREG(found.st_mode))) {
+        close(opened);
+        return NULL;
+    }
+    return opened < 0 ? NULL : fdopen(opened, "rb");
+}
+
 bool cache_holds(const char *path, const char *text) {
-    FILE *file = fopen(path, "rb");
+    FILE *file = open_file(path);
     if (!file)
         return false;
     char part[16384];
@@ -184,7 +197,7 @@ bool cache_seal(const char *path, const char *tag, const char *text) {
 }
 
 bool cache_sealed(const char *path, const char *tag, const char *text) {
-    FILE *file = fopen(path, "rb");
+    FILE *file = open_file(path);
     struct stat found;
     if (!file)
         return false;

@@ -182,15 +182,13 @@ INLINE void choose_shape(int i, struct rays *r, const struct convex *work, struc
     see_along(r, i, near, work);
 }
 
-void choose_shapes(struct rays *rays, struct near *nears, struct shapes *casters,
-                   const struct convex *work) {
+void choose_shapes(struct rays *restrict r, struct near *restrict nears,
+                   struct shapes *restrict casters, const struct convex *work) {
     const struct prepared *scene = KNOWN(work->scene);
     COUNT(choose_shapes, call);
-    struct rays r = *rays;
-    EACH_SHAPE(work->scene, look_from, &r, scene);
-    r.floor = !any(but_not(r.on_plane, r.active));
-    EACH_SHAPE(work->scene, look_at, &r, work, nears);
+    EACH_SHAPE(work->scene, look_from, r, scene);
+    r->floor = !any(but_not(r->on_plane, r->active));
+    EACH_SHAPE(work->scene, look_at, r, work, nears);
     none_of(casters);
-    EACH_SHAPE(work->scene, choose_shape, &r, work, nears, casters);
-    *rays = r;
+    EACH_SHAPE(work->scene, choose_shape, r, work, nears, casters);
 }

@@ -32,12 +32,12 @@ INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_li
     *clear = both(*clear, here);
 }
 
-mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
-             mask active, const struct convex *work) {
+mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+             real facing, real shape, mask active, const struct convex *work) {
     ACTIVE(count_of(active));
     COUNT(cleared, call);
     mask clear = REPEATS(work->scene) ? no_lane() : active; // there may be a copy anywhere
-    EACH_IN(work->desk->shading, clear_of, point, local, to_light, facing, shape, work, &clear);
+    EACH_IN(work->desk->shading, clear_of, *point, *local, *to_light, facing, shape, work, &clear);
     return clear;
 }
 

@@ -52,16 +52,16 @@ INLINE void surface_of(int i, const struct found *hit, const struct prepared *sc
 }
 
 // Once for each shape that the packet hit.
-static struct surface surface_at(const struct found *hit, struct vec direction,
-                                 const struct prepared *scene) {
+static void surface_at(const struct found *restrict hit, const struct vec *restrict direction,
+                       const struct prepared *scene, struct surface *restrict all) {
     COUNT(surface_at, call);
     struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
-    struct surface all = {none, none, set(0.0f), set(0.0f), set(0.0f)};
-    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, &all);
-    mask away = greater(vec_dot(all.normal, direction), set(0.0f));
-    all.normal = (struct vec){negate_where(away, all.normal.x), negate_where(away, all.normal.y),
-                              negate_where(away, all.normal.z)};
-    return all;
+    all->normal = all->color = none;
+    all->share = all->shininess = all->shine_from = set(0.0f);
+    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, all);
+    mask away = greater(vec_dot(all->normal, *direction), set(0.0f));
+    all->normal = (struct vec){negate_where(away, all->normal.x), negate_where(away, all->normal.y),
+                               negate_where(away, all->normal.z)};
 }
 
 static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light,
@@ -145,7 +145,7 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     if (at->flat)
         at->surface = surface_of_plane(KNOWN(scene));
     else
-        at->surface = surface_at(&at->hit, ray->direction, scene);
+        surface_at(&at->hit, &ray->direction, scene, &at->surface);
 }
 
 // Twice, so that a generated kernel knows the plane's material in the first.
@@ -177,7 +177,7 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
         at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                                 at->lit, work);
     else if (model->shadows == SHADOWS_SOFT)
-        at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+        at->open = cleared(&at->point, &at->hit.local, &at->to_light, at->facing, at->hit.shape,
                            at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
         ACTIVE(count_of(at->lit));
@@ -247,6 +247,9 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
 }
 
 SHARED void normals_seen(struct sight *seen, const struct prepared *scene) {
-    if (any(seen->hit.found))
-        seen->hit.local = surface_at(&seen->hit, seen->direction, scene).normal;
+    if (!any(seen->hit.found))
+        return;
+    struct surface all;
+    surface_at(&seen->hit, &seen->direction, scene, &all);
+    seen->hit.local = all.normal;
 }

@@ -137,8 +137,8 @@ struct convex {
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
 // neither, but for the first two, since it bulges.
-SHARED mask cleared(struct vec point, struct vec local, struct vec to_light, real facing,
-                    real shape, mask active, const struct convex *work);
+SHARED mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+                    real facing, real shape, mask active, const struct convex *work);
 // The shadow on these: the least of those two terms.
 SHARED real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
                        const struct prepared *scene);

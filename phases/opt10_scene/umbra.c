@@ -76,11 +76,11 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
 SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
                   const struct convex *work, struct march *m) {
     const struct model *model = &KNOWN(work->scene)->model;
-    *m = (struct march){.nears = nears,
-                        .casters = casters,
-                        .previous = set(1e9f),
-                        .from = set(0.0f),
-                        .divisor = set(1.0f)};
+    m->nears = nears;
+    m->casters = casters;
+    m->previous = set(1e9f);
+    m->from = set(0.0f);
+    m->divisor = set(1.0f);
     ACTIVE(count_of(r->active));
     COUNT(begin, call);
     COUNT(begin, scalar);
@@ -136,7 +136,8 @@ struct cast {
 
 static void begin_cast(struct cast *c, int slot, int first, const struct convex *work) {
     struct desk *desk = work->desk;
-    struct rays r = waiting(desk->shadow, first, desk->shadows);
+    struct rays r;
+    waiting(desk->shadow, first, desk->shadows, &r);
     begin(&r, desk->near + slot * KNOWN(work->scene)->model.shape_count, &desk->casters[slot], work,
           &c->march);
     c->active = r.active;

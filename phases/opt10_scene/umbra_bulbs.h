@@ -117,7 +117,8 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next, int ste
     unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
     while (ended) {
         while (!ready->live && next < desk->shadows) {
-            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            struct rays r;
+            waiting(desk->shadow, next, desk->shadows, &r);
             begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
             ready->live = bits(r.active) & ~bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)

@@ -3,8 +3,8 @@
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
 #include "cells.h"
 
-mask cleared(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
-             mask active, const struct convex *work) {
+mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+             real facing, real shape, mask active, const struct convex *work) {
     ACTIVE(count_of(active));
     COUNT(cleared, call);
     const struct prepared *scene = work->scene;
@@ -18,19 +18,19 @@ mask cleared(struct vec point, struct vec local, struct vec to_light, real facin
             COUNT(cleared, plane);
             COUNT(cleared, plane_scalar);
             here = either(same_shape(shape, i),
-                          plane_clears(height_over(s, point), vec_dot(vec_set(s->normal), to_light),
-                                       q, scene));
+                          plane_clears(height_over(s, *point),
+                                       vec_dot(vec_set(s->normal), *to_light), q, scene));
         } else {
             COUNT(cleared, solid);
             COUNT(cleared, solid_scalar);
             float slope = slope_to(s, q);
-            struct vec to = to_centre(s, point);
-            here = cone_misses(cone_to(to, to_light, s, slope), slope);
+            struct vec to = to_centre(s, *point);
+            here = cone_misses(cone_to(to, *to_light, s, slope), slope);
             if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && any(but_not(here, clear)))
-                here = either(here, plane_between(to, to_light, s, q));
+                here = either(here, plane_between(to, *to_light, s, q));
             if (any(but_not(here, clear))) {
                 COUNT(cleared, own);
-                here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
+                here = either(here, both(same_shape(shape, i), bulges(s, *local, facing, scene)));
             }
         }
         clear = both(clear, here);

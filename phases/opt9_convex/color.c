@@ -31,12 +31,11 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
 }
 
 // Once for each shape that the packet hit.
-static struct surface surface_at(const struct found *hit, struct vec direction,
-                                 const struct prepared *scene) {
+static void surface_at(const struct found *restrict hit, const struct vec *restrict direction,
+                       const struct prepared *scene, struct surface *restrict all) {
     COUNT(surface_at, call);
     float id[LANES];
     unload(hit->shape, id);
-    struct surface all;
     unsigned rest = bits(hit->found);
     for (bool first = true; rest; first = false) {
         int i = (int)id[__builtin_ctz(rest)];
@@ -53,19 +52,18 @@ static struct surface surface_at(const struct found *hit, struct vec direction,
         struct surface one = {normal, vec_set(s->color), set(s->share), set(s->shininess),
                               set(s->shine_from)};
         if (first) {
-            all = one;
+            *all = one;
             continue;
         }
-        all.normal = vec_choose(same, one.normal, all.normal);
-        all.color = vec_choose(same, one.color, all.color);
-        all.share = choose(same, one.share, all.share);
-        all.shininess = choose(same, one.shininess, all.shininess);
-        all.shine_from = choose(same, one.shine_from, all.shine_from);
+        all->normal = vec_choose(same, one.normal, all->normal);
+        all->color = vec_choose(same, one.color, all->color);
+        all->share = choose(same, one.share, all->share);
+        all->shininess = choose(same, one.shininess, all->shininess);
+        all->shine_from = choose(same, one.shine_from, all->shine_from);
     }
-    mask away = greater(vec_dot(all.normal, direction), set(0.0f));
-    all.normal = (struct vec){negate_where(away, all.normal.x), negate_where(away, all.normal.y),
-                              negate_where(away, all.normal.z)};
-    return all;
+    mask away = greater(vec_dot(all->normal, *direction), set(0.0f));
+    all->normal = (struct vec){negate_where(away, all->normal.x), negate_where(away, all->normal.y),
+                               negate_where(away, all->normal.z)};
 }
 
 static void queue_shadow(mask m, struct vec p, const struct found *hit, struct vec to_light,
@@ -130,7 +128,7 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     at->hit.found = both(at->hit.found, in_bounds(at, scene));
     at->lit = no_lane();
     if (any(at->hit.found))
-        at->surface = surface_at(&at->hit, ray->direction, scene);
+        surface_at(&at->hit, &ray->direction, scene, &at->surface);
 }
 
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
@@ -149,7 +147,7 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
         at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                                 at->lit, work);
     else if (model->shadows == SHADOWS_SOFT)
-        at->open = cleared(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+        at->open = cleared(&at->point, &at->hit.local, &at->to_light, at->facing, at->hit.shape,
                            at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
         ACTIVE(count_of(at->lit));
@@ -217,6 +215,9 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
 }
 
 void normals_seen(struct sight *seen, const struct prepared *scene) {
-    if (any(seen->hit.found))
-        seen->hit.local = surface_at(&seen->hit, seen->direction, scene).normal;
+    if (!any(seen->hit.found))
+        return;
+    struct surface all;
+    surface_at(&seen->hit, &seen->direction, scene, &all);
+    seen->hit.local = all.normal;
 }

@@ -2,23 +2,8 @@
 #ifndef OPT9_PICTURE_H
 #define OPT9_PICTURE_H
 
+#include "block.h"
 #include "stage.h"
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
 
 static void store_hit(struct frame *frame, struct block block, const struct found *hit,
                       struct vec normal) {
@@ -31,6 +16,10 @@ static void store_hit(struct frame *frame, struct block block, const struct foun
 }
 
 static inline void store_block_of(struct frame *frame, struct block block, struct vec color) {
+    if (frame->shown) {
+        show_block(frame, block, color);
+        return;
+    }
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
         store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
@@ -61,22 +50,61 @@ static bool whole_lines(int left, int right, int top, int bottom) {
     return (right - left) % 16 == 0 && (bottom - top) % BLOCK_HEIGHT == 0;
 }
 
+// Where a tile's row begins among the lanes of its blocks.
+static inline const float *row_from(const float *color, int row, int across) {
+    return color + row / BLOCK_HEIGHT * across * BLOCK_HEIGHT + row % BLOCK_HEIGHT * BLOCK_WIDTH;
+}
+
+// Samples of a tile's rows, in a row each.
+static inline void show_lines(struct frame *frame, int left, int right, int top, int bottom,
+                              const float *color) {
+    float line[3 * TILE_WIDTH];
+    int across = right - left;
+    for (int row = top; row < bottom; row++) {
+        const float *from = row_from(color, row - top, across);
+        for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
+            store_row(line + 3 * i, false, row_of(from), row_of(from + COLOR_ROOM),
+                      row_of(from + 2 * COLOR_ROOM));
+        show_samples(frame, row, left, line, across);
+    }
+}
+
 static void store_lines(struct frame *frame, int left, int right, int top, int bottom,
                         const float *color) {
+    if (frame->shown) {
+        show_lines(frame, left, right, top, bottom, color);
+        return;
+    }
     const bool past = past_caches(frame);
     int across = right - left;
     for (int row = top; row < bottom; row++) {
         size_t first = (size_t)row * (size_t)frame->width + (size_t)left;
-        const float *from = color + (row - top) / BLOCK_HEIGHT * across * BLOCK_HEIGHT +
-                            (row - top) % BLOCK_HEIGHT * BLOCK_WIDTH;
+        const float *from = row_from(color, row - top, across);
         for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
             store_row(frame->rgb + 3 * (first + (size_t)i), past, row_of(from),
                       row_of(from + COLOR_ROOM), row_of(from + 2 * COLOR_ROOM));
     }
 }
 
+static void show_background(struct frame *frame, int left, int right, int top, int bottom,
+                            const struct model *model) {
+    float line[3 * TILE_WIDTH];
+    for (int i = 0; i < 3 * TILE_WIDTH; i++)
+        line[i] = (float)model->background[i % 3];
+    show_samples(frame, top, left, line, right - left);
+    size_t pitch = 3 * (size_t)frame->width;
+    const uint8_t *first = frame->shown + (size_t)top * pitch + 3 * (size_t)left;
+    for (int row = top + 1; row < bottom; row++)
+        memcpy(frame->shown + (size_t)row * pitch + 3 * (size_t)left, first,
+               3 * (size_t)(right - left));
+}
+
 static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
                             const struct model *model) {
+    if (frame->shown) {
+        show_background(frame, left, right, top, bottom, model);
+        return;
+    }
     enum { REGISTERS = 3 }; // have whole pixels
     const bool past = past_caches(frame);
     real part[REGISTERS];

@@ -1,5 +1,6 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "block.h"
 #include "bulb.h"
 #include "convex.h"
 #include "trace.h"
@@ -12,11 +13,6 @@ static struct place split_place(const double a[3]) {
         split(a[i], &hi[i], &lo[i]);
     return (struct place){vec_set(hi), vec_set(lo)};
 }
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
 
 static mask in_picture(struct block block) {
     COUNT(in_picture, call);
@@ -46,19 +42,12 @@ static struct vec get_direction(struct block block, const struct frame *frame,
     return vec_scale(d, set(1.0f) / vec_norm(d));
 }
 
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
 static void store(struct frame *frame, struct block block, const struct shaded *seen) {
     COUNT(store, call);
+    if (frame->shown) {
+        show_block(frame, block, seen->color);
+        return;
+    }
     store_plane(frame->rgb, 3, frame, block, seen->color.x);
     store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
     store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);

@@ -68,11 +68,12 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
 void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
            struct march *m) {
     const struct model *model = &work->scene->model;
-    *m = (struct march){.nears = nears,
-                        .casters = casters,
-                        .previous = set(1e9f),
-                        .from = set(0.0f),
-                        .divisor = set(1.0f)};
+    m->nears = nears;
+    m->casters = casters;
+    m->count = 0;
+    m->previous = set(1e9f);
+    m->from = set(0.0f);
+    m->divisor = set(1.0f);
     ACTIVE(count_of(r->active));
     COUNT(begin, call);
     COUNT(begin, scalar);
@@ -148,10 +149,11 @@ static void cast_pair(int first, const struct convex *work) {
     real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
     real enough = strength * strength * set(0.7499f); // ¾, but for rounding
     struct march a, b;
-    struct rays r = waiting(field, first, desk->shadows);
+    struct rays r;
+    waiting(field, first, desk->shadows, &r);
     begin(&r, desk->near, desk->casters, work, &a);
     mask active_a = r.active;
-    r = waiting(field, first + LANES, desk->shadows);
+    waiting(field, first + LANES, desk->shadows, &r);
     begin(&r, desk->near + model->shape_count, desk->casters + model->shape_count, work, &b);
     mask active_b = r.active;
     ACTIVE(LANES);

@@ -109,7 +109,8 @@ static int refill(struct pool *to, struct pool *ready, int next, int steps,
     unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
     while (ended) {
         while (!ready->live && next < desk->shadows) {
-            struct rays r = waiting(desk->shadow, next, desk->shadows);
+            struct rays r;
+            waiting(desk->shadow, next, desk->shadows, &r);
             begin(&r, ready->nears, desk->casters, work, &ready->march);
             ready->live = bits(r.active) & ~bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)

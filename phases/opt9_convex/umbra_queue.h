@@ -4,24 +4,21 @@
 
 #include "umbra.h"
 
-static struct rays waiting(float field[][QUEUE_ROOM], int first, int count) {
+// Member by member: of a whole struct gcc makes another one first.
+static void waiting(float field[][QUEUE_ROOM], int first, int count, struct rays *r) {
     COUNT(waiting, call);
     int left = count - first;
-    return (struct rays){.active = first_lanes(left < 0       ? 0
-                                               : left < LANES ? left
-                                                              : LANES),
-                         .point = load_vec(field + S_POINT, first),
-                         .local = load_vec(field + S_LOCAL, first),
-                         .to_light = load_vec(field + S_TO_LIGHT, first),
-                         .facing = load(&field[S_FACING][first]),
-                         .shape = load(&field[S_SHAPE][first]),
-                         .end = set(0.0f),
-                         .alone = set(INFINITY),
-                         .on_plane = no_lane(),
-                         .some = no_lane(),
-                         .many = no_lane(),
-                         .first = set(INFINITY),
-                         .cosine = set(1.0f)};
+    r->active = first_lanes(left < 0 ? 0 : left < LANES ? left : LANES);
+    r->point = load_vec(field + S_POINT, first);
+    r->local = load_vec(field + S_LOCAL, first);
+    r->to_light = load_vec(field + S_TO_LIGHT, first);
+    r->facing = load(&field[S_FACING][first]);
+    r->shape = load(&field[S_SHAPE][first]);
+    r->end = set(0.0f);
+    r->alone = set(INFINITY);
+    r->on_plane = r->some = r->many = no_lane();
+    r->first = set(INFINITY);
+    r->cosine = set(1.0f);
 }
 
 static void add_lane(int i, float lit, struct desk *desk) {

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from study import stats, store
+from study import provenance, stats, store
 from study.cli import StudyError
 from study.stats import Interval
 
@@ -98,6 +98,7 @@ def load(path: Path | str | None, strict: bool = True) -> Data:
         return found
 
     context = optional("context.json", "the machine and the commit are unknown")
+    provenance.check(context, run.path / "context.json")
     plan = optional("plan.json", "what was to be measured is unknown")
     verify = optional("verify.json", "no error stands beside the speeds; run scripts/verify.py")
     with _content_of(run.frames_path):

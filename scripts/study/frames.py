@@ -1,7 +1,8 @@
 """Frame rates: how many finished pictures a second, with what spread, and how far from the double picture.
 
-A frame is phase_render on every core and its presenting (gamma, 8 bits) on as many; what the driver
-calibrates between two frames is in neither. Newest phases first, while the seconds last.
+A frame is the picture as displayed (render --display): phase_render on every core, and on as many the
+presenting (gamma, 8 bits) of a phase that does not do it in its tiles; what the driver calibrates between two
+frames is in neither. Newest phases first, while the seconds last.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 20, 3, 1.0  # timed ones of a launch
 OVERHEAD, A_FRAME = 0.05, 0.02  # s beside a launch's frames and beside each: clocks are calibrated
 ENOUGH = 100  # frames for a 99th percentile
 FACTOR = accuracy.FACTOR
+PHASE = "phase"  # whose work presenting is; else the driver's
 MET, MISSED, UNSURE, FEW = verdicts.MET, verdicts.MISSED, verdicts.APART, verdicts.TOO_FEW
 Row = dict[str, Any]
 
@@ -169,14 +171,24 @@ class Pictures:
         self.own = {case.scene: case for case in wanted if case.hit == OWN}
         self.known: dict[Case, images.Picture] = {}
 
-    def _path(self, spec: Spec, case: Case) -> Path:
-        return self.settings.scratch / f"{spec}-{case.path.stem}.exr"
+    def _path(self, spec: Spec, case: Case, ending: str = "exr") -> Path:
+        return self.settings.scratch / f"{spec}-{case.path.stem}.{ending}"
 
     def first(self, spec: Spec, case: Case) -> float:
         """The picture, and seconds of its first frame with its presenting. Raises DriverError."""
         how = {"threads": _threads(spec, self.settings), "aov": True, "out": self._path(spec, case)}
         frame = run.render(spec, *_size(case), **how)["frames"][0]
         return (frame["ns"] + frame["present_ns"]) * 1e-9
+
+    def displayed(self, spec: Spec, case: Case) -> Row:
+        """Who presents, and how many of the bytes displayed are not of the picture that the errors are of."""
+        out = self._path(spec, case, "ppm")
+        made = run.render(spec, *_size(case), threads=_threads(spec, self.settings), display=True, out=out)
+        wanted = images.to_display(images.rgb(images.read(self._path(spec, case))))
+        return {
+            "presented_by": made["display"],
+            "displayed_otherwise": int((images.read_ppm(out) != wanted).sum()),
+        }
 
     def _reference(self, case: Case) -> images.Picture:
         if case not in self.known:
@@ -193,7 +205,8 @@ class Pictures:
         own = self.own[case.scene]
         other = None if own == case else against(self._reference(own), made, fractal)
         more = {"bulb_psnr_db": on_it, "marched": self._marched(spec, case)}
-        return {"reference": str(self.reference), **found, "to_own": other, **more}
+        about = {"reference": str(self.reference), **self.displayed(spec, case)}
+        return {**about, **found, "to_own": other, **more}
 
     def _marched(self, spec: Spec, case: Case) -> Row | None:
         """Errors of the nearest parent that marches to its hits, by the same coarse hit distance; None of a
@@ -253,7 +266,7 @@ def measure(
     def once(point: tuple[Spec, Case], padding: int) -> Any:
         spec, case = point
         how = {"cpu": run.USABLE[-1], "threads": _threads(spec, settings)}
-        how |= {"env_bytes": padding, "warmup": 1}
+        how |= {"env_bytes": padding, "warmup": 1, "display": True}
         how["reps"] = reps_of(taken[point])
         with contextlib.closing(run.frames(spec, *_size(case), **how)) as made:
             timed = [frame for frame in made if not frame["warmup"]]

@@ -47,6 +47,20 @@ def read(path: Path | str) -> Picture:
     return {name: np.ascontiguousarray(samples[..., i]) for i, name in enumerate(spec.channelnames)}
 
 
+def read_ppm(path: Path) -> np.ndarray:
+    """Height × width × 3 bytes, of what `render --display` writes. Raises StudyError of another file."""
+    try:
+        kind, size, most, samples = path.read_bytes().split(b"\n", 3)
+        width, height = map(int, size.split())
+        if (kind, most) == (b"P6", b"255"):
+            return np.frombuffer(samples, np.uint8).reshape(height, width, 3)
+    except OSError as error:
+        raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        pass
+    raise StudyError(f"{path}: not a whole binary PPM of 8 bits")
+
+
 def rgb(picture: Picture) -> np.ndarray:
     """Linear colour, height × width × 3."""
     return np.stack([picture[name] for name in "RGB"], axis=-1)

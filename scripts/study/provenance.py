@@ -14,10 +14,28 @@ from typing import Any
 import numpy as np
 
 from study import machine, show, store
+from study.cli import StudyError
 
 Context = Mapping[str, Any]
 SPREADS = ("launches", "ns")  # keys of a row that hold a time per process launch
 CONTEXT = "context.json"  # is its own context
+
+
+TEXTS = (("time",), ("machine",), ("compiler",), ("git", "commit"))
+TEXTS += tuple(("cpu", name) for name in ("model", "vendor", "microarchitecture"))
+
+
+def check(context: Any, file: Path) -> None:
+    """Raises StudyError for a context whose names are no text, or that is none."""
+    for place in ((), ("cpu",), ("git",), ("end",), *TEXTS):
+        found = context
+        for key in place:
+            found = (found or {}).get(key)
+        wanted = (str, "text") if place in TEXTS else (Mapping, "an object")
+        if found is not None and not isinstance(found, wanted[0]):
+            raise StudyError(
+                f"{file}: $.{'.'.join(place)}: should be {wanted[1]}, or null".replace("$.:", "$:")
+            )
 
 
 def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Context]:
@@ -31,6 +49,7 @@ def contexts(path: Path, names: Iterable[str] | None = None) -> dict[str, Contex
             continue
         context = content if file.name == CONTEXT else content.get("context")
         if isinstance(context, Mapping):
+            check(context, file)
             found[file.stem] = context
     return dict(sorted(found.items(), key=lambda item: str(item[1].get("time") or "")))
 

@@ -22,6 +22,7 @@ OPTIONAL = {
     "variants",
     "each_variant",
     "exact_hits",
+    "display",
     "embedded",
     "approximate",
 }  # keys of phase.json that may be left out
@@ -62,6 +63,8 @@ class Phase:
     # Solids and planes are hit where they are, not where a march ends: conformance holds a scene whose step
     # cap or hit distance shapes the marched picture against truth's picture instead of the reference's.
     exact_hits: bool = False
+    # It makes the picture as it is displayed itself, where that alone is asked for (render --display).
+    display: bool = False
     # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
     # how much further from truth than baseline it may be (scripts/accuracy.py).
     approximate: bool = False

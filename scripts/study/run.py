@@ -69,6 +69,7 @@ def _options(
     width: int | None,
     *,
     aov: bool = False,
+    display: bool = False,
     out: Path | None = None,
     threads: int = 1,
     reps: int = 1,
@@ -92,7 +93,7 @@ def _options(
     ]:
         if value is not None:
             arguments += [option, str(value)]
-    return arguments + ["--aov"] * aov
+    return arguments + ["--aov"] * aov + ["--display"] * display
 
 
 def _lines(
@@ -182,9 +183,10 @@ def render(
 ) -> dict[str, Any]:
     """Render once and return the driver's JSON object (times in ns and cycles of the named clock).
 
-    Options: aov, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps, target
-    (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0. `general`: no
-    kernel is generated for the scene; so run all other targets than render. `env_bytes`: as in frames.
+    Options: aov, display, out, reps, animation (its frames), first_frame, warmup, hit_distance, max_steps,
+    target (render-count …). Not `timed`: for a picture or counts alone; the clocks' rates are 0.
+    `general`: no kernel is generated for the scene; so run all other targets than render. `env_bytes`: as
+    in frames.
     Raises DriverError(status, message).
     """
     arguments = [*_arguments(spec, scene_path, height, width, threads=threads, **options), "--json"]

@@ -27,6 +27,7 @@ from conformance.harness import (
     PHASES,
     REDUCED,
     Run,
+    Unsupported,
     call,
     check_picture,
     check_refusal,
@@ -198,6 +199,38 @@ def test_sizes(phase: str) -> None:
             difference = np.abs(run.picture[name] - reference[name]).max()
             assert difference < 2e-3, f"{run}: {name} of a pixel is off by {difference:.2e}"
         check(render(phase, room, width, height))
+
+
+def test_what_is_displayed_is_the_picture(phase: str, tmp_path: Path) -> None:
+    """Of a phase that makes 8 bits in its tiles too: to the byte the formula's of its own linear picture."""
+    shown = {
+        name: keep(name, FEATURES[name]) for name in ("everything", "nothing_to_see", "camera_within_a_shape")
+    }
+    sizes = [(33, 19), (1, 1), (64, 16)]  # cut tiles, and whole cache lines
+    if not registry.phases()[phase].display:
+        shown, sizes = {"everything": shown["everything"]}, [(33, 19)]
+    elif not REDUCED:
+        shown |= {name: SCENES[name] for name in ("scene0", "cubes", "mandelbulb", "spheres40")}
+        sizes += [(160, 90)]
+    threads = ["--threads", 2] * registry.phases()[phase].threads
+    out = tmp_path / "shown.ppm"
+    for scene_path in shown.values():
+        for width, height in sizes:
+            try:
+                wanted = images.to_display(
+                    images.rgb(render(phase, scene_path, width, height, aov=False).picture)
+                )
+            except Unsupported:
+                continue
+            size = ["-w", width, "-n", height]
+            run = call(phase, scene_path, *size, "--display", "-o", out, "--json", *threads)
+            assert run.status == 0 and run.stderr == "", f"{run}"
+            by = "phase" if registry.phases()[phase].display else "driver"
+            assert run.record["display"] == by, f"{run}: {run.record['display']}"
+            found = images.read_ppm(out)
+            assert found.shape == wanted.shape, f"{run}: {found.shape}"
+            wrong = int((found != wanted).any(axis=-1).sum())
+            assert wrong == 0, f"{run}: {wrong} pixels are displayed otherwise than they are"
 
 
 def test_hits_are_where_geometry_says(phase: str) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -99,6 +101,11 @@ ARGUMENTS = {
     "-n 4 --frames 3 --first-frame 3": "--first-frame 3: an animation of 3 frames ends with frame 2",
     "-n 4 --frames 3": ": --frames: no shape has a path",
     "-n 4 --json --jsonl": "--json and --jsonl exclude each other",
+    "-n 4 --display --aov": "--display and --aov exclude each other",
+    "-n 4 -o a.png": '-o: a name that ends in .exr is required, not "a.png" (of 8 bits: --display, .ppm)',
+    "-n 4 -o -": '-o: a name that ends in .exr is required, not "-" (of 8 bits: --display, .ppm)',
+    "-n 4 -o .exr": '-o: a name that ends in .exr is required, not ".exr" (of 8 bits: --display, .ppm)',
+    "-n 4 --display -o a.exr": '-o: a name that ends in .ppm is required, not "a.exr"',
     "-n 4 another.json": "exactly one SCENE.json is required",
     "-n": "-n: a value is required",
     "--json": "-n HEIGHT is required",
@@ -122,30 +129,61 @@ def test_no_scene() -> None:
     [
         ("missing/a.exr", "No such file or directory"),
         ("file/a.exr", "Not a directory"),
-        ("folder", "it exists and is no regular file"),
+        ("folder.exr", "it exists and is no regular file"),
         ("x" * 300 + ".exr", "File name too long"),
     ],
 )
 def test_unwritable_output(name: str, reason: str, tmp_path: Path) -> None:
     """Refused before the picture is rendered, not after."""
     (tmp_path / "file").write_text("kept")
-    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder.exr").mkdir()
     run = call(REFERENCE, SCENE0, "-n", 2000, "-o", tmp_path / name, timeout=20)  # rendering takes minutes
     check_refusal(run, 2)
     assert f": cannot be written: {reason}" in run.stderr, f"{run}"
-    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
-    assert (tmp_path / "file").read_text() == "kept" and not os.listdir(tmp_path / "folder")
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder.exr"]
+    assert (tmp_path / "file").read_text() == "kept" and not os.listdir(tmp_path / "folder.exr")
 
 
-@pytest.mark.parametrize("name", ["mine.json", "./link.json", "hard.json"])
+@pytest.mark.parametrize("name", ["mine.exr", "./link.exr", "hard.exr"])
 def test_a_picture_does_not_take_its_scenes_place(name: str, tmp_path: Path) -> None:
-    (tmp_path / "mine.json").write_text(SPHERE)
-    (tmp_path / "link.json").symlink_to("mine.json")
-    (tmp_path / "hard.json").hardlink_to(tmp_path / "mine.json")
-    run = call(REFERENCE, tmp_path / "mine.json", "-n", 4, "-o", tmp_path / name)
+    (tmp_path / "mine.exr").write_text(SPHERE)
+    (tmp_path / "link.exr").symlink_to("mine.exr")
+    (tmp_path / "hard.exr").hardlink_to(tmp_path / "mine.exr")
+    run = call(REFERENCE, tmp_path / "mine.exr", "-n", 4, "-o", tmp_path / name)
     check_refusal(run, 2)
     assert ": cannot be written: it is the scene" in run.stderr, f"{run}"
-    assert all((tmp_path / each).read_text() == SPHERE for each in ("mine.json", "link.json", "hard.json"))
+    assert all((tmp_path / each).read_text() == SPHERE for each in ("mine.exr", "link.exr", "hard.exr"))
+
+
+def size_of(path: Path) -> int:
+    """0: it is not there, or empty."""
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("ending", ["exr", "ppm"])
+def test_what_ends_the_program_takes_the_half_picture_along(
+    ending: str, number: signal.Signals, tmp_path: Path
+) -> None:
+    """And the picture that was there is kept; where the signal is ignored (nohup), it is finished."""
+    out = tmp_path / f"a.{ending}"
+    size = ["-n", "4000", "-w", "8000"] if ending == "ppm" else ["-n", "700"]
+    option = "--display" if ending == "ppm" else "--aov"
+    command = [binary("opt9_convex"), SCENE0, *size, "--threads", "2", option, "-o", out]
+    for ignored in (False, True):
+        out.write_text("earlier")
+        begin = functools.partial(signal.signal, number, signal.SIG_IGN) if ignored else None
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=registry.ROOT, preexec_fn=begin)
+        temporary = tmp_path / f"a.{ending}.{process.pid}.tmp"
+        while not size_of(temporary):  # the first, empty, asks whether it can be written
+            assert process.poll() is None, "it was written unseen"
+        process.send_signal(number)
+        assert process.wait(60) == (0 if ignored else -number)
+        assert os.listdir(tmp_path) == [out.name]
+        assert (out.read_bytes() == b"earlier") == (not ignored)
 
 
 def small_disk() -> list[str] | None:

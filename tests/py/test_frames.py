@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import sys
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pytest
 
 import frames as command
-from study import cli, frames, frames_page, registry, stats, truth_sections
+from study import cli, frames, frames_page, images, registry, stats, truth_sections
 from study.cli import StudyError
 from study.draw import STYLE
 from study.frames import Case, Settings
@@ -190,3 +192,32 @@ def test_from_end_to_end(tmp_path: Path, monkeypatch, capsys) -> None:
     assert own["frames"] == len(own["ms"][0]) == 20 and own["psnr_db"] > 40 > half["to_own"]["psnr_db"]
     assert own["frames_per_s"]["value"] == pytest.approx(1000 / stats.median_interval(own["ms"][0]).value)
     assert (tmp_path / "figures" / "frames.png").stat().st_size > 1000
+    assert (own["presented_by"], own["displayed_otherwise"]) == ("driver", 0)
+
+
+def test_what_is_displayed_otherwise_fails(tmp_path: Path, monkeypatch, capsys) -> None:
+    def another(path: Path) -> np.ndarray:
+        found = images.read_ppm.__wrapped__(path).copy()
+        found[3, 4, 1] ^= 1
+        return found
+
+    monkeypatch.setattr(images, "read_ppm", functools.wraps(images.read_ppm)(another))
+    words = [
+        "--phase",
+        "opt10_scene",
+        "--scene",
+        "scene0",
+        "-n",
+        "16",
+        "--launches",
+        "1",
+        "--seconds",
+        "3600",
+    ]
+    assert run_command(monkeypatch, *words, "--run", str(tmp_path), "--json") == cli.FAILED
+    said = capsys.readouterr()
+    assert "FAIL opt10_scene on scene0: 0 samples not finite, 1 bytes displayed otherwise" in said.err
+    row = json.loads(said.out)["rows"][0]
+    assert (row["presented_by"], row["displayed_otherwise"], row["present_ms"]) == ("phase", 1, 0)
+    text = truth_sections.rates(tmp_path).parts[0].markdown
+    assert "| in the phase's tiles |" in text

@@ -21,6 +21,18 @@ UNIT = st.floats(0, 1, width=32)
 # --- files
 
 
+def test_a_ppm_is_read_or_refused(tmp_path):
+    path = tmp_path / "shown.ppm"
+    path.write_bytes(b"P6\n2 1\n255\n\n\1\2\3\4\5")  # a byte that is a line's end
+    assert images.read_ppm(path).tolist() == [[[10, 1, 2], [3, 4, 5]]]
+    for broken in (b"", b"P6\n2 1\n255\n\0\1\2\3\4", b"P5\n6 1\n255\n\0\1\2\3\4\5", b"P6\nx 1\n255\n\0\1\2"):
+        path.write_bytes(broken)
+        with pytest.raises(StudyError, match="not a whole binary PPM of 8 bits"):
+            images.read_ppm(path)
+    with pytest.raises(StudyError, match="cannot be read: No such file"):
+        images.read_ppm(tmp_path / "none.ppm")
+
+
 def test_channels_are_read_by_name_in_any_order(tmp_path, write_exr):
     values = np.arange(21, dtype=np.float32).reshape(3, 7)
     made = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -95,6 +96,20 @@ def test_redraw_draws_what_plots_does_and_says_what_a_run_lacks(
         assert (out / "figures" / Path(paths[1]).name).read_bytes() == Path(paths[1]).read_bytes()
     missing = started.run([*command[:2], str(tmp_path / "none")])
     assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
+
+
+@pytest.mark.parametrize("figure", ["roofline", "pareto"])
+def test_readmes_figures_are_those_of_the_published_run(figure: str, tmp_path: Path) -> None:
+    """To the byte, drawn again by the command of results/reference/README.md."""
+    reference = ROOT / "results" / "reference"
+    text = (reference / "README.md").read_text()
+    folder = re.search(r"are the figures of `([\w.-]+)`", text)
+    assert folder, text
+    command = [sys.executable, str(ROOT / "scripts" / "redraw.py"), str(reference / folder[1])]
+    done = started.run([*command, "-o", str(tmp_path), "--only", figure])
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    drawn = tmp_path / "figures" / f"{figure}.png"
+    assert drawn.read_bytes() == (reference / f"{figure}.png").read_bytes()
 
 
 def test_lines_are_the_medians_and_whiskers_the_intervals(rows: pd.DataFrame) -> None:

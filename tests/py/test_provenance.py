@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import runpy
@@ -12,7 +13,8 @@ import pytest
 import test_fixed_study
 import test_rods_study
 
-from study import fixed, lattice, provenance, rods, systems
+from study import analysis, fixed, lattice, provenance, rods, systems
+from study.cli import StudyError
 from study.registry import ROOT
 
 OLD, NEW = "694a2379e4" + "0" * 30, "da3dd80826" + "1" * 30
@@ -92,3 +94,26 @@ def test_readme_s_block_is_what_the_run_that_it_names_makes():
     path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
     data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))
     assert tables["readme_systems"](text, data) == text
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"cpu": {"microarchitecture": [None]}}, "$.cpu.microarchitecture: should be text, or null"),
+        ({"cpu": ["Zen 3"]}, "$.cpu: should be an object, or null"),
+        ({"time": 5}, "$.time: should be text, or null"),
+        ({"git": {"commit": {}}}, "$.git.commit: should be text, or null"),
+    ],
+)
+def test_a_broken_context_is_one_line(mixed: Path, change: dict, said: str) -> None:
+    whole = json.loads((mixed / "context.json").read_text())
+    write(mixed, "context.json", whole | change)
+    for read in (provenance.contexts, functools.partial(analysis.load, strict=False)):
+        with pytest.raises(StudyError) as caught:
+            read(mixed)
+        assert str(caught.value) == f"{mixed / 'context.json'}: {said}"
+    write(mixed, "context.json", whole)
+    rods_too = json.loads((mixed / rods.FILE).read_text())
+    write(mixed, rods.FILE, rods_too | {"context": rods_too["context"] | change})
+    with pytest.raises(StudyError, match=r"rods\.json: \$\."):
+        provenance.contexts(mixed)

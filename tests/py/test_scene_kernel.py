@@ -346,8 +346,16 @@ def test_a_reason_that_is_no_utf8_is_recorded(shop: Workshop, tmp_path: Path) ->
     assert facts_of(done.stdout)["reason"] == "general: there is no compiler /nowhere/k?fig/cc (STEPWISE_CC)"
 
 
+def test_a_folder_whose_name_looks_like_an_option(shop: Workshop, tmp_path: Path) -> None:
+    for _ in range(2):
+        environment = shop.environment({"STEPWISE_CACHE": "-kernels"})
+        done = subprocess.run(shop.command("two_spheres"), env=environment, cwd=tmp_path, capture_output=True)
+        assert done.returncode == 0 and facts_of(done.stdout)["generated"], done.stderr
+    assert len(list((tmp_path / "-kernels").glob("*.so"))) == 1
+
+
 @pytest.mark.parametrize(
-    "what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source", "twin"]
+    "what", ["cut", "bit", "other", "empty", "open", "namesake", "longer", "no source", "twin", "waits"]
 )
 def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) -> None:
     folder = tmp_path / "cache"
@@ -373,6 +381,10 @@ def test_damaged_object_is_made_anew(what: str, shop: Workshop, tmp_path: Path) 
         kept.write_bytes(source + b"int more;")
     elif what == "no source":
         kept.unlink()
+    elif what == "waits":  # whoever reads it would wait for its writer
+        for file in (kernel, kept):
+            file.unlink()
+            os.mkfifo(file)
     elif what == "twin":  # sound and of this name, sealed for another source, and this one's beside it
         kernel.write_bytes(whole[:-16] + bytes(8) + whole[-8:])
     else:  # a folder that others may write to is not trusted
