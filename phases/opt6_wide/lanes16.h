@@ -196,4 +196,17 @@ static inline real narrowed(half low, half high) {
                               1);
 }
 
+// Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
+static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
+    const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);
+    const __m512i to_b = _mm512_setr_epi32(0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 0, 0, 0, 0);
+    for (int row = 0; row < 4; row++) {
+        __m512i from = _mm512_set1_epi32(4 * row);
+        __m512 two = _mm512_permutex2var_ps(r, _mm512_add_epi32(rg, from), g);
+        __m512i blue = _mm512_mask_add_epi32(to_b, 0x924, to_b, from);
+        _mm512_mask_storeu_ps(rgb + (size_t)row * stride, 0xfff,
+                              _mm512_permutex2var_ps(two, blue, b));
+    }
+}
+
 #endif

@@ -195,4 +195,15 @@ static inline real narrowed(half low, half high) {
     return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
 }
 
+// Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
+static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
+    float lanes[3][LANES];
+    unload(r, lanes[0]);
+    unload(g, lanes[1]);
+    unload(b, lanes[2]);
+    for (int lane = 0; lane < LANES; lane++)
+        for (int i = 0; i < 3; i++)
+            rgb[(size_t)(lane / 4) * stride + (size_t)(3 * (lane % 4) + i)] = lanes[i][lane];
+}
+
 #endif

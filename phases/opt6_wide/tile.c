@@ -24,11 +24,13 @@ struct block {
     int across, down; // what of it is in the picture
 };
 
+// Of a block's lanes: twice the column, and the row.
+static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
+static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+
 static mask in_picture(struct block block) {
-    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
-    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-    return both(less(load(right), set((float)block.across)),
-                less(load(below), set((float)block.down)));
+    return both(less(load(twice_right), set(2.0f * (float)block.across)),
+                less(load(row_below), set((float)block.down)));
 }
 
 static struct vec get_direction(struct block block, const struct frame *frame,
@@ -36,17 +38,15 @@ static struct vec get_direction(struct block block, const struct frame *frame,
     COUNT(get_direction, call);
     COUNT(get_direction, scalar);
     double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    float columns[LANES], rows[LANES];
+    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
+    real y = set(0.0f);
     for (int i = 0; i < BLOCK_HEIGHT; i++) {
         COUNT(get_direction, row);
-        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
-        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
-            int column = block.column + lane % BLOCK_WIDTH;
-            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
-            rows[lane] = y;
-        }
+        real row = set((float)((top - 2.0 * (block.row + i)) * per_height));
+        y = i == 0 ? row : choose(less(load(row_below), set((float)i)), y, row);
     }
-    real x = load(columns) * set((float)per_height), y = load(rows);
+    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
+    real x = columns * set((float)per_height);
     struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
     d = vec_along(d, vec_from(view->up), y);
     return vec_scale(d, set(1.0f) / vec_norm(d));
@@ -63,11 +63,21 @@ static void store_plane(float *plane, int stride, const struct frame *frame, str
     }
 }
 
+static void store_color(struct frame *frame, struct block block, struct vec color) {
+    size_t width = (size_t)frame->width;
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        store_block(rgb, 3 * width, color.x, color.y, color.z);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, color.z);
+}
+
 static void store(struct frame *frame, struct block block, const struct shaded *seen) {
     COUNT(store, call);
-    store_plane(frame->rgb, 3, frame, block, seen->color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
