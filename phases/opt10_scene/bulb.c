@@ -135,7 +135,9 @@ static void step_together(const struct placed *s, float (*rays)[BULB_ROOM], int 
                           const struct limits *limits, real hit_distance, float close) {
     COUNT(step_together, call);
     for (int first = 0; first < count; first += ABREAST * LANES) {
-        struct packet p[ABREAST], next[ABREAST];
+        struct packet p[ABREAST];
+        real t[ABREAST], rest[ABREAST]; // before the last step
+        int before = 0, steps = 0;
         for (int k = 0; k < ABREAST; k++) {
             int from = first + k * LANES, left = count - from;
             left = left < 0 ? 0 : left < LANES ? left : LANES;
@@ -143,26 +145,24 @@ static void step_together(const struct placed *s, float (*rays)[BULB_ROOM], int 
             for (int i = 0; i < B_LANE; i++)
                 lanes.field[i] = left ? load(&rays[i][from]) : set(2.0f);
             p[k] = packet_of(&lanes);
+            t[k] = p[k].t;
+            rest[k] = p[k].rest;
+            before += count_of(p[k].done);
         }
-        int steps = 0;
         for (; steps < limits->max_steps - 1; steps++) {
-            int ended = 0, before = 0;
-            for (int k = 0; k < ABREAST; k++) {
-                next[k] = p[k];
-                before += count_of(p[k].done);
-            }
-            ended = step_bulbs(s, next, true, hit_distance, set(-INFINITY), set(close));
-            if (ended > before)
+            if (step_bulbs(s, p, true, hit_distance, set(-INFINITY), set(close)) > before)
                 break;
-            for (int k = 0; k < ABREAST; k++)
-                p[k] = next[k];
+            for (int k = 0; k < ABREAST; k++) {
+                t[k] = p[k].t;
+                rest[k] = p[k].rest;
+            }
         }
         for (int k = 0; k < ABREAST; k++) {
             int from = first + k * LANES;
             if (from >= count)
                 break;
-            unload(p[k].t, &rays[B_T][from]);
-            unload(p[k].rest, &rays[B_MORE][from]);
+            unload(t[k], &rays[B_T][from]);
+            unload(rest[k], &rays[B_MORE][from]);
             unload(set((float)steps), &rays[B_BORN][from]);
         }
     }
