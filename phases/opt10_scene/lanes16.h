@@ -227,40 +227,49 @@ static inline real power_per(real a) {
     return _mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(0x7f000000), field));
 }
 
-// The lanes of m in a row, from `to` on: LANES floats are written.
-static inline void pack(mask m, real a, float to[LANES]) {
-    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
+static inline __m512i own_lanes(void) {
+    return _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
 
-// The same of many rows: with 8 lanes more has to be told of the mask.
-typedef mask packing;
+// A permutation is one instruction of one step, to compress or to expand is two: so that is done once, of the lanes'
+// numbers, for all rows that are moved alike (NOTES, "Lanes moved by permutations").
+typedef __m512i packing;
 
 static inline packing packing_of(mask m) {
-    return m;
+    return _mm512_maskz_compress_epi32(m.all, own_lanes());
 }
 
 static inline void pack_by(packing p, real a, float to[LANES]) {
-    pack(p, a, to);
+    _mm512_storeu_ps(to, _mm512_permutexvar_ps(p, a));
 }
 
-// The other way round: floats in a row into the lanes of `to`.
-static inline real expand(real a, unsigned to, const float *from) {
-    return _mm512_mask_expandloadu_ps(a, (__mmask16)to, from);
+// The lanes of m in a row, from `to` on: LANES floats are written.
+static inline void pack(mask m, real a, float to[LANES]) {
+    pack_by(packing_of(m), a, to);
 }
 
-// The same for many, whose floats are in rows `stride` apart.
+// Which lane of two registers each lane is to hold: its own of the first, or, in the lanes `there`, one of the second:
+// those of `here`, in their order.
+static inline __m512i lanes_taken(unsigned there, unsigned here) {
+    __m512i second = _mm512_add_epi32(own_lanes(), _mm512_set1_epi32(LANES));
+    return _mm512_mask_expand_epi32(own_lanes(), (__mmask16)there,
+                                    _mm512_maskz_compress_epi32((__mmask16)here, second));
+}
+
+// The other way round from pack(): floats in a row into the lanes of `to`, for many, whose floats are in rows `stride`
+// apart. LANES floats are read.
 static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    __m512i taken = lanes_taken(lanes, 0xffff);
     for (int i = 0; i < count; i++)
-        to[i] = expand(to[i], lanes, from + (size_t)i * (size_t)stride);
+        to[i] = _mm512_permutex2var_ps(to[i], taken, load(from + (size_t)i * (size_t)stride));
 }
 
 // `count` registers' lanes `here` into the lanes `there` of others: as many, in their order.
 static inline void move_lanes(float *to, unsigned there, const float *from, unsigned here,
                               int count) {
-    for (int i = 0; i < count; i++, to += LANES, from += LANES) {
-        __m512 row = _mm512_maskz_compress_ps((__mmask16)here, _mm512_loadu_ps(from));
-        _mm512_storeu_ps(to, _mm512_mask_expand_ps(_mm512_loadu_ps(to), (__mmask16)there, row));
-    }
+    __m512i taken = lanes_taken(there, here);
+    for (int i = 0; i < count; i++, to += LANES, from += LANES)
+        unload(_mm512_permutex2var_ps(load(to), taken, load(from)), to);
 }
 
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
