@@ -61,15 +61,15 @@ static inline void advance(struct packet *p, real h, real hit_distance, real old
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance, call);
     real height = mul_add(p->t, p->slope, p->height), least = least_of(h, height);
-    mask reached = but_not(p->done, less(least, hit_distance));
-    real step = drop(p->done, least + p->rest), t = p->t + step;
-    p->rest = choose(p->done, p->rest, step - (t - p->t));
+    mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
+    real step = keep(live, least + p->rest), t = p->t + step;
+    p->rest = choose(live, step - (t - p->t), p->rest);
     p->t = t;
-    p->met = either(p->met, both(reached, not_less(height, h)));
-    mask over = either(greater(p->t, p->to), not_less(oldest, p->born));
-    p->done = either(p->done, either(reached, over));
-    p->close = either(p->close, but_not(p->done, less(least, close)));
-    p->done = either(p->done, p->close);
+    p->met = either(p->met, not_less_in(reached, height, h));
+    live = but_greater(but_not(reached, live), p->t, p->to);
+    live = but_not_less(live, oldest, p->born);
+    p->close = either(p->close, less_in(live, least, close));
+    p->done = either(not_in(live), p->close);
 }
 
 // What has ended gives its answer, what is close waits, and both are no longer live.

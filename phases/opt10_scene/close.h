@@ -50,7 +50,7 @@ struct pieces {
     int next, count;
 };
 
-enum { REFILL = LANES / 4, REFILL_CLOSE = LANES / 2 }; // ended lanes
+enum { REFILL = LANES * LANES / 32, REFILL_CLOSE = LANES / 2 }; // ended lanes
 // Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
 #define STEPS_COUNTED 0x1p23f
 
@@ -243,13 +243,13 @@ static inline void advance_close(struct close_packet *p, const real field[N_FIEL
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance_close, call);
     real height = mul_add(p->t, field[N_SLOPE], field[N_HEIGHT]), least = least_of(h, height);
-    mask reached = but_not(p->done, less(least, hit_distance));
-    p->step = choose(p->done, p->step, least);
-    p->t = p->t + drop(p->done, least);
+    mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
+    p->step = choose(live, least, p->step);
+    p->t = p->t + keep(live, least);
     p->reached = either(p->reached, reached);
-    p->met = either(p->met, both(reached, not_less(height, h)));
-    mask over = either(greater(p->t, field[N_END]), not_less(oldest, field[N_BORN]));
-    p->done = either(p->done, either(reached, over));
+    p->met = either(p->met, not_less_in(reached, height, h));
+    live = but_greater(but_not(reached, live), p->t, field[N_END]);
+    p->done = not_in(but_not_less(live, oldest, field[N_BORN]));
 }
 
 // A step of all packets. How many lanes have ended.
@@ -268,7 +268,7 @@ static inline int step_close(const struct placed *s, const struct close_lanes *l
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
             p[k].t);
         b[k] = close_first(&lanes[k], p[k].t, p[k].done);
-        b[k].on = and_not_greater(b[k].on, b[k].m, set(s->bailout));
+        b[k].on = but_greater(b[k].on, b[k].m, set(s->bailout));
     }
     bulbs_end(s, 1, false, true, false, ABREAST, b, at, h);
     int ended = 0;

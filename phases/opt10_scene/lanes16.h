@@ -152,8 +152,29 @@ static inline real mul_add_where(mask m, real a, real b, real c) {
     return _mm512_mask_fmadd_ps(a, m.all, b, c);
 }
 
-static inline mask and_not_greater(mask m, real a, real b) {
+// A comparison of some lanes is one instruction, and waits for no other's mask to be joined with it.
+static inline mask less_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_LT_OQ)};
+}
+
+static inline mask greater_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_GT_OQ)};
+}
+
+static inline mask not_less_in(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_GE_OQ)};
+}
+
+static inline mask but_less(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NLT_UQ)};
+}
+
+static inline mask but_greater(mask m, real a, real b) {
     return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGT_UQ)};
+}
+
+static inline mask but_not_less(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGE_UQ)};
 }
 
 // 1/√a and 1/a to 14 bits, for normal a > 0.

@@ -151,8 +151,28 @@ static inline real mul_add_where(mask m, real a, real b, real c) {
     return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.all);
 }
 
-static inline mask and_not_greater(mask m, real a, real b) {
+static inline mask less_in(mask m, real a, real b) {
+    return both(m, less(a, b));
+}
+
+static inline mask greater_in(mask m, real a, real b) {
+    return both(m, greater(a, b));
+}
+
+static inline mask not_less_in(mask m, real a, real b) {
+    return both(m, not_less(a, b));
+}
+
+static inline mask but_less(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NLT_UQ))};
+}
+
+static inline mask but_greater(mask m, real a, real b) {
     return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGT_UQ))};
+}
+
+static inline mask but_not_less(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGE_UQ))};
 }
 
 // 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.

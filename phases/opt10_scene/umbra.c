@@ -14,8 +14,8 @@ near_to(int i, struct near *nears, real t, mask done, const struct prepared *sce
         return;
     }
     COUNT(nearest, shape);
-    mask awake = both(not_less(*least + t, near->wakes), not_less(t, near->from));
-    if (!any(but_not(done, awake)))
+    mask awake = not_less_in(not_in(done), *least + t, near->wakes);
+    if (!any(not_less_in(awake, t, near->from)))
         return;
     COUNT(nearest, awake);
     real h = distance_along(near, t, &scene->placed[i]);
@@ -153,10 +153,9 @@ static inline void end_risen(struct march *m, real from, real before, float q, r
     ACTIVE(LANES - count_of(m->done));
     COUNT(end_risen, call);
     real h = m->previous, t = m->from;
-    mask risen = both(less(before, set(q) * from), not_less(h * from, before * t));
+    mask risen = not_less_in(less_in(m->one, before, set(q) * from), h * from, before * t);
     real least = m->square * (t * t), now = m->divisor * (h * h);
-    mask darker = less(least, now * enough);
-    m->done = either(m->done, both(m->one, both(risen, darker)));
+    m->done = either(m->done, less_in(risen, least, now * enough));
 }
 
 static void end_cast(struct cast *c, struct desk *desk) {

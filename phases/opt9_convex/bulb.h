@@ -70,7 +70,7 @@ static inline void bulb_grow(struct bulb *b, real bailout) {
     real grown;
     bulb_square(b, &grown);
     b->m = choose(b->on, grown, b->m);
-    b->on = and_not_greater(b->on, grown, bailout);
+    b->on = but_greater(b->on, grown, bailout);
 }
 
 // 1/√a for the derivative's sum.

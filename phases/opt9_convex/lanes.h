@@ -20,6 +20,8 @@
 //     less  greater  not_less       false where either is NaN; negative: the sign bit, of −0 and NaN too
 //     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
+//     less_in(m, a, b)              of the lanes of m those where a < b; greater_in, not_less_in
+//     but_less(m, a, b)             of the lanes of m those where not a < b; but_greater, but_not_less
 //     bits(a)                       bit i is lane i; any(a), all(a), count_of(a)
 //     any_of_four(a, b, c, d)       bit i: any lane of the i-th
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a

@@ -128,10 +128,9 @@ static inline void end_risen(struct march *m, real from, real before, float q, r
     ACTIVE(LANES - count_of(m->done));
     COUNT(end_risen, call);
     real h = m->previous, t = m->from;
-    mask risen = both(less(before, set(q) * from), not_less(h * from, before * t));
+    mask risen = not_less_in(less_in(m->one, before, set(q) * from), h * from, before * t);
     real least = m->square * (t * t), now = m->divisor * (h * h);
-    mask darker = less(least, now * enough);
-    m->done = either(m->done, both(m->one, both(risen, darker)));
+    m->done = either(m->done, less_in(risen, least, now * enough));
 }
 
 static inline void march_on(struct march *m, real strength, real hit, real enough,

@@ -46,27 +46,29 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
                                                        real hit_distance, float dark) {
     ACTIVE(LANES - count_of(m->done));
     COUNT(step, call);
-    mask done = either(m->done, less(h, most_of(hit_distance, m->t * set(0x1p-24f))));
+    mask live = but_less(not_in(m->done), h, most_of(hit_distance, m->t * set(0x1p-24f)));
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
     real twice = m->previous + m->previous, unit = power_per(twice);
     real part = h * unit, square = h * h;
     twice = twice * unit;
     real inside = mul_sub(twice, twice, part * part), beyond = mul_sub(twice, m->t, part * h);
-    mask sound = both(greater(inside, twice * twice * set(2e-5f)), greater(beyond, set(0.0f)));
+    mask sound = greater_in(live, inside, twice * twice * set(2e-5f));
+    sound = greater_in(sound, beyond, set(0.0f));
     real term = strength * strength * square * inside, divisor = beyond * beyond;
-    mask darker = but_not(done, both(sound, less(term * m->divisor, m->square * divisor)));
+    mask darker = less_in(sound, term * m->divisor, m->square * divisor);
     m->square = choose(darker, term, m->square);
     m->divisor = choose(darker, divisor, m->divisor);
     m->previous = h;
     if (dark > 0.0f) {
         COUNT(step, dark);
-        done = either(done, less(m->square, m->divisor * set(dark)));
+        live = but_less(live, m->square, m->divisor * set(dark));
     }
-    done = either(done, greater(m->from, m->end)); // the step to here began behind it
+    live = but_greater(live, m->from, m->end); // the step to here began behind it
     m->from = m->t;
-    m->t = m->t + drop(done, h);
-    m->done = either(done, greater(mul_add(m->t, m->t + m->linear, m->constant), set(0.0f)));
+    m->t = m->t + keep(live, h);
+    live = but_greater(live, mul_add(m->t, m->t + m->linear, m->constant), set(0.0f));
+    m->done = not_in(live);
 }
 // Marches all shadow rays that wait, of a crowd.
 void cast_crowd(const struct convex *work);
