@@ -43,7 +43,7 @@ MCPU: dict[str, tuple[tuple[str, int], ...]] = {
     **dict.fromkeys(("Cascade Lake", "Cooper Lake"), _SERVER),
     **dict.fromkeys(("Ice Lake", "Tiger Lake", "Rocket Lake"), _ICE),
     **dict.fromkeys(("Alder Lake", "Raptor Lake", "Meteor Lake", "Arrow Lake", "Lunar Lake"), _ALDER),
-    **dict.fromkeys(("Sapphire Rapids", "Emerald Rapids", "Granite Rapids"), _GOLDEN),
+    **dict.fromkeys((*machine.AMX, machine.SOME_AMX), _GOLDEN),
     "Zen": (("znver1", 6),),
     "Zen 2": (("znver2", 9),),
     "Zen 3": _ZEN3,
@@ -73,7 +73,7 @@ OSACA_ARCH: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
         ("Alder Lake", "Raptor Lake", "Meteor Lake", "Arrow Lake", "Lunar Lake"), ("SPR", "ICX", "SKX")
     ),
-    **dict.fromkeys(("Sapphire Rapids", "Emerald Rapids", "Granite Rapids"), ("SPR", "ICX", "SKX")),
+    **dict.fromkeys((*machine.AMX, machine.SOME_AMX), ("SPR", "ICX", "SKX")),
     "Zen": ("ZEN1",),
     "Zen 2": ("ZEN2", "ZEN1"),
     "Zen 3": ("ZEN3", "ZEN2", "ZEN1"),

@@ -266,7 +266,9 @@ def _once(program: Path, cpu: int | None, samples: int | None) -> Ceilings:
     except json.JSONDecodeError:
         raise StudyError(f"{program}: printed no JSON object but {done.stdout[:60]!r}") from None
     about = machine.cpu()
-    return check(data | {"cpu": {key: about[key] for key in _CPU}, "tries": 1}, str(program))
+    return check(
+        data | {"cpu": {key: about[key] for key in (*_CPU, "microarchitecture")}, "tries": 1}, str(program)
+    )
 
 
 def read(folder: Path) -> Ceilings:

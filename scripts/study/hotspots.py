@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from study import paper, show, store
+from study import machine, paper, show, store
 from study.cli import StudyError
 from study.profiles import Profile, wilson
 from study.show import Column
@@ -59,7 +59,7 @@ def theirs(phase: str) -> dict[str, Row]:
 # Reference Manual; so do Zen 2 to Zen 4: AMD, Software Optimization Guides for families 17h and 19h. A fused
 # pair is one operation: what is a little above six is left out with the rest.
 _SIX_WIDE = ("Alder Lake", "Raptor Lake", "Meteor Lake")
-_SIX_WIDE += ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids", "Zen 2", "Zen 3", "Zen 4")
+_SIX_WIDE += (*machine.AMX, machine.SOME_AMX, "Zen 2", "Zen 3", "Zen 4")
 WIDEST = 8  # AMD, Software Optimization Guide for the Zen5 Microarchitecture; no x86 core here is wider
 
 

@@ -9,7 +9,7 @@ import os
 import platform
 import re
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,9 @@ INTEL = {
     "Emerald Rapids": (207,),
     "Granite Rapids": (173, 174),
 }
+# Cores with AMX. A hypervisor may give another model's number: one of these then, or what came after them.
+AMX = ("Sapphire Rapids", "Emerald Rapids", "Granite Rapids")
+SOME_AMX = "Sapphire Rapids or later"
 # (family, first model, last model): Linux, arch/x86/kernel/cpu/amd.c, bsp_init_amd.
 AMD = {
     "Zen": ((23, 0x00, 0x2F), (23, 0x50, 0x5F)),
@@ -64,8 +67,17 @@ def _output(*command: str) -> str | None:
     return done.stdout.decode(errors="replace").strip() if done.returncode == 0 else None
 
 
-def microarchitecture(vendor: str | None, family: int, model: int, stepping: int = 0) -> str | None:
-    """Common name, e.g. "Zen 4", or None when the tables above do not have it."""
+def microarchitecture(
+    vendor: str | None, family: int, model: int, stepping: int = 0, flags: Sequence[str] = ()
+) -> str | None:
+    """Common name, e.g. "Zen 4", or None when the tables above do not have it. `flags`: of /proc/cpuinfo."""
+    name = _by_numbers(vendor, family, model, stepping)
+    if vendor == "GenuineIntel" and "amx_tile" in flags and name not in AMX:
+        return SOME_AMX
+    return name
+
+
+def _by_numbers(vendor: str | None, family: int, model: int, stepping: int) -> str | None:
     if vendor == "GenuineIntel" and family == 6:
         if model == 85 and stepping >= 5:
             return "Cooper Lake" if stepping >= 10 else "Cascade Lake"
@@ -82,7 +94,7 @@ def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
     lines = (line.partition(":") for line in (text or "").split("\n\n")[0].splitlines())
     info = {key.strip(): value.strip() for key, _, value in lines}
     family, model, stepping = (int(info.get(k, "0")) for k in ("cpu family", "model", "stepping"))
-    vendor = info.get("vendor_id")
+    vendor, flags = info.get("vendor_id"), info.get("flags", "").split()
     return {
         "model": info.get("model name", platform.machine()),
         "vendor": vendor,
@@ -90,11 +102,11 @@ def cpu(cpuinfo: str | None = None) -> dict[str, Any]:
         "model_number": model,
         "stepping": stepping,
         "microcode": info.get("microcode"),
-        "microarchitecture": microarchitecture(vendor, family, model, stepping),
+        "microarchitecture": microarchitecture(vendor, family, model, stepping, flags),
         "cores": int(info.get("cpu cores", "0")) or None,
         "logical_cpus": os.cpu_count(),
         "usable_cpus": len(os.sched_getaffinity(0)),
-        "flags": info.get("flags", "").split(),
+        "flags": flags,
     }
 
 

@@ -24,7 +24,7 @@ PORTS: dict[str, dict[int, int]] = {
     **dict.fromkeys(("Haswell", "Broadwell", "Skylake", "Cascade Lake", "Cooper Lake"), WIDE),
     **dict.fromkeys(("Kaby Lake", "Comet Lake", "Ice Lake"), WIDE),
     **dict.fromkeys(("Tiger Lake", "Rocket Lake"), ONE),
-    **dict.fromkeys(("Sapphire Rapids", "Emerald Rapids", "Granite Rapids"), WIDER),
+    **dict.fromkeys((*machine.AMX, machine.SOME_AMX), WIDER),
     "Zen": {128: 2, 256: 1},  # 256 bits are two operations
     **dict.fromkeys(("Zen 2", "Zen 3", "Zen 5"), WIDE),
     "Zen 4": ONE,
@@ -40,7 +40,9 @@ def ports(cpu: Mapping[str, Any], bits: int) -> int | None:
     numbers = [cpu.get(key) for key in ("family", "model_number")]
     if None in numbers:
         return None
-    name = machine.microarchitecture(cpu.get("vendor"), *numbers, cpu.get("stepping") or 0)
+    name = cpu.get("microarchitecture") or machine.microarchitecture(
+        cpu.get("vendor"), *numbers, cpu.get("stepping") or 0
+    )
     return PORTS.get(name or "", {}).get(max(bits, 128))
 
 

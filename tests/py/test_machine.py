@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from study import cli, machine
+from study import cli, machine, peaks
 
 
 def cpuinfo(name, vendor, family, model, stepping=0):
@@ -53,6 +53,17 @@ def test_slug_is_made_from_the_cpu(text, slug):
 )
 def test_microarchitecture(vendor, family, model, stepping, name):
     assert machine.microarchitecture(vendor, family, model, stepping) == name
+
+
+def test_a_hidden_model_is_told_by_what_it_can_do():
+    """A hypervisor that gives Rocket Lake's number to a core with AMX: seen on a rented machine."""
+    told = "\n".join(("vendor_id\t: GenuineIntel", "cpu family\t: 6", "model\t\t: 167", "flags\t\t: {}"))
+    assert machine.cpu(told.format("avx2 avx512f"))["microarchitecture"] == "Rocket Lake"
+    hidden = machine.cpu(told.format("avx2 avx512f amx_tile"))
+    assert hidden["microarchitecture"] == machine.SOME_AMX
+    assert (peaks.ports(hidden, 512), peaks.ports({**hidden, "microarchitecture": None}, 512)) == (2, 1)
+    known = told.replace("167", "207")
+    assert machine.cpu(known.format("avx512f amx_tile"))["microarchitecture"] == "Emerald Rapids"
 
 
 def test_first_processor_of_cpuinfo():
