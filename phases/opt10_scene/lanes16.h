@@ -177,7 +177,7 @@ static inline mask but_not_less(mask m, real a, real b) {
     return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGE_UQ)};
 }
 
-// 1/√a and 1/a to 14 bits, for normal a > 0.
+// 1/√a and 1/a from 14 bits by one step, for normal a > 0.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
     real r = _mm512_rsqrt14_ps(a);
@@ -253,7 +253,7 @@ static inline __m512i own_lanes(void) {
 }
 
 // A permutation is one instruction of one step, to compress or to expand is two: so that is done once, of the lanes'
-// numbers, for all rows that are moved alike (NOTES, "Lanes moved by permutations").
+// numbers, for all rows that are moved alike (opt9_convex's NOTES, "Lanes moved by permutations").
 typedef __m512i packing;
 
 static inline packing packing_of(mask m) {
