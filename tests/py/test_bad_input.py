@@ -175,7 +175,9 @@ def test_what_ends_the_program_takes_the_half_picture_along(
     command = [binary("opt9_convex"), SCENE0, *size, "--threads", "2", option, "-o", out]
     for ignored in (False, True):
         out.write_text("earlier")
-        begin = functools.partial(signal.signal, number, signal.SIG_IGN) if ignored else None
+        # not as it was inherited: a shell's background job ignores SIGINT
+        then = signal.SIG_IGN if ignored else signal.SIG_DFL
+        begin = functools.partial(signal.signal, number, then)
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=registry.ROOT, preexec_fn=begin)
         temporary = tmp_path / f"a.{ending}.{process.pid}.tmp"
         while not size_of(temporary):  # the first, empty, asks whether it can be written

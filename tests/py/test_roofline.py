@@ -300,6 +300,7 @@ def test_the_peak_is_what_the_ports_allow_and_the_roof_what_was_measured(run: Pa
     store.write_json(run / "ceilings.json", data)
     context = store.read_json(run / "context.json")
     context["cpu"] |= {"vendor": "GenuineIntel", "family": 6, "model_number": 158, "stepping": 9}
+    context["cpu"]["microarchitecture"] = "Kaby Lake"
     store.write_json(run / "context.json", context)
     opt4 = row(run, "opt4", 180)
     assert (opt4["avx2_fma_peak"], opt4["avx2_fma_roof"]) == (32, 20)
