@@ -17,13 +17,13 @@ LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_st
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
 
-study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (35 to 40 minutes on 2 cores; FULL=1: the paper's sweep, hours)
+study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (29 minutes on 2 quiet cores, 40 on busy ones; FULL=1: the paper's sweep, hours)
 	@$(PY) scripts/run_study.py $(if $(FULL),--full) $(ARGS)
 
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
 	@$(PY) scripts/demo.py $(ARGS)
 
-test: setup-test ## install what is needed and run every test (17 to 19 minutes on 2 cores, up to 25 on a busy host)
+test: setup-test ## install what is needed and run every test (13 minutes on 2 quiet cores, 21 on busy ones)
 	@$(MAKE) --no-print-directory check
 
 phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
@@ -84,7 +84,7 @@ drjit: setup ## our phases beside Dr.Jit (installed into build/drjit; needs LLVM
 toolchains: setup ## every phase by every compiler and set of flags: time, pixels that change, error to truth
 	@$(PY) scripts/run_study.py --part toolchains $(ARGS)
 
-systems: setup ## what other articles built, beside the ladder: rod marching, packet ray tracing, rays in integers, CPU-RTRM's scene (18 minutes on 2 quiet cores with AVX-512, up to 40 on 2 busy ones without)
+systems: setup ## what other articles built, beside the ladder: rod marching, packet ray tracing, rays in integers, CPU-RTRM's scene (12 minutes on 2 quiet cores with AVX-512, up to 40 on 2 busy ones without)
 	@$(PY) scripts/run_study.py --part systems $(ARGS)
 
 report: setup ## the page, tables and figures of the newest run again, from its files alone
