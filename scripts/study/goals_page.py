@@ -55,11 +55,16 @@ def name(data: Data) -> str:
 def rows(runs: Sequence[Data]) -> tuple[list[Row], dict[str, str]]:
     """A row per goal, a cell per machine: of its newest run that has a figure. And machine → its runs."""
     made: dict[str, Row] = {}
-    places: dict[str, int] = {}
-    for data in sorted(runs, key=lambda data: data.context.get("time") or ""):
+    told = [
+        (data, goals.of_run(data)) for data in sorted(runs, key=lambda data: data.context.get("time") or "")
+    ]
+    places: dict[str, tuple[int, int]] = {}  # within a source in the order of the run that has most of them
+    for _, several in sorted(told, key=lambda pair: -len(pair[1])):
+        for place, goal in several:
+            places.setdefault(goal.name, (place, len(places)))
+    for data, several in told:
         here = name(data)
-        for place, goal in goals.of_run(data):
-            places.setdefault(goal.name, place)
+        for _, goal in several:
             row = made.setdefault(goal.name, {"goal": goal.name, "from": {}, "last": {}, "before": {}})
             before = row["before"].setdefault(here, [])
             if here in row["last"]:
