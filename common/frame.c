@@ -190,6 +190,19 @@ static void end_file(const struct sigaction before[ENDING]) {
         sigaction(ending[i], &before[i], NULL);
 }
 
+// Under its own name if all of it was written, else gone. reason: errno of a name that cannot be given.
+static bool finish_file(bool written, const char *temporary, const char *path, int *reason,
+                        const struct sigaction before[ENDING]) {
+    bool done = written && rename(temporary, path) == 0;
+    if (!done) {
+        if (written)
+            *reason = errno;
+        unlink(temporary);
+    }
+    end_file(before);
+    return done;
+}
+
 static bool temporary_name(const char *path, char name[4096], char *error) {
     int length = snprintf(name, 4096, "%s.%ld.tmp", path, (long)getpid());
     if (length > 0 && length < 4096)
@@ -253,13 +266,7 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
     exr_result_t finished = context ? exr_finish(&context) : EXR_ERR_SUCCESS;
     if (result == EXR_ERR_SUCCESS)
         result = finished;
-    bool done = result == EXR_ERR_SUCCESS && rename(temporary, path) == 0;
-    if (!done) {
-        if (result == EXR_ERR_SUCCESS)
-            reason = errno;
-        unlink(temporary);
-    }
-    end_file(before);
+    bool done = finish_file(result == EXR_ERR_SUCCESS, temporary, path, &reason, before);
     return done ||
            unwritable(path, reason ? strerror(reason) : exr_get_default_error_message(result),
                       error);
@@ -280,12 +287,6 @@ bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *pat
         written = false;
         reason = errno;
     }
-    bool done = written && rename(temporary, path) == 0;
-    if (!done) {
-        if (written)
-            reason = errno;
-        unlink(temporary);
-    }
-    end_file(before);
+    bool done = finish_file(written, temporary, path, &reason, before);
     return done || unwritable(path, strerror(reason), error);
 }
