@@ -30,7 +30,7 @@ static inline float close_of(const struct limits *limits) {
 }
 
 static inline struct beam eye_of(struct own *own, const struct prepared *scene) {
-    return (struct beam){own->eye, scene->all, own->eye_wake, set(0.0f)};
+    return (struct beam){own->eye, scene->all, own->eye_wake, 1, set(0.0f)};
 }
 
 // Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.

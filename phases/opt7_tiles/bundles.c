@@ -69,11 +69,11 @@ static real way_out(struct place origin, struct vec direction, const struct mode
     return half + root(most_of(mul_sub(half, half, exit.constant), set(0.0f)));
 }
 
-static struct bundle bundle_of(const struct rays *rays, const real *length,
+static struct bundle bundle_of(const struct rays *rays, const real *length, int packets,
                                const struct model *model) {
     COUNT(bundle_of, call);
     struct extent places = no_extent(), directions = places;
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < packets; k++) {
         if (!any(rays->active[k]))
             continue;
         COUNT(bundle_of, packet);
@@ -86,7 +86,7 @@ static struct bundle bundle_of(const struct rays *rays, const real *length,
     real size = vec_norm(axis);
     b.axis = vec_scale(axis, set(1.0f) / most_of(size, set(1e-3f)));
     real off = zero, turn = zero, far = zero;
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < packets; k++) {
         if (!any(rays->active[k]))
             continue;
         struct vec apart = vec_along(rays->origin[k].hi, b.from.hi, minus);
@@ -200,9 +200,9 @@ void meet(const struct rays *rays, const real *length, enum meant meant, struct 
     const struct prepared *scene = world->scene;
     struct list list = scene->all;
     if (list.count > 1) {
-        struct bundle b = bundle_of(rays, length, &scene->model);
+        struct bundle b = bundle_of(rays, length, world->group.size, &scene->model);
         list = listed(&b, meant, scene, world->own, shapes);
     }
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < world->group.size; k++)
         world->group.beam[k].list = list;
 }

@@ -15,12 +15,14 @@
 //
 //     mask                          which lanes: a type of its own, no real passes for one
 //     less  greater  not_less       false where either is NaN; below: true there; negative: the sign bit, of −0 and NaN too
-//     no_lane()  all_lanes()
+//     no_lane()  all_lanes()  first_lanes(n)
 //     both  either  not_in(a)       but_not(a, b): b where not a
-//     bits(a)                       bit i is lane i; any(a), all(a), same(a, b), count_of(a)
+//     bits(a)                       bit i is lane i; any(a), all(a), same(a, b), count_of(a), lanes_in(a)
 //     less_in(m, a, b)              of the lanes of m those where a < b; not_less_in, not_greater_in: where not
 //     choose(m, yes, no)            keep(m, a): a or 0, drop(m, a): 0 or a; add_where(m, a, b): a + b or a
 //     negate_where(m, a)
+//     pack_by(packing_of(m), a, p)  the lanes of m in a row from p on; LANES floats are written
+//     fill(m, a, p)                 a, but for the lanes of m, which get what is in a row from p on
 //     store_block(p, stride, r, g, b) red, green and blue of a block of four pixels a row, rows `stride` floats apart
 //
 //     half                          doubles of half of the lanes: what vec.h's wide is made of
@@ -47,9 +49,18 @@ static inline mask not_in(mask a) {
     return but_not(a, all_lanes());
 }
 
-// Lanes of a mask: what a counting build asks, and a timing build never does.
-static inline int count_of(mask a) {
+static inline int lanes_in(mask a) {
     return __builtin_popcount(bits(a));
+}
+
+// The same: what a counting build asks, and a timing build never does.
+static inline int count_of(mask a) {
+    return lanes_in(a);
+}
+
+static inline mask first_lanes(int count) {
+    static const float numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    return less(load(numbers), set((float)count));
 }
 
 #endif

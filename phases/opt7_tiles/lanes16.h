@@ -196,6 +196,24 @@ static inline real narrowed(half low, half high) {
                               1);
 }
 
+// Of several rows: which lanes go first is told once.
+typedef __m512i packing;
+
+static inline packing packing_of(mask m) {
+    return _mm512_maskz_compress_epi32(
+        m.all, _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15));
+}
+
+// The lanes of m in a row, from `to` on: LANES floats are written.
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    _mm512_storeu_ps(to, _mm512_permutexvar_ps(p, a));
+}
+
+// a, but for the lanes of m, which get what is in a row from `from` on.
+static inline real fill(mask m, real a, const float *from) {
+    return _mm512_mask_expandloadu_ps(a, m.all, from);
+}
+
 // Red, green and blue of a block of 4 x 4 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     const __m512i rg = _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 0, 0, 0, 0);

@@ -195,6 +195,46 @@ static inline real narrowed(half low, half high) {
     return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
 }
 
+// Of several rows: which lanes go first is told once; by a table, for no branch foresees where a loop over bits ends.
+typedef __m256i packing;
+
+#define PACK_LANE(m, lane)                                                                         \
+    ((m) >> (lane) & 1 ? (lane##ull) << 8 * __builtin_popcount((m) & ((1u << (lane)) - 1)) : 0)
+#define PACK_1(m)                                                                                  \
+    (PACK_LANE(m, 0) | PACK_LANE(m, 1) | PACK_LANE(m, 2) | PACK_LANE(m, 3) | PACK_LANE(m, 4) |     \
+     PACK_LANE(m, 5) | PACK_LANE(m, 6) | PACK_LANE(m, 7))
+#define PACK_4(m) PACK_1(m), PACK_1((m) + 1), PACK_1((m) + 2), PACK_1((m) + 3)
+#define PACK_16(m) PACK_4(m), PACK_4((m) + 4), PACK_4((m) + 8), PACK_4((m) + 12)
+#define PACK_64(m) PACK_16(m), PACK_16((m) + 16), PACK_16((m) + 32), PACK_16((m) + 48)
+
+static inline packing packing_of(mask m) {
+    static const unsigned long long lanes[256] = {PACK_64(0), PACK_64(64), PACK_64(128),
+                                                  PACK_64(192)};
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&lanes[bits(m)]));
+}
+
+// The lanes of m in a row, from `to` on: LANES floats are written.
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, p));
+}
+
+#define FILL_LANE(m, lane)                                                                         \
+    ((unsigned long long)__builtin_popcount((m) & ((1u << (lane)) - 1)) << 8 * (lane))
+#define FILL_1(m)                                                                                  \
+    (FILL_LANE(m, 0) | FILL_LANE(m, 1) | FILL_LANE(m, 2) | FILL_LANE(m, 3) | FILL_LANE(m, 4) |     \
+     FILL_LANE(m, 5) | FILL_LANE(m, 6) | FILL_LANE(m, 7))
+#define FILL_4(m) FILL_1(m), FILL_1((m) + 1), FILL_1((m) + 2), FILL_1((m) + 3)
+#define FILL_16(m) FILL_4(m), FILL_4((m) + 4), FILL_4((m) + 8), FILL_4((m) + 12)
+#define FILL_64(m) FILL_16(m), FILL_16((m) + 16), FILL_16((m) + 32), FILL_16((m) + 48)
+
+// a, but for the lanes of m, which get what is in a row from `from` on. LANES floats are read.
+static inline real fill(mask m, real a, const float *from) {
+    static const unsigned long long lanes[256] = {FILL_64(0), FILL_64(64), FILL_64(128),
+                                                  FILL_64(192)};
+    __m256i which = _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&lanes[bits(m)]));
+    return choose(m, _mm256_permutevar8x32_ps(load(from), which), a);
+}
+
 // Red, green and blue of a block of 4 x 2 pixels, each row 12 floats `stride` apart.
 static inline void store_block(float *rgb, size_t stride, real r, real g, real b) {
     float lanes[3][LANES];

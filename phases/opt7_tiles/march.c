@@ -88,7 +88,7 @@ __attribute__((noinline)) static void march_ends(struct progress *at, int step, 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.
 static void set_out(struct group *group) {
     group->count = 0;
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < group->size; k++) {
         group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
         if (any(group->live[k]))
             group->list[group->count++] = k;
@@ -137,39 +137,43 @@ static inline struct stride march_line(struct line *line, real hit_distance) {
     return (struct stride){distance, going, inside};
 }
 
-static void march_lines(struct progress packets[GROUP], int shape, struct group *group,
+static void march_lines(struct progress packets[FEW], int first, int shape, struct group *group,
                         const struct model *model) {
     real hit_distance = set((float)model->march.hit_distance);
-    struct line line[GROUP];
-    int cap = step_cap(model), left = cap, under_way = group->count;
-    for (int k = 0; k < GROUP; k++) {
-        const struct approach *a = &group->beam[k].approach[shape];
-        line[k] = (struct line){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
-                                group->live[k]};
-        if (any(group->live[k]) && packets[k].left < left)
+    struct line line[FEW];
+    mask begun[FEW];
+    int cap = step_cap(model), left = cap, under_way = 0;
+    for (int k = 0; k < FEW; k++) {
+        const struct approach *a = &group->beam[first + k].approach[shape];
+        begun[k] = group->live[first + k];
+        line[k] = (struct line){a->origin.x, a->direction.x, group->t[first + k], packets[k].exit,
+                                begun[k]};
+        under_way += any(begun[k]);
+        if (any(begun[k]) && packets[k].left < left)
             left = packets[k].left;
     }
     for (int step = 1; under_way > 0; step++) {
-        struct stride stride[GROUP];
+        struct stride stride[FEW];
         bool on = step < left;
-        for (int k = 0; k < GROUP; k++)
+        for (int k = 0; k < FEW; k++)
             stride[k] = march_line(&line[k], hit_distance);
-        for (int k = 0; k < GROUP; k++)
+        for (int k = 0; k < FEW; k++)
             on = on && same(stride[k].inside, line[k].live);
         if (on)
             continue;
-        for (int k = 0; k < GROUP; k++) {
+        for (int k = 0; k < FEW; k++) {
             if (!any(line[k].live) ||
                 (same(stride[k].inside, line[k].live) && step < packets[k].left))
                 continue;
-            group->distance[k] = stride[k].distance;
-            march_ends(&packets[k], step, k, stride[k].going, stride[k].inside, group, cap);
-            line[k].live = group->live[k];
+            group->distance[first + k] = stride[k].distance;
+            march_ends(&packets[k], step, first + k, stride[k].going, stride[k].inside, group, cap);
+            line[k].live = group->live[first + k];
             under_way -= !any(line[k].live);
         }
     }
-    for (int i = 0; i < group->count; i++)
-        packets[group->list[i]].t = line[group->list[i]].t;
+    for (int k = 0; k < FEW; k++)
+        if (any(begun[k]))
+            packets[k].t = line[k].t;
 }
 
 // The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
@@ -242,7 +246,8 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
-        march_lines(packets, *list.shape, group, &scene->model);
+        for (int first = 0; first < group->size; first += FEW)
+            march_lines(packets + first, first, *list.shape, group, &scene->model);
         return;
     }
     if (list.count == 1 && march_solid(packets, *list.shape, group, scene))
@@ -338,12 +343,12 @@ static struct hit hit_of(struct progress *at, struct vec direction, const struct
     return hit;
 }
 
-void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]) {
+void ray_march(const struct rays *rays, struct world *world, struct hit *hit) {
     COUNT(ray_march, call);
     const struct prepared *scene = world->scene;
     struct progress packets[GROUP];
     unsigned going = 0;
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < world->group.size; k++) {
         ACTIVE(count_of(rays->active[k]));
         real zero = set(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
@@ -360,15 +365,15 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
     }
     while (going) {
         mask settled[GROUP];
-        for (int k = 0; k < GROUP; k++)
+        for (int k = 0; k < world->group.size; k++)
             settled[k] = packets[k].found;
         march(packets, rays, world);
-        for (int k = 0; k < GROUP; k++)
+        for (int k = 0; k < world->group.size; k++)
             if (going >> k & 1 && !landed(&packets[k], settled[k], rays->direction[k], scene,
                                           &world->group.beam[k], &world->group.live[k]))
                 going &= ~(1u << k);
     }
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < world->group.size; k++) {
         ACTIVE(count_of(packets[k].found));
         hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
     }
@@ -438,13 +443,15 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
 }
 
 // The list of what shadow rays can meet, and their origins in the frames of that.
-static void meet_light(const struct hit hit[GROUP], const struct lighting light[GROUP],
-                       struct world *world) {
+static void meet_light(const struct hit *hit, const struct lighting *light, struct world *world) {
     struct group *group = &world->group;
-    struct rays rays;
+    struct place origin[GROUP];
+    struct vec direction[GROUP];
+    mask active[GROUP];
+    const struct rays rays = {origin, direction, active, set(0.0f)};
     real length[GROUP];
     mask lit = no_lane();
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < world->group.size; k++) {
         rays.origin[k] = hit[k].point;
         rays.direction[k] = light[k].to_light;
         rays.active[k] = group->live[k];
@@ -455,13 +462,12 @@ static void meet_light(const struct hit hit[GROUP], const struct lighting light[
         return;
     bool soft = world->scene->model.shadows == SHADOWS_SOFT;
     meet(&rays, soft ? NULL : length, soft ? UNION : HIT, world, world->own->shadow);
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < world->group.size; k++)
         if (any(rays.active[k]))
             approach_origins(hit[k].point, world->scene, &group->beam[k]);
 }
 
-void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
-            real reach[GROUP]) {
+void shadow(const struct hit *hit, const struct lighting *light, struct world *world, real *reach) {
     COUNT(shadow, call);
     COUNT(shadow, scalar);
     const struct model *model = &world->scene->model;
@@ -469,7 +475,7 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
     struct group *group = &world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < world->group.size; k++) {
         rays[k].least = set(1.0f);
         group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
     }
@@ -494,6 +500,6 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
                 group->list[i] = group->list[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < world->group.size; k++)
         reach[k] = rays[k].least;
 }

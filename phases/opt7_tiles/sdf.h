@@ -23,15 +23,16 @@ struct approach {
 // Packets under way together, one instruction of each after the other: the chain of operations through a step
 // is several times as long as it takes to issue them. They share the questions, too: a shape that one of
 // them needs is evaluated for all.
-enum { GROUP = 4 };
+enum { GROUP = 16, FEW = 4 }; // at most; FEW where no Mandelbulb is: more would have longer lists
 
 // A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
 struct beam {
     struct approach *approach; // one per shape
     struct list list;          // those that its rays can meet: the same for all of a group
-    // One per shape, GROUP apart: the shape is not the nearest as long as this is above (distance to the
+    // One per shape, so many apart: the shape is not the nearest as long as this is above (distance to the
     // nearest) + t.
     real *wake;
+    int apart;
     real high;
 };
 
@@ -101,7 +102,7 @@ static inline void approach_origins(struct place origin, const struct prepared *
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         const struct placed *placed = &scene->placed[i];
-        beam->wake[i * GROUP] = set(-INFINITY);
+        beam->wake[i * beam->apart] = set(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
             approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
             continue;
@@ -341,7 +342,7 @@ static inline void approach_moved(real by, const struct prepared *scene, struct 
         int i = beam->list.shape[place];
         struct approach *a = &beam->approach[i];
         COUNT(approach_moved, first);
-        beam->wake[i * GROUP] = beam->wake[i * GROUP] - absolute(by);
+        beam->wake[i * beam->apart] = beam->wake[i * beam->apart] - absolute(by);
         a->origin.x = mul_add(a->direction.x, by, a->origin.x);
         if (scene->placed[i].way == LINEAR)
             continue;
@@ -373,7 +374,14 @@ struct group {
     real high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
     mask live[GROUP];
     int list[GROUP], count; // of the packets that have a live ray
+    int size;               // packets, FEW or GROUP
 };
+
+static inline void group_size(struct group *group, int size) {
+    group->size = size;
+    for (int k = 0; k < size; k++)
+        group->beam[k].apart = size;
+}
 
 // What scene_distances() has found so far of each packet. `limit`: distance + t of the nearest is no more.
 struct found {
@@ -382,8 +390,8 @@ struct found {
 
 // `steady`, `way` and `type` are known where these are inlined.
 __attribute__((always_inline)) static inline void
-packet_distance(struct group *group, int k, int shape, const struct placed *placed, bool steady,
-                enum way way, enum shape_type type, struct found *found) {
+packet_distance(struct group *group, int k, int shape, int size, const struct placed *placed,
+                bool steady, enum way way, enum shape_type type, struct found *found) {
     ACTIVE(count_of(group->live[k]));
     COUNT(packet_distance, call);
     const struct approach *a = &group->beam[k].approach[shape];
@@ -394,38 +402,24 @@ packet_distance(struct group *group, int k, int shape, const struct placed *plac
     found->limit[k] = least_of(sum, found->limit[k]);
     if (steady) {
         COUNT(packet_distance, steady);
-        group->beam[k].wake[shape * GROUP] = wakes_at(sum, placed);
+        group->beam[k].wake[shape * size] = wakes_at(sum, placed);
     }
 }
 
 __attribute__((always_inline)) static inline void
-all_distances(struct group *group, int shape, const struct placed *placed, bool steady,
+all_distances(struct group *group, int shape, int size, const struct placed *placed, bool steady,
               enum way way, enum shape_type type, struct found *found) {
-    if (group->count == GROUP) // unrolled
-        for (int k = 0; k < GROUP; k++)
-            packet_distance(group, k, shape, placed, steady, way, type, found);
+    if (size == FEW && group->count == FEW) // unrolled
+        for (int k = 0; k < FEW; k++)
+            packet_distance(group, k, shape, size, placed, steady, way, type, found);
     else
         for (int i = 0; i < group->count; i++)
-            packet_distance(group, group->list[i], shape, placed, steady, way, type, found);
+            packet_distance(group, group->list[i], shape, size, placed, steady, way, type, found);
 }
 
 // An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
 // processor to look beyond it to the next packet.
-static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
-                                  struct found *found) {
-    COUNT(bulb_distances, call);
-    struct bulb bulb[GROUP];
-    int count = group->count;
-    for (int i = 0; i < count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
-        COUNT(bulb_distances, packet);
-        const struct approach *a = &group->beam[k].approach[shape];
-        struct vec p = vec_along(a->origin, a->direction, group->t[k]);
-        bulb[i] = bulb_start(placed->repeated ? vec_wrapped(placed, p) : p, group->live[k]);
-        if (!placed->repeated)
-            group->beam[k].wake[shape * GROUP] = bulb_wakes_at(bulb[i].m, group->t[k]);
-    }
+static inline void bulbs_iterate(struct bulb bulb[GROUP], int count, const struct placed *placed) {
     for (int n = 0; n < placed->iterations; n++) {
         mask inside = no_lane();
         for (int i = 0; i < count; i++) {
@@ -433,31 +427,112 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
             inside = either(inside, bulb[i].inside);
         }
         if (!any(inside))
-            break;
-    }
-    for (int i = 0; i < count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
-        real distance = bulb_estimate(&bulb[i]);
-        found->least[k] = least_of(distance, found->least[k]);
-        found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
+            return;
     }
 }
 
-static inline bool sleeps(const real *wake, const struct found *found) {
+static inline struct vec bulb_place(const struct group *group, int k, int shape,
+                                    const struct placed *placed) {
+    const struct approach *a = &group->beam[k].approach[shape];
+    struct vec p = vec_along(a->origin, a->direction, group->t[k]);
+    return placed->repeated ? vec_wrapped(placed, p) : p;
+}
+
+static inline void bulb_found(const struct group *group, int k, real distance,
+                              struct found *found) {
+    found->least[k] = least_of(distance, found->least[k]);
+    found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
+}
+
+// Rays that ask for it: the others have ended, or something else is nearer for sure. An estimate costs as much as all else
+// of a step ten times over, so where those of all packets fill fewer, they move together for it (NOTES.md).
+static inline void packed_bulbs(struct group *group, int shape, const struct placed *placed,
+                                const mask asking[GROUP], int rays, struct found *found) {
+    COUNT(packed_bulbs, call);
+    float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
+    int at = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(asking[k]));
+        COUNT(packed_bulbs, packet);
+        struct vec p = bulb_place(group, k, shape, placed);
+        packing first = packing_of(asking[k]);
+        pack_by(first, p.x, &row[0][at]);
+        pack_by(first, p.y, &row[1][at]);
+        pack_by(first, p.z, &row[2][at]);
+        at += lanes_in(asking[k]);
+        real *wake = &group->beam[k].wake[shape * group->beam[k].apart];
+        if (!placed->repeated)
+            *wake = choose(asking[k], bulb_wakes_at(vec_dot(p, p), group->t[k]), *wake);
+    }
+    struct bulb bulb[GROUP];
+    int count = 0;
+    for (at = 0; at < rays; at += LANES, count++) {
+        mask some = first_lanes(rays - at);
+        ACTIVE(count_of(some));
+        bulb[count] =
+            bulb_start((struct vec){load(&row[0][at]), load(&row[1][at]), load(&row[2][at])}, some);
+    }
+    bulbs_iterate(bulb, count, placed);
+    for (int i = 0; i < count; i++) {
+        ACTIVE(count_of(first_lanes(rays - i * LANES)));
+        unload(bulb_estimate(&bulb[i]), &distance[i * LANES]);
+    }
+    at = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        bulb_found(group, k, fill(asking[k], set(INFINITY), &distance[at]), found);
+        at += lanes_in(asking[k]);
+    }
+}
+
+static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
+                                  struct found *found) {
+    COUNT(bulb_distances, call);
+    mask asking[GROUP];
+    int rays = 0;
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        asking[k] = both(group->live[k],
+                         below(group->beam[k].wake[shape * group->beam[k].apart], found->limit[k]));
+        rays += lanes_in(asking[k]);
+    }
+    if (rays <= (group->count - 1) * LANES) {
+        packed_bulbs(group, shape, placed, asking, rays, found);
+        return;
+    }
+    struct bulb bulb[GROUP];
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(bulb_distances, packet);
+        bulb[i] = bulb_start(bulb_place(group, k, shape, placed), group->live[k]);
+        if (!placed->repeated)
+            group->beam[k].wake[shape * group->beam[k].apart] =
+                bulb_wakes_at(bulb[i].m, group->t[k]);
+    }
+    bulbs_iterate(bulb, group->count, placed);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        bulb_found(group, k, bulb_estimate(&bulb[i]), found);
+    }
+}
+
+__attribute__((always_inline)) static inline bool sleeps(const real *wake, int size,
+                                                         const struct found *found) {
     COUNT(sleeps, call);
     mask awake = below(wake[0], found->limit[0]);
-    for (int k = 1; k < GROUP; k++)
+    for (int k = 1; k < size; k++)
         awake = either(awake, below(wake[k], found->limit[k]));
     return !any(awake);
 }
 
 // The types told apart once for all packets.
-__attribute__((always_inline)) static inline void shape_distances(struct group *group, int shape,
-                                                                  const struct placed *placed,
-                                                                  bool steady,
-                                                                  struct found *found) {
-#define EACH(way, type) all_distances(group, shape, placed, steady, way, type, found)
+__attribute__((always_inline)) static inline void
+shape_distances(struct group *group, int shape, int size, const struct placed *placed, bool steady,
+                struct found *found) {
+#define EACH(way, type) all_distances(group, shape, size, placed, steady, way, type, found)
     if (steady && placed->way == LINEAR) {
         EACH(LINEAR, SHAPE_PLANE);
         return;
@@ -480,9 +555,10 @@ __attribute__((always_inline)) static inline void shape_distances(struct group *
 }
 
 // Steady shapes are no further than this in the next steps.
-static inline void keep_high(struct group *group, const struct found *found) {
+__attribute__((always_inline)) static inline void keep_high(struct group *group, int size,
+                                                            const struct found *found) {
     COUNT(keep_high, call);
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < size; k++)
         group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
 }
 
@@ -499,29 +575,37 @@ static inline void sdf(const struct group *group, int k, struct found *found) {
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.)
-static inline void scene_distances(struct group *group, const struct prepared *scene) {
+__attribute__((always_inline)) static inline void distances_of(struct group *group, int size,
+                                                               const struct prepared *scene) {
     struct found found;
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < size; k++)
         sdf(group, k, &found);
     const struct list *list = &group->beam[0].list;
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
         if (n == list->steady)
-            keep_high(group, &found);
-        if (sleeps(&group->beam[0].wake[i * GROUP], &found))
+            keep_high(group, size, &found);
+        if (sleeps(&group->beam[0].wake[i * size], size, &found))
             continue;
         const struct placed *placed = &scene->placed[i];
         if (n < list->steady)
-            shape_distances(group, i, placed, true, &found);
+            shape_distances(group, i, size, placed, true, &found);
         else if (placed->type == SHAPE_MANDELBULB)
             bulb_distances(group, i, placed, &found);
         else
-            shape_distances(group, i, placed, false, &found);
+            shape_distances(group, i, size, placed, false, &found);
     }
     if (list->steady == list->count)
-        keep_high(group, &found);
-    for (int k = 0; k < GROUP; k++)
+        keep_high(group, size, &found);
+    for (int k = 0; k < size; k++)
         group->distance[k] = found.least[k];
+}
+
+static inline void scene_distances(struct group *group, const struct prepared *scene) {
+    if (group->size == FEW)
+        distances_of(group, FEW, scene);
+    else
+        distances_of(group, GROUP, scene);
 }
 
 #endif

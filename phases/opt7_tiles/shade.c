@@ -165,7 +165,7 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
         least = least_of(distance, least);
         if (placed->steady) {
             COUNT(near_hit, steady);
-            beam->wake[i * GROUP] = wakes_within(distance, placed);
+            beam->wake[i * beam->apart] = wakes_within(distance, placed);
             beam->high = least_of(distance, beam->high);
         }
     }
@@ -285,35 +285,39 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
     return vec_choose(light->lit, bright, color);
 }
 
-// Colours of what the reflective hits mirror, added to theirs. One reflective ray makes the call; the others
-// are masked out of it and of their colour.
+// Colours of what the reflective hits of a few packets mirror, added to theirs. One reflective ray makes the call; the
+// others are masked out of it and of their colour.
 static void mirror(const struct rays *rays, int bounce, struct world *world,
-                   const struct surfaces surface[GROUP], struct shaded result[GROUP]) {
+                   const struct surfaces *surface, struct shaded *result) {
     COUNT(mirror, call);
-    struct rays mirrored = {.start = set(0.0f)};
+    struct place origin[FEW];
+    struct vec direction[FEW];
+    mask activated[FEW];
+    const struct rays mirrored = {origin, direction, activated, set(0.0f)};
     bool one = false;
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < FEW; k++) {
         const struct hit *hit = &result[k].hit;
         ACTIVE(count_of(hit->found));
         COUNT(mirror, packet);
         mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
-        mirrored.active[k] = active;
+        activated[k] = active;
         if (!any(active))
             continue;
         one = true;
         ACTIVE(count_of(active));
         COUNT(mirror, start);
         real offset = set((float)world->scene->model.march.surface_offset);
-        mirrored.origin[k] = place_at(hit->point, hit->normal, offset, set(0.0f));
-        mirrored.direction[k] = vec_reflect(rays->direction[k], hit->normal);
+        origin[k] = place_at(hit->point, hit->normal, offset, set(0.0f));
+        direction[k] = vec_reflect(rays->direction[k], hit->normal);
     }
     if (!one)
         return;
+    group_size(&world->group, FEW);
     meet(&mirrored, NULL, HIT, world, world->own->mirror);
-    struct shaded seen[GROUP];
+    struct shaded seen[FEW];
     trace(&mirrored, bounce + 1, world, seen);
-    for (int k = 0; k < GROUP; k++) {
-        mask active = mirrored.active[k];
+    for (int k = 0; k < FEW; k++) {
+        mask active = activated[k];
         if (!any(active))
             continue;
         ACTIVE(count_of(active));
@@ -324,26 +328,27 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
     }
 }
 
-void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]) {
+// The group's packets seen; the arrays have one for each.
+static inline void trace_packets(const struct rays *rays, int bounce, struct world *world,
+                                 struct hit *hit, struct lighting *light, struct surfaces *surface,
+                                 real *reach, struct shaded *result) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
     struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
-    struct hit hit[GROUP];
-    struct lighting light[GROUP];
-    struct surfaces surface[GROUP] = {0};
-    real reach[GROUP];
+    const int size = world->group.size;
     ray_march(rays, world, hit);
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < size; k++) {
         ACTIVE(count_of(hit[k].found));
         light[k].lit = no_lane();
+        surface[k] = (struct surfaces){0};
         if (!any(hit[k].found))
             continue;
         surface[k] = gather(hit[k].shape, hit[k].found, model);
         light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
     }
     shadow(hit, light, world, reach);
-    for (int k = 0; k < GROUP; k++) {
+    for (int k = 0; k < size; k++) {
         ACTIVE(count_of(hit[k].found));
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
         if (any(hit[k].found))
@@ -351,8 +356,12 @@ void trace(const struct rays *rays, int bounce, struct world *world, struct shad
                                        &surface[k], world->view);
     }
     if (model->features.mirrors && bounce < model->march.max_bounces)
-        mirror(rays, bounce, world, surface, result);
-    for (int k = 0; k < GROUP; k++) {
+        for (int first = 0; first < size; first += FEW) {
+            const struct rays some = {rays->origin + first, rays->direction + first,
+                                      rays->active + first, rays->start};
+            mirror(&some, bounce, world, surface + first, result + first);
+        }
+    for (int k = 0; k < size; k++) {
         struct vec color = result[k].color;
         ACTIVE(count_of(hit[k].found));
         if (!any(hit[k].found))
@@ -365,4 +374,30 @@ void trace(const struct rays *rays, int bounce, struct world *world, struct shad
         }
         result[k].color = vec_choose(hit[k].found, color, background);
     }
+}
+
+// A large group is seen from the camera alone, so that as many bounces as a scene may ask for fit the stack.
+__attribute__((noinline)) static void trace_many(const struct rays *rays, int bounce,
+                                                 struct world *world, struct shaded *result) {
+    struct hit hit[GROUP];
+    struct lighting light[GROUP];
+    struct surfaces surface[GROUP];
+    real reach[GROUP];
+    trace_packets(rays, bounce, world, hit, light, surface, reach, result);
+}
+
+__attribute__((noinline)) static void trace_few(const struct rays *rays, int bounce,
+                                                struct world *world, struct shaded *result) {
+    struct hit hit[FEW];
+    struct lighting light[FEW];
+    struct surfaces surface[FEW];
+    real reach[FEW];
+    trace_packets(rays, bounce, world, hit, light, surface, reach, result);
+}
+
+void trace(const struct rays *rays, int bounce, struct world *world, struct shaded *result) {
+    if (world->group.size == FEW)
+        trace_few(rays, bounce, world, result);
+    else
+        trace_many(rays, bounce, world, result);
 }

@@ -15,6 +15,9 @@ enum {
     TILE_HEIGHT = PATCHES_DOWN * PATCH << HIGHEST
 };
 enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
+enum {
+    TOGETHER = (int)GROUP > (int)BLOCKS ? (int)GROUP / (int)BLOCKS : 1
+}; // patches where a Mandelbulb is
 
 static struct vec vec_from(const double a[3]) {
     return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
@@ -203,33 +206,44 @@ static void store_nothing(const struct patch *patch, const struct job *job) {
         store(job->frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
 }
 
-static void render_patch(const struct patch *patch, struct place origin, real start,
-                         struct list list, const struct job *job, struct world *world) {
-    COUNT(render_patch, call);
-    struct rays rays = {.start = start};
-    for (int first = 0; first < BLOCKS; first += GROUP) {
+// Patches with one start and one list, `size` of their packets at a time.
+static void render_patches(const struct patch *patch, int patches, int size, struct place origin,
+                           real start, struct list list, const struct job *job,
+                           struct world *world) {
+    COUNT(render_patches, call);
+    struct place origins[GROUP];
+    struct vec direction[GROUP];
+    mask active[GROUP];
+    const struct rays rays = {origins, direction, active, start};
+    int blocks = patches * BLOCKS;
+    for (int first = 0; first < blocks; first += size) {
         struct shaded seen[GROUP];
-        for (int k = 0; k < GROUP; k++) {
-            struct block block = block_of(patch, first + k);
-            rays.active[k] = in_picture(block);
-            ACTIVE(count_of(rays.active[k]));
-            COUNT(render_patch, packet);
-            rays.origin[k] = origin;
-            rays.direction[k] = get_direction(block, job->frame, job->view);
+        group_size(&world->group, size);
+        for (int k = 0; k < size; k++) {
+            active[k] = no_lane();
+            if (first + k >= blocks)
+                continue;
+            struct block block = block_of(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
+            active[k] = in_picture(block);
+            ACTIVE(count_of(active[k]));
+            COUNT(render_patches, packet);
+            origins[k] = origin;
+            direction[k] = get_direction(block, job->frame, job->view);
             world->group.beam[k].list = list;
         }
         trace(&rays, 0, world, seen);
-        for (int k = 0; k < GROUP; k++) {
-            ACTIVE(count_of(rays.active[k]));
-            store(job->frame, block_of(patch, first + k), start, list.count, &seen[k]);
+        for (int k = 0; k < size && first + k < blocks; k++) {
+            struct block block = block_of(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
+            ACTIVE(count_of(active[k]));
+            store(job->frame, block, start, list.count, &seen[k]);
         }
     }
 }
 
 static void place_beams(struct group *group, struct own *own, int shapes) {
-    for (int i = 0; i < shapes * GROUP; i++)
+    for (int i = 0; i < shapes * own->packets; i++)
         own->wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < own->packets; k++)
         group->beam[k] =
             (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
 }
@@ -239,8 +253,12 @@ struct starts {
     float lane[LANES];
 };
 
+// Those that can meet a Mandelbulb are offered all shapes, and start at the camera: as many together as make a large
+// group.
 static void draw_patches(struct area area, mask there, struct starts start, struct place origin,
                          const struct job *job, struct world *world) {
+    struct patch waiting[TOGETHER];
+    int count = 0;
     for (int lane = 0; lane < LANES; lane++) {
         if (!(bits(there) >> lane & 1))
             continue;
@@ -250,8 +268,18 @@ static void draw_patches(struct area area, mask there, struct starts start, stru
             continue;
         }
         struct list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
-        render_patch(&patch, origin, set(start.lane[lane]), list, job, world);
+        if (list.shape != world->scene->all.shape) {
+            render_patches(&patch, 1, FEW, origin, set(start.lane[lane]), list, job, world);
+            continue;
+        }
+        waiting[count++] = patch;
+        if (count == TOGETHER) {
+            render_patches(waiting, count, GROUP, origin, set(0.0f), list, job, world);
+            count = 0;
+        }
     }
+    if (count > 0)
+        render_patches(waiting, count, GROUP, origin, set(0.0f), world->scene->all, job, world);
 }
 
 // The cones of an area from where those above them end, among what these have met; then those below them.
@@ -285,7 +313,7 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     COUNT(draw_tile, scalar);
     struct place origin = place_of(job->view->position);
     const struct prepared *scene = job->prepared;
-    struct own own = own_of(memory, scene->model.shape_count);
+    struct own own = own_of(memory, &scene->model);
     struct world world = {.scene = scene, .view = job->view, .own = &own};
     place_beams(&world.group, &own, scene->model.shape_count);
     ACTIVE(LANES);
@@ -296,7 +324,7 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
-    return own_size(model->shape_count);
+    return own_size(model);
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
@@ -313,8 +341,8 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     void *own = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!own)
         return false;
-    struct own parts = own_of(own, prepared->model.shape_count);
-    struct beam all = {parts.approach, prepared->all, parts.wake, set(0.0f)}, *beam = &all;
+    struct own parts = own_of(own, &prepared->model);
+    struct beam all = {parts.approach, prepared->all, parts.wake, 1, set(0.0f)}, *beam = &all;
     struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
     for (size_t i = 0; i < count; i++) {
         real shape = set(-1.0f);

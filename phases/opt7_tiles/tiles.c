@@ -12,18 +12,26 @@ static size_t places(int shapes) { // so many that whole numbers behind masks ar
     return ((size_t)shapes + 1) / 2 * 2;
 }
 
-size_t own_size(int shapes) {
-    return places(shapes) * ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) +
-                             GROUP * sizeof(real) + sizeof(struct approach) +
-                             LEVELS * sizeof(mask) + (6 + 2 * LEVELS) * sizeof(int) + sizeof(bool));
+static int most_packets(const struct model *model) {
+    for (int i = 0; i < model->shape_count; i++)
+        if (model->shapes[i].type == SHAPE_MANDELBULB)
+            return GROUP;
+    return FEW;
 }
 
-struct own own_of(void *memory, int shapes) {
-    size_t n = places(shapes);
-    struct own own = {.wake = memory};
-    own.approach = (struct approach *)(own.wake + GROUP * n);
-    own.eye_wake = (real *)(own.approach + GROUP * n);
-    own.eye = (struct approach *)(own.eye_wake + GROUP * n);
+size_t own_size(const struct model *model) {
+    return places(model->shape_count) *
+           ((size_t)(most_packets(model) + 2) * (sizeof(struct approach) + sizeof(real)) +
+            LEVELS * sizeof(mask) + (6 + 2 * LEVELS) * sizeof(int) + sizeof(bool));
+}
+
+struct own own_of(void *memory, const struct model *model) {
+    size_t n = places(model->shape_count);
+    struct own own = {.packets = most_packets(model), .wake = memory};
+    size_t packets = (size_t)own.packets;
+    own.approach = (struct approach *)(own.wake + packets * n);
+    own.eye_wake = (real *)(own.approach + packets * n);
+    own.eye = (struct approach *)(own.eye_wake + n);
     own.distance = (real *)(own.eye + n);
     own.axis = (struct approach *)(own.distance + n);
     own.met[0] = (mask *)(own.axis + n);
@@ -76,7 +84,7 @@ static void meet_all(mask lanes, struct list offered, mask *met) {
 }
 
 static struct beam axes_of(struct own *own, struct list list) {
-    return (struct beam){own->axis, list, own->eye_wake, set(0.0f)};
+    return (struct beam){own->axis, list, own->eye_wake, 1, set(0.0f)};
 }
 
 void place_cones(struct place eye, const struct prepared *scene, struct own *own) {

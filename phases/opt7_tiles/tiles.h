@@ -11,7 +11,8 @@ enum { LEVELS = 2 };
 
 // A worker's memory, of the size that own_size() says.
 struct own {
-    real *wake; // GROUP for each shape, as the next: of the rays being marched
+    int packets; // of the largest group: GROUP where a Mandelbulb is, else FEW
+    real *wake;  // of the rays being marched: for each shape as many as a group may have packets
     struct approach *approach;
     real *eye_wake; // of cones and bundles
     struct approach *eye;
@@ -23,8 +24,8 @@ struct own {
     bool *wanted;                // of each shape, on the way to a list
 };
 
-size_t own_size(int shapes);
-struct own own_of(void *memory, int shapes);
+size_t own_size(const struct model *model);
+struct own own_of(void *memory, const struct model *model);
 
 // A cone of pixels in each lane: |dir − axis| ≤ spread for each of its rays.
 struct cones {

@@ -11,11 +11,12 @@ struct world {
     struct own *own;    // the worker's (tiles.h)
 };
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
+// Of the packets of the group that is under way. Only lanes of `active` are marched, shaded and written; the others may
+// hold anything.
 struct rays {
-    struct place origin[GROUP];
-    struct vec direction[GROUP];
-    mask active[GROUP];
+    struct place *origin;
+    struct vec *direction;
+    mask *active;
     real start; // where they begin
 };
 
@@ -41,7 +42,7 @@ struct exit {
 
 struct exit leaving(struct place origin, struct vec direction, const struct model *model);
 
-void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROUP]);
+void ray_march(const struct rays *rays, struct world *world, struct hit *hit);
 
 struct lighting {
     struct vec to_light; // of unit length
@@ -51,8 +52,7 @@ struct lighting {
 
 // 1: the light reaches the point, 0: it does not; between, the
 // penumbra of a soft shadow.
-void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct world *world,
-            real reach[GROUP]);
+void shadow(const struct hit *hit, const struct lighting *light, struct world *world, real *reach);
 
 // What a hit's place says, once it is the origin of its beam: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
@@ -65,6 +65,6 @@ struct nearness near_hit(mask found, const struct prepared *scene, struct beam *
 // Of hits that are the origins of the beam, and the slope there.
 struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
                      const struct prepared *scene, const struct beam *beam, real *slope);
-void trace(const struct rays *rays, int bounce, struct world *world, struct shaded result[GROUP]);
+void trace(const struct rays *rays, int bounce, struct world *world, struct shaded *result);
 
 #endif
