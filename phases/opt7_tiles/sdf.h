@@ -433,6 +433,7 @@ static inline void bulbs_iterate(struct bulb bulb[GROUP], int count, const struc
 
 static inline struct vec bulb_place(const struct group *group, int k, int shape,
                                     const struct placed *placed) {
+    COUNT(bulb_place, call);
     const struct approach *a = &group->beam[k].approach[shape];
     struct vec p = vec_along(a->origin, a->direction, group->t[k]);
     return placed->repeated ? vec_wrapped(placed, p) : p;
@@ -440,6 +441,7 @@ static inline struct vec bulb_place(const struct group *group, int k, int shape,
 
 static inline void bulb_found(const struct group *group, int k, real distance,
                               struct found *found) {
+    COUNT(bulb_found, call);
     found->least[k] = least_of(distance, found->least[k]);
     found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
 }
@@ -454,7 +456,6 @@ static inline void packed_bulbs(struct group *group, int shape, const struct pla
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(count_of(asking[k]));
-        COUNT(packed_bulbs, packet);
         struct vec p = bulb_place(group, k, shape, placed);
         packing first = packing_of(asking[k]);
         pack_by(first, p.x, &row[0][at]);
@@ -462,14 +463,17 @@ static inline void packed_bulbs(struct group *group, int shape, const struct pla
         pack_by(first, p.z, &row[2][at]);
         at += lanes_in(asking[k]);
         real *wake = &group->beam[k].wake[shape * group->beam[k].apart];
-        if (!placed->repeated)
+        if (!placed->repeated) {
+            COUNT(packed_bulbs, steady);
             *wake = choose(asking[k], bulb_wakes_at(vec_dot(p, p), group->t[k]), *wake);
+        }
     }
     struct bulb bulb[GROUP];
     int count = 0;
     for (at = 0; at < rays; at += LANES, count++) {
         mask some = first_lanes(rays - at);
         ACTIVE(count_of(some));
+        COUNT(packed_bulbs, row);
         bulb[count] =
             bulb_start((struct vec){load(&row[0][at]), load(&row[1][at]), load(&row[2][at])}, some);
     }
@@ -481,6 +485,7 @@ static inline void packed_bulbs(struct group *group, int shape, const struct pla
     at = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
+        ACTIVE(count_of(asking[k]));
         bulb_found(group, k, fill(asking[k], set(INFINITY), &distance[at]), found);
         at += lanes_in(asking[k]);
     }
@@ -505,7 +510,6 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(count_of(group->live[k]));
-        COUNT(bulb_distances, packet);
         bulb[i] = bulb_start(bulb_place(group, k, shape, placed), group->live[k]);
         if (!placed->repeated)
             group->beam[k].wake[shape * group->beam[k].apart] =
@@ -523,8 +527,10 @@ __attribute__((always_inline)) static inline bool sleeps(const real *wake, int s
                                                          const struct found *found) {
     COUNT(sleeps, call);
     mask awake = below(wake[0], found->limit[0]);
-    for (int k = 1; k < size; k++)
+    for (int k = 1; k < size; k++) {
+        COUNT(sleeps, other);
         awake = either(awake, below(wake[k], found->limit[k]));
+    }
     return !any(awake);
 }
 
@@ -558,8 +564,10 @@ shape_distances(struct group *group, int shape, int size, const struct placed *p
 __attribute__((always_inline)) static inline void keep_high(struct group *group, int size,
                                                             const struct found *found) {
     COUNT(keep_high, call);
-    for (int k = 0; k < size; k++)
+    for (int k = 0; k < size; k++) {
+        COUNT(keep_high, packet);
         group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
+    }
 }
 
 // An evaluation of the scene's distance begins, of one packet. −∞ where no ray is left.
@@ -570,6 +578,12 @@ static inline void sdf(const struct group *group, int k, struct found *found) {
     found->limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
 }
 
+__attribute__((always_inline)) static inline void found_nothing(const struct group *group, int size,
+                                                                struct found *found) {
+    for (int k = 0; k < size; k++)
+        sdf(group, k, found);
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
@@ -578,8 +592,7 @@ static inline void sdf(const struct group *group, int k, struct found *found) {
 __attribute__((always_inline)) static inline void distances_of(struct group *group, int size,
                                                                const struct prepared *scene) {
     struct found found;
-    for (int k = 0; k < size; k++)
-        sdf(group, k, &found);
+    found_nothing(group, size, &found);
     const struct list *list = &group->beam[0].list;
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];

@@ -20,9 +20,9 @@ TERMS = {
     """,
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
-        bulb_estimate bulb_distances bulb_wakes_at packet_distance power_at nearest nearest_shape
-        nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes wake too_far
-        surely_off keep_high sleeps gather_bulb
+        bulb_estimate bulb_distances bulb_wakes_at bulb_place bulb_found packed_bulbs packet_distance power_at
+        nearest nearest_shape nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes
+        wake too_far surely_off keep_high sleeps gather_bulb
     """,
     "normals": """
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
@@ -63,7 +63,7 @@ TERMS = {
         look_around rod_step land_rods set_out_rods aim fill
     """,
     "rays of the camera": """
-        get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch
+        get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch*
         render_tile column_of direction_in row_of_picture
     """,
 }
