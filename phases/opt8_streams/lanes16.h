@@ -145,6 +145,55 @@ static inline real root_below(real a) {
     return a * _mm512_rsqrt14_ps(a) * set(1.0f - 0x1p-13f);
 }
 
+// 1/√a to 14 bits, for normal a > 0.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return _mm512_rsqrt14_ps(a);
+}
+
+// a·b + c in the lanes of m, a in the others.
+static inline real mul_add_where(mask m, real a, real b, real c) {
+    return _mm512_mask_fmadd_ps(a, m.all, b, c);
+}
+
+static inline mask but_greater(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGT_UQ)};
+}
+
+static inline mask but_not_less(mask m, real a, real b) {
+    return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGE_UQ)};
+}
+
+// 1/√a and 1/a from 14 bits by one step, for normal a > 0.
+static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
+    real r = _mm512_rsqrt14_ps(a);
+    return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
+    real r = _mm512_rcp14_ps(a);
+    return r * _mm512_fnmadd_ps(a, r, set(2.0f));
+}
+
+// scale·√a for normal a > 0, to an ulp or two, and two factors of 1/a, whose product may be below what is normal: all
+// by one step from the same 14 bits.
+static inline real root_and_inverse(real a, float scale, real *one, real *other) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, sixteen);
+    real r = _mm512_rsqrt14_ps(a), h = a * r, error = _mm512_fnmadd_ps(h, r, set(1.0f));
+    *one = r;
+    *other = _mm512_fmadd_ps(r, error, r);
+    return h * _mm512_fmadd_ps(error, set(0.5f * scale), set(scale));
+}
+
+// a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
+static inline real mantissa_near_1(real a, real *exponent) {
+    *exponent = _mm512_getexp_ps(a * set(4.0f / 3.0f));
+    return _mm512_getmant_ps(a, _MM_MANT_NORM_p75_1p5, _MM_MANT_SIGN_src);
+}
+
 static inline real floor_of(real a) {
     return _mm512_floor_ps(a);
 }
@@ -188,6 +237,19 @@ static inline half half_mul_add(half a, half b, half c) {
     return _mm512_fmadd_pd(a, b, c);
 }
 
+static inline half half_neg_mul_add(half a, half b, half c) {
+    return _mm512_fnmadd_pd(a, b, c);
+}
+
+// 1/√a to 14 bits.
+static inline half half_rough_inverse_root(half a) {
+    return _mm512_rsqrt14_pd(a);
+}
+
+static inline half half_root(half a) {
+    return _mm512_sqrt_pd(a);
+}
+
 static inline half half_floor(half a) {
     return _mm512_floor_pd(a);
 }
@@ -205,9 +267,41 @@ static inline real narrowed(half low, half high) {
                               1);
 }
 
+static inline __m512i own_lanes(void) {
+    return _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+}
+
+// A permutation is one instruction of one step, to compress or to expand is two: so that is done once, of the lanes'
+// numbers, for all rows that are moved alike (opt9_convex's NOTES, "Lanes moved by permutations").
+typedef __m512i packing;
+
+static inline packing packing_of(mask m) {
+    return _mm512_maskz_compress_epi32(m.all, own_lanes());
+}
+
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    _mm512_storeu_ps(to, _mm512_permutexvar_ps(p, a));
+}
+
 // The lanes of m in a row, from `to` on: LANES floats are written.
 static inline void pack(mask m, real a, float to[LANES]) {
-    _mm512_storeu_ps(to, _mm512_maskz_compress_ps(m.all, a));
+    pack_by(packing_of(m), a, to);
+}
+
+// Which lane of two registers each lane is to hold: its own of the first, or, in the lanes `there`, one of the second:
+// those of `here`, in their order.
+static inline __m512i lanes_taken(unsigned there, unsigned here) {
+    __m512i second = _mm512_add_epi32(own_lanes(), _mm512_set1_epi32(LANES));
+    return _mm512_mask_expand_epi32(own_lanes(), (__mmask16)there,
+                                    _mm512_maskz_compress_epi32((__mmask16)here, second));
+}
+
+// The other way round from pack(): floats in a row into the lanes of `to`, for many, whose floats are in rows `stride`
+// apart. LANES floats are read.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    __m512i taken = lanes_taken(lanes, 0xffff);
+    for (int i = 0; i < count; i++)
+        to[i] = _mm512_permutex2var_ps(to[i], taken, load(from + (size_t)i * (size_t)stride));
 }
 
 static inline real fill(mask m, real a, const float *from) {

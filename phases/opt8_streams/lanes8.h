@@ -149,6 +149,55 @@ static inline real root_below(real a) {
     return a * _mm256_rsqrt_ps(a) * set(1.0f - 0x1p-11f);
 }
 
+// 1/√a to 11 bits, for normal a > 0.
+static inline real root_guess(real a) {
+    COUNT(root_guess, call);
+    return _mm256_rsqrt_ps(a);
+}
+
+// a·b + c in the lanes of m, a in the others.
+static inline real mul_add_where(mask m, real a, real b, real c) {
+    return _mm256_blendv_ps(a, _mm256_fmadd_ps(a, b, c), m.all);
+}
+
+static inline mask but_greater(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGT_UQ))};
+}
+
+static inline mask but_not_less(mask m, real a, real b) {
+    return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGE_UQ))};
+}
+
+// 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
+static inline real rough_inverse_root(real a) {
+    COUNT(rough_inverse_root, call);
+    real r = _mm256_rsqrt_ps(a);
+    return r * _mm256_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
+}
+
+static inline real rough_inverse(real a) {
+    COUNT(rough_inverse, call);
+    real r = _mm256_rcp_ps(a);
+    return r * _mm256_fnmadd_ps(a, r, set(2.0f));
+}
+
+// scale·√a for normal a > 0, to a few ulp, and two factors of 1/a, whose product may be below what is normal.
+static inline real root_and_inverse(real a, float scale, real *one, real *other) {
+    COUNT(root_and_inverse, call);
+    COUNT(root_and_inverse, eight);
+    real r = rough_inverse_root(a);
+    *one = *other = r;
+    return (a * r) * set(scale);
+}
+
+// a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.
+static inline real mantissa_near_1(real a, real *exponent) {
+    __m256i all = _mm256_castps_si256(a);
+    __m256i steps = _mm256_srai_epi32(_mm256_sub_epi32(all, _mm256_set1_epi32(0x3f400000)), 23);
+    *exponent = _mm256_cvtepi32_ps(steps);
+    return _mm256_castsi256_ps(_mm256_sub_epi32(all, _mm256_slli_epi32(steps, 23)));
+}
+
 static inline real floor_of(real a) {
     return _mm256_floor_ps(a);
 }
@@ -192,6 +241,19 @@ static inline half half_mul_add(half a, half b, half c) {
     return _mm256_fmadd_pd(a, b, c);
 }
 
+static inline half half_neg_mul_add(half a, half b, half c) {
+    return _mm256_fnmadd_pd(a, b, c);
+}
+
+// 1/√a to 11 bits.
+static inline half half_rough_inverse_root(half a) {
+    return _mm256_cvtps_pd(_mm_rsqrt_ps(_mm256_cvtpd_ps(a)));
+}
+
+static inline half half_root(half a) {
+    return _mm256_sqrt_pd(a);
+}
+
 static inline half half_floor(half a) {
     return _mm256_floor_pd(a);
 }
@@ -208,12 +270,40 @@ static inline real narrowed(half low, half high) {
     return _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low));
 }
 
-// The lanes of m in a row, from `to` on: at most LANES floats are written.
+// Of many rows: which lanes go first is told once; by a table, for no branch foresees where a loop over bits ends.
+typedef __m256i packing;
+
+#define PACK_LANE(m, lane)                                                                         \
+    ((m) >> (lane) & 1 ? (lane##ull) << 8 * __builtin_popcount((m) & ((1u << (lane)) - 1)) : 0)
+#define PACK_1(m)                                                                                  \
+    (PACK_LANE(m, 0) | PACK_LANE(m, 1) | PACK_LANE(m, 2) | PACK_LANE(m, 3) | PACK_LANE(m, 4) |     \
+     PACK_LANE(m, 5) | PACK_LANE(m, 6) | PACK_LANE(m, 7))
+#define PACK_4(m) PACK_1(m), PACK_1((m) + 1), PACK_1((m) + 2), PACK_1((m) + 3)
+#define PACK_16(m) PACK_4(m), PACK_4((m) + 4), PACK_4((m) + 8), PACK_4((m) + 12)
+#define PACK_64(m) PACK_16(m), PACK_16((m) + 16), PACK_16((m) + 32), PACK_16((m) + 48)
+
+static inline packing packing_of(mask m) {
+    static const unsigned long long lanes[256] = {PACK_64(0), PACK_64(64), PACK_64(128),
+                                                  PACK_64(192)};
+    return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)&lanes[bits(m)]));
+}
+
+static inline void pack_by(packing p, real a, float to[LANES]) {
+    _mm256_storeu_ps(to, _mm256_permutevar8x32_ps(a, p));
+}
+
+// The lanes of m in a row, from `to` on: LANES floats are written.
 static inline void pack(mask m, real a, float to[LANES]) {
-    float lanes[LANES];
-    unload(a, lanes);
-    for (unsigned rest = bits(m); rest; rest &= rest - 1)
-        *to++ = lanes[__builtin_ctz(rest)];
+    pack_by(packing_of(m), a, to);
+}
+
+// The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
+static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
+    for (; lanes; lanes &= lanes - 1, from++) {
+        float *lane = (float *)to + __builtin_ctz(lanes);
+        for (int i = 0; i < count; i++)
+            lane[i * LANES] = from[(size_t)i * (size_t)stride];
+    }
 }
 
 static inline real fill(mask m, real a, const float *from) {

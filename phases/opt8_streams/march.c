@@ -36,6 +36,7 @@ struct progress {
     struct exit exit;
     int left;  // steps that every ray has before its cap
     mask deep; // a ray that started inside a shape has stepped back out of it
+    mask told; // by lone.c, more exactly than floats could ask it here
     real inside;
     struct nearness near;
 };
@@ -275,8 +276,8 @@ static bool landed(struct progress *at, mask settled, struct vec direction,
         place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
     approach_origins(at->origin, scene, beam);
     at->near = near_hit(at->found, scene, beam);
-    mask off =
-        both(at->found, but_not(either(at->deep, settled), greater(at->near.distance, set(twice))));
+    mask asked = but_not(either(at->told, either(at->deep, settled)), at->found);
+    mask off = both(asked, greater(at->near.distance, set(twice)));
     if (!any(off))
         return false;
     ACTIVE(count_of(off));
@@ -339,6 +340,7 @@ static void recall(struct progress packets[GROUP], const struct rays *rays, stru
         at->last = keep(over, load(&desk->marched[MARCHED_LAST][slot]));
         at->evals = keep(rays->active[k], load(&desk->marched[MARCHED_EVALS][slot]));
         at->found = both(over, greater(found, set(0.5f)));
+        at->told = world->lone ? at->found : no_lane();
         group->live[k] = but_not(over, rays->active[k]);
         group->beam[k].list = rays->others;
     }
@@ -358,7 +360,7 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
         real zero = set(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
-        packets[k].found = packets[k].deep = no_lane();
+        packets[k].found = packets[k].deep = packets[k].told = no_lane();
         packets[k].inside = set(-1.0f);
         packets[k].start = rays->start;
         world->group.live[k] = rays->active[k];

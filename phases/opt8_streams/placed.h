@@ -59,11 +59,16 @@ struct list {
     const int *order; // of evaluation: steady shapes first, then by type
 };
 
+// Rays that end further from the surface end where the lengths of their steps say: lone.c tells those to 2⁻¹³ only.
+#define LONE_HIT 1e-4
+
 struct prepared {
     struct model model;
     struct placed *placed; // one per shape
     struct list all;
-    int bulbs;       // how many Mandelbulbs
+    int bulbs; // how many Mandelbulbs
+    bool
+        lone; // one, not repeated and within the bounds, with a plane at most, met to LONE_HIT: lone.c
     bool told;       // every shape has such a sphere, or is a plane: shadow cones say something
     float lit_slope; // see there in render.c
 };

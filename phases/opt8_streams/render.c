@@ -217,6 +217,24 @@ static void place_cone(struct placed *p, float q) {
     p->wide = 1 - p->slope_lit * p->slope_lit;
 }
 
+static bool stands_alone(const struct prepared *prepared) {
+    const struct model *model = &prepared->model;
+    int planes = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct placed *p = &prepared->placed[i];
+        if (p->type == SHAPE_MANDELBULB) {
+            const double *at = p->centre;
+            double away = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
+            if (p->repeated || !(away + p->a < model->march.bounds_radius * (1 - 1e-6)))
+                return false;
+        } else if (p->way == LINEAR)
+            planes++;
+        else
+            return false;
+    }
+    return prepared->bulbs == 1 && planes <= 1 && model->march.hit_distance < LONE_HIT;
+}
+
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
@@ -235,6 +253,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         place_cone(p, prepared->lit_slope);
         prepared->told = prepared->told && !p->repeated && p->way != POWER;
     }
+    prepared->lone = stands_alone(prepared);
     for (int steady = 1; steady >= 0; steady--)
         for (int type = 0; type < SHAPE_TYPES; type++)
             for (int i = 0; i < model->shape_count; i++)

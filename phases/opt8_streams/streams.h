@@ -42,6 +42,29 @@ enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
 // How far a shadow ray has come, where there is a Mandelbulb; LEG_END: of the stretch where that may be the nearest.
 enum leg { LEG_T, LEG_LEAST, LEG_TWICE, LEG_EVALS, LEG_END, LEGS };
 
+// Camera rays of lone.c, in the Mandelbulb's frame, from the place that is nearest to its centre.
+enum lone_field {
+    B_ORIGIN,
+    B_DIRECTION = 3,
+    B_T = 6, // from there, as two floats; until B_TO
+    B_MORE,
+    B_TO,
+    B_HEIGHT, // over the plane
+    B_SLOPE,
+    B_RAY, // its place on the desk
+    B_HAD, // steps so far
+    B_LANE,
+    B_BEFORE = B_LANE, // the way from the camera to there, as two floats
+    B_BEFORE_MORE,
+    B_SLOT, // its pixel
+    B_REST, // what origin and direction are more, as doubles
+    B_FIELDS = B_REST + 6
+};
+
+// Those of them that are close to it: see close.h.
+enum close_ray { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+enum { LONE_ROOM = STRIP_PIXELS + LANES, CLOSE_ROOM = 2 * STRIP_PIXELS + 2 * LANES };
+
 // A worker's own.
 struct desk {
     float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
@@ -50,6 +73,8 @@ struct desk {
     float gaze[3][STRIP_PIXELS], marched[MARCHED][STRIP_PIXELS]; // camera rays of bulb.c
     int gaze_at[STRIP_PIXELS / LANES], gazes;                    // the first pixel of each packet
     unsigned gaze_active[STRIP_PIXELS / LANES];
+    float lone[B_FIELDS][LONE_ROOM], close[C_FIELDS][CLOSE_ROOM], open[B_LANE][LONE_ROOM];
+    int lones, close_first, closes, opens;
     float leg[LEGS][ROOM];
     unsigned under_way[ROOM / LANES]; // the rays of each packet that have not ended
     int *shading,
@@ -65,6 +90,10 @@ struct lighting {
 // A packet of camera rays that wait for march_gazes(); slot: the pixel of its first lane.
 void gaze(struct vec direction, mask active, int slot, struct world *world);
 void march_gazes(struct world *world);
+// The same where a Mandelbulb is alone (placed.h); exact: the directions once more.
+void gaze_lone(struct vec direction, struct wide_vec exact, mask active, int slot,
+               struct world *world);
+void march_lone(struct world *world);
 
 // Work off the queues.
 void cast_shadows(struct world *world);

@@ -3,6 +3,7 @@
 // may be the nearest; through that in a stream (pool.h); and behind it as before. Its steps are the same: what is left
 // out is further than what is returned.
 #include "bounds.h"
+#include "bulb.h"
 #include "pool.h"
 
 struct stretch {
@@ -139,6 +140,18 @@ static inline bool walk_step(struct walk *walk, int k, float strength_sq, real c
     return shade_ends(k, before, group);
 }
 
+// What scene_distances() finds where nothing but a plane is left.
+static inline void plane_distances(struct group *group, const struct placed *plane) {
+    COUNT(plane_distances, call);
+    for (int i = 0; i < group->count; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(plane_distances, packet);
+        const struct approach *a = &group->beam[k].approach[(int)plane->index];
+        group->distance[k] = mul_add(a->direction.x, group->t[k], a->origin.x);
+    }
+}
+
 // Four packets of the queue, as far as the stretch, or from behind it on.
 static void walk_among(int first, bool before, struct list others, struct world *world) {
     COUNT(walk_among, call);
@@ -154,8 +167,12 @@ static void walk_among(int first, bool before, struct list others, struct world 
     unsigned begun = 0;
     for (int i = 0; i < group->count; i++)
         begun |= 1u << group->list[i];
+    const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
     while (group->count > 0) {
-        scene_distances(group, world->scene);
+        if (world->scene->lone && plane)
+            plane_distances(group, plane);
+        else
+            scene_distances(group, world->scene);
         for (int i = 0; i < group->count;) {
             if (walk_step(&walk, group->list[i], strength_sq, cap, world))
                 i++;
@@ -238,6 +255,30 @@ static inline int pool_step(struct pool *pool, int k, float strength_sq, real ca
     return __builtin_popcount(bits(stay));
 }
 
+// What scene_distances() finds where a Mandelbulb is alone: nobody asks which shape is awake.
+static inline void lone_distances(struct group *group, const struct placed *bulb,
+                                  const struct placed *plane) {
+    COUNT(lone_distances, call);
+    struct orbit b[GROUP];
+    struct vec p[GROUP];
+    int i = (int)bulb->index;
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(group->live[k]));
+        COUNT(lone_distances, packet);
+        const struct approach *a = &group->beam[k].approach[i];
+        p[k] = vec_along(a->origin, a->direction, group->t[k]);
+        bulb_begin(&b[k], p[k], group->live[k]);
+    }
+    bulbs_end(bulb, 0, false, false, false, GROUP, b, p, group->distance);
+    for (int k = 0; plane && k < GROUP; k++) {
+        ACTIVE(count_of(group->live[k]));
+        COUNT(lone_distances, plane);
+        const struct approach *a = &group->beam[k].approach[(int)plane->index];
+        real height = mul_add(a->direction.x, group->t[k], a->origin.x);
+        group->distance[k] = least_of(group->distance[k], height);
+    }
+}
+
 static void through_stretches(struct world *world) {
     COUNT(through_stretches, call);
     struct group *group = &world->group;
@@ -246,9 +287,14 @@ static void through_stretches(struct world *world) {
     struct stream stream;
     stream_begin(&stream, (world->desk->shadows + LANES - 1) / LANES, true, world);
     real cap = set((float)step_cap(model));
+    const struct placed *bulb = the_one(SHAPE_MANDELBULB, world->scene);
+    const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
     for (int live; (live = refill(&stream, world)) > 0;) {
         for (int least = enough(&stream, live); live > least;) {
-            scene_distances(group, world->scene);
+            if (world->scene->lone)
+                lone_distances(group, bulb, plane);
+            else
+                scene_distances(group, world->scene);
             live = 0;
             for (int i = 0; i < group->count; i++) {
                 int k = group->list[i];

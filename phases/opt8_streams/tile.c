@@ -55,6 +55,31 @@ static struct vec get_direction(struct block block, const struct frame *frame,
     return vec_scale(d, set(1.0f) / vec_norm(d));
 }
 
+// The same in doubles: as floats, rays would pass by what they are to meet.
+static struct wide_vec exact_direction(struct block block, const struct frame *frame,
+                                       const struct view *view) {
+    COUNT(exact_direction, call);
+    double per_height = view->tan_half_fov / frame->height;
+    real zero = set(0.0f), row = load(row_below) + set((float)block.row);
+    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
+    real rows = set((float)(frame->height - 1)) - (row + row);
+    wide x = wide_mul(wide_sum(columns, zero), per_height);
+    wide y = wide_mul(wide_sum(rows, zero), per_height);
+    wide d[3];
+    half low = half_set(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = wide_mul_add(x, view->right[i], wide_mul(y, view->up[i]));
+        d[i] = wide_less(d[i], -view->forward[i]);
+        low = half_mul_add(d[i].low, d[i].low, low);
+        high = half_mul_add(d[i].high, d[i].high, high);
+    }
+    low = half_set(1.0) / half_root(low);
+    high = half_set(1.0) / half_root(high);
+    for (int i = 0; i < 3; i++)
+        d[i] = (wide){d[i].low * low, d[i].high * high};
+    return (struct wide_vec){d[0], d[1], d[2]};
+}
+
 static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
                         real values) {
     float lanes[LANES];
@@ -216,8 +241,14 @@ static void gaze_patch(const struct patch *patch, int at, const struct job *job,
         mask active = in_picture(block);
         ACTIVE(count_of(active));
         COUNT(gaze_patch, packet);
-        if (any(active))
-            gaze(get_direction(block, job->frame, job->view), active, at + i * LANES, world);
+        if (!any(active))
+            continue;
+        struct vec direction = get_direction(block, job->frame, job->view);
+        if (world->lone)
+            gaze_lone(direction, exact_direction(block, job->frame, job->view), active,
+                      at + i * LANES, world);
+        else
+            gaze(direction, active, at + i * LANES, world);
     }
 }
 
@@ -361,6 +392,11 @@ static int strips_across(const struct frame *frame) {
     return (tiles_across(frame) + STRIP - 1) / STRIP;
 }
 
+static bool within_bounds(const struct view *view, const struct model *model) {
+    const double *at = view->position, most = model->march.bounds_radius * (1 - 1e-6);
+    return at[0] * at[0] + at[1] * at[1] + at[2] * at[2] < most * most;
+}
+
 static void draw_strip(const struct job *job, int strip, void *memory) {
     COUNT(draw_strip, call);
     COUNT(draw_strip, scalar);
@@ -369,9 +405,10 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     struct own own = own_of(memory, shapes);
     struct desk *desk = (struct desk *)((char *)memory + desk_at(shapes));
     desk->shading = (int *)((char *)desk + whole_lines(sizeof *desk));
-    desk->mirrors = desk->shadows = desk->gazes = 0;
+    desk->mirrors = desk->shadows = desk->gazes = desk->lones = 0;
     struct world world = {.scene = scene, .view = job->view, .own = &own, .desk = desk};
     world.eye = place_of(job->view->position);
+    world.lone = scene->lone && within_bounds(job->view, &scene->model);
     place_beams(&world.group, &own, shapes);
     struct drawn drawn[STRIP], squares;
     int first = strip % across * STRIP, row = strip / across * tiles_across(job->frame);
@@ -386,6 +423,8 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     }
     if (desk->gazes > 0)
         march_gazes(&world);
+    if (desk->lones > 0)
+        march_lone(&world);
     for (int i = 0; i < count; i++)
         render_patches(&drawn[i], i * TILE_PIXELS, job, &world);
     follow_mirrors(&world);

@@ -12,8 +12,17 @@ struct world {
     struct group group; // of the rays being marched now
     struct own *own;    // the worker's (tiles.h)
     struct place eye;
+    bool lone; // camera rays go by lone.c
     struct desk *desk;
 };
+
+// NULL: there is none.
+static inline const struct placed *the_one(enum shape_type type, const struct prepared *scene) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (scene->placed[i].type == type)
+            return &scene->placed[i];
+    return NULL;
+}
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
 struct rays {

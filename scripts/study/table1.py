@@ -13,7 +13,7 @@ BASE = "baseline"
 TERMS = {
     "into the shape's frame": """
         apply_transform rotate_point approach* wrap* turned* distance_to_shape coordinate vec_wrapped
-        stay_in place_at place_sub wide_* places lane_place
+        stay_in place_at place_sub wide_* places places_along lane_place
     """,
     "vector library": """
         vec_* new_vector root_* rough_* inverse_root inverses_of known_inverses least_lane most_lane
@@ -60,11 +60,11 @@ TERMS = {
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
         stay_in advance* step* leap over take_bulb refill_* retire_* close_first prepare_close put_pieces
         put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
-        look_around rod_step land_rods set_out_rods aim fill
+        look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
     """,
     "rays of the camera": """
         get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch*
-        render_tile column_of direction_in row_of_picture
+        render_tile column_of direction_in row_of_picture exact_direction
     """,
 }
 OTHER = "other functions"  # of a phase that is not the project's own

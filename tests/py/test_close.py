@@ -1,5 +1,5 @@
-"""opt9_convex's polynomials in place of the Mandelbulb's first iteration (close.h), against the map
-by angles; and a camera within its bounding sphere, against baseline.
+"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration (close.h),
+against the map by angles; and a camera within its bounding sphere, against baseline.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from study import images, registry
 from study.build import build
 from study.registry import ROOT
 
-PHASES = ("opt9_convex", "opt10_scene")  # with the same source
+PHASES = ("opt8_streams", "opt9_convex", "opt10_scene")  # each with its own copy
 TERMS = 6
 
 
@@ -81,7 +81,8 @@ def test_polynomials_are_the_first_iteration(phase: str) -> None:
 @pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASES[0]])), reason=f"the CPU lacks what {PHASES[0]} needs"
 )
-def test_a_camera_within_the_bounding_sphere(tmp_path: Path) -> None:
+@pytest.mark.parametrize("phase", PHASES[:2])
+def test_a_camera_within_the_bounding_sphere(phase: str, tmp_path: Path) -> None:
     """Its picture is baseline's, in depth as much as opt4's is, averaged over 4 × 4 as well."""
     scene = json.loads(registry.scenes()["mandelbulb_closeup"].path.read_text())
     scene["camera"]["position"] = [0.09, 0.31, 4.93]  # 1.12 from the centre
@@ -89,10 +90,10 @@ def test_a_camera_within_the_bounding_sphere(tmp_path: Path) -> None:
     path = tmp_path / "near.json"
     path.write_text(json.dumps(scene))
     pictures = {}
-    for phase in ("baseline", "opt4", PHASES[0]):
-        out = tmp_path / f"{phase}.exr"
-        subprocess.run([build(phase), path, "-n", "64", "--aov", "-o", out], check=True, capture_output=True)
-        pictures[phase] = images.read(out)
+    for name in ("baseline", "opt4", phase):
+        out = tmp_path / f"{name}.exr"
+        subprocess.run([build(name), path, "-n", "64", "--aov", "-o", out], check=True, capture_output=True)
+        pictures[name] = images.read(out)
     base = pictures.pop("baseline")
     assert (base["id"] >= 0).sum() > 5000
 
@@ -100,6 +101,6 @@ def test_a_camera_within_the_bounding_sphere(tmp_path: Path) -> None:
         agree = (image["id"] == base["id"]) & (np.abs(image["Z"] - base["Z"]) <= 1e-3 * base["Z"])
         return 1 - agree.mean(), images.antialiased(base, image)["rmse"]
 
-    ours, opt4 = error(pictures[PHASES[0]]), error(pictures["opt4"])
+    ours, opt4 = error(pictures[phase]), error(pictures["opt4"])
     assert ours[0] <= opt4[0]
     assert ours[1] <= opt4[1]
