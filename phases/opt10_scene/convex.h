@@ -157,6 +157,10 @@ static inline int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
+static inline float larger(float a, float b) { // fmaxf is a call
+    return a > b ? a : b;
+}
+
 INLINE struct vec in_frame(const struct placed *s, struct vec p) {
     return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
                                   p.z - set(s->position[2])});

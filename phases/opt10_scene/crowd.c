@@ -200,10 +200,11 @@ int crowd_along(struct vec origin, struct vec direction, mask active, const stru
 
 // Behind the spheres at the top of the tree, whatever is in them, no term comes below 1.
 static void end_behind_all(struct rays *r, const struct prepared *scene) {
+    COUNT(end_behind_all, call);
     COUNT(end_behind_all, scalar);
     const struct spheres *s = &scene->tree.level[scene->tree.levels - 1];
     float q = scene->lit_slope;
-    real wide = set(fmaxf(1.0f - q * q, 1e-6f)), zero = set(0.0f);
+    real wide = set(larger(1.0f - q * q, 1e-6f)), zero = set(0.0f);
     for (int i = 0; i < s->count; i++) {
         COUNT(end_behind_all, sphere);
         COUNT(end_behind_all, radius);

@@ -21,10 +21,6 @@ static inline mask within_reach(struct vec centre, real radius, const void *with
     return less(vec_dot(off, off), r * r);
 }
 
-static float picked(mask one, real x) {
-    return least_lane(choose(one, x, set(INFINITY)));
-}
-
 static void find_close_by(struct beam *beam, float slack, const struct prepared *scene) {
     COUNT(find_close_by, call);
     COUNT(find_close_by, scalar);
@@ -54,17 +50,16 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
     const struct prepared *scene = work->scene;
     struct vicinity *v = &beam->near;
     struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
-    unsigned lane = bits(last) & (0u - bits(last)); // one of them
-    mask one = lanes_of(lane);
-    float near = picked(one, h), left = picked(one, w->march.end - w->march.t);
-    v->within = fmaxf(WIDER * near, VICINITY * scene->tree.spacing);
+    int one = __builtin_ctz(bits(last));
+    float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
+    v->within = larger(WIDER * near, VICINITY * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
-    float on = fmaxf(AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
+    float on = larger(AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
     struct vec ahead = vec_along(p, l, set(on));
-    v->start = (struct vec){set(picked(one, ahead.x)), set(picked(one, ahead.y)),
-                            set(picked(one, ahead.z))};
-    v->along = (struct vec){set(picked(one, l.x)), set(picked(one, l.y)), set(picked(one, l.z))};
-    v->length = fmaxf(fminf(LENGTH * scene->tree.spacing, left - on), 0.0f);
+    v->start = vec_of_lane(&ahead, one);
+    v->along = vec_of_lane(&l, one);
+    float most = LENGTH * scene->tree.spacing, rest = left - on;
+    v->length = larger(rest < most ? rest : most, 0.0f);
     v->room = v->within - MARGIN * near;
     find_close_by(beam, slack, scene);
     for (int i = 0; i < beam->count; i++) {
@@ -76,44 +71,50 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
     }
 }
 
-// To the solid's bounding sphere by an approximate root, to 10 bits and less by that much.
-static inline real surely_off(const struct close_by *c, struct vec at) {
-    COUNT(surely_off, call);
-    struct vec to = {at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
-    real square = most_of(vec_dot(to, to), set(1e-30f));
-    return square * root_guess(square) * set(1 - 0x1p-10f) - set(c->bound);
+static inline struct vec from_centre(const struct close_by *c, struct vec at) {
+    return (struct vec){at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
 }
 
-// What was h at t, or a bound of it, wakes where h + t is no more than the nearest shape's distance + t, see nearest().
-static inline real wakes_at(real h, real t) {
-    return (h + t) * set(1.0f - 0x1p-18f);
+// How far the solid's bounding sphere is, whose centre is `square` away squared, by an approximate root, to 10 bits and less by
+// that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
+// stays above its tangent.
+static inline real surely_off(const struct close_by *c, const struct walk *w, struct vec from,
+                              real square, struct below *below) {
+    COUNT(surely_off, call);
+    square = most_of(square, set(1e-30f));
+    real guess = root_guess(square);
+    real far = square * guess * set(1 - 0x1p-10f) - set(c->bound);
+    below->slope = mul_sub(vec_dot(from, w->rays.to_light), guess, set(0x1p-10f));
+    below->rest = neg_mul_add(below->slope + set(0x1p-18f), w->march.t, far);
+    return far;
 }
 
 static inline real beginning(const struct walk *w) {
     return choose(stands_still(w), set(-INFINITY), set(INFINITY));
 }
 
-void vicinity_wakes(struct beam *beam) {
-    COUNT(vicinity_wakes, call);
+void vicinity_below(struct beam *beam) {
+    COUNT(vicinity_below, call);
     struct vicinity *v = &beam->near;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
         ACTIVE(LANES - count_of(stands_still(w)));
-        COUNT(vicinity_wakes, packet);
-        struct vec at = vec_along(w->from, w->rays.to_light, w->march.t);
-        real nearest = beginning(w), t = w->march.t, *wakes = v->wakes + i;
+        COUNT(vicinity_below, packet);
+        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        real nearest = beginning(w);
+        struct below *below = v->below + i;
         int recent = 0, solids = v->solids;
         const struct close_by *shapes = v->shapes;
-        for (int k = 0; k < solids; k++, wakes += BEAM) {
-            COUNT(vicinity_wakes, shape);
-            real far = surely_off(&shapes[k], at);
-            *wakes = wakes_at(far, t);
+        for (int k = 0; k < solids; k++, below += BEAM) {
+            COUNT(vicinity_below, shape);
+            struct vec from = from_centre(&shapes[k], w->at);
+            real far = surely_off(&shapes[k], w, from, vec_dot(from, from), below);
             recent = any(less(far, nearest)) ? k : recent;
             nearest = least_of(far, nearest);
         }
         w->recent = recent;
-        for (int k = solids; k < v->count; k++, wakes += BEAM)
-            *wakes = set(-INFINITY);
+        for (int k = solids; k < v->count; k++, below += BEAM)
+            *below = (struct below){set(-INFINITY), set(0.0f)};
     }
 }
 
@@ -136,96 +137,86 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     COUNT(distance_to, call);
     const struct placed *s = c->shape;
     mask own = both(w->rays.active, same_shape(w->rays.shape, (int)s->index));
-    if (s->way == LINEAR) {
-        COUNT(distance_to, plane);
-        real height = drop(own, height_over(s, w->rays.point));
-        return mul_add(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light), height);
-    }
+    if (s->way == LINEAR)
+        return height_along(s, own, w);
     COUNT(distance_to, solid);
-    struct vec p = {w->at.x - set(c->place[0]), w->at.y - set(c->place[1]),
-                    w->at.z - set(c->place[2])};
+    struct vec p = from_centre(c, w->at);
     p = turned(s, p);
     return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
 }
 
-// c: shape k of the vicinity; when it wakes for these rays goes to *wakes.
-static inline void ask_about(const struct close_by *c, int k, struct walk *w, real *wakes) {
+// c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
+static inline void ask_about(const struct close_by *c, int k, struct walk *w, struct below *below) {
     COUNT(ask_about, call);
     real h = distance_to(c, w);
-    *wakes = wakes_at(h, w->march.t);
+    *below = (struct below){(h + w->march.t) * set(1.0f - 0x1p-18f), set(-1.0f)};
     w->recent = any(less(h, w->least)) ? k : w->recent;
     w->least = least_of(h, w->least);
 }
 
-// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known: its distance to 10 bits, less
-// that much, is then when it wakes.
-static inline bool too_far(const struct close_by *c, const struct walk *w, real *wakes) {
+// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known. Told by squares, for a branch
+// waits for it: without a root, and what is known then is worked out behind it.
+static inline bool too_far(const struct close_by *c, const struct walk *w, struct below *below) {
     COUNT(too_far, call);
-    real t = w->march.t, then = wakes_at(surely_off(c, w->at), t);
-    if (any(not_less(w->least + t, then))) // so it is of planes
+    struct vec from = from_centre(c, w->at);
+    real square = vec_dot(from, from);
+    real reach = mul_add(w->march.t, set(0x1p-18f), w->least + set(c->bound));
+    reach = most_of(reach, set(0.0f));                            // 0 of rays that stand still
+    if (any(not_less(reach * reach, square * set(1 - 0x1p-16f)))) // so it is of planes
         return false;
-    *wakes = then;
+    surely_off(c, w, from, square, below);
     return true;
 }
 
-enum { AT_ONCE = 64 }; // shapes; of each a byte, of each packet a bit
-_Static_assert((int)BEAM <= 8, "a bit for each");
+enum { AT_ONCE = 64 }; // shapes, of each a bit
 
-// Sets packet i's bit of those shapes from `first` on, AT_ONCE at most, that may be nearer to one of its rays than what is.
-static inline void wake(const struct vicinity *v, int first, int i, const struct walk *w,
-                        unsigned awake[AT_ONCE / 4]) {
+static inline real may_be(const struct below *below, real t) {
+    return mul_add(below->slope, t, below->rest);
+}
+
+// Of the shapes from `first` on, AT_ONCE at most, the bits of those that may be nearer to one of a packet's rays than what is.
+static inline unsigned long long wake(const struct below *below, int count, const struct walk *w) {
     COUNT(wake, call);
-    int count = lesser(v->count - first, AT_ONCE);
-    real until = w->least + w->march.t;
-    const real *wakes = &v->wakes[first * BEAM + i];
+    real least = w->least, t = w->march.t;
+    unsigned long long awake = 0;
     for (int k = 0; k < count;
-         k += 4, wakes += 4 * BEAM) { // what is read behind the last is of no shape
+         k += 4, below += 4 * BEAM) { // what is read behind the last is of no shape
         COUNT(wake, four);
-        unsigned which =
-            any_of_four(not_less(until, wakes[0]), not_less(until, wakes[BEAM]),
-                        not_less(until, wakes[2 * BEAM]), not_less(until, wakes[3 * BEAM]));
-        awake[k / 4] |= (which * 0x204081u & 0x01010101u) << i; // bit k of `which`: bit 8·k
+        unsigned long long which = any_of_four(not_less(least, may_be(&below[0], t)),
+                                               not_less(least, may_be(&below[BEAM], t)),
+                                               not_less(least, may_be(&below[2 * BEAM], t)),
+                                               not_less(least, may_be(&below[3 * BEAM], t)));
+        awake |= which << k;
     }
+    return count < AT_ONCE ? awake & ((1ull << count) - 1) : awake;
 }
 
 // The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
-// one's distance waits for its root. And each is asked for all packets at once, for the same reason.
+// one's distance waits for its root.
 void vicinity_nearest(struct beam *beam) {
+    COUNT(vicinity_nearest, call);
     const struct vicinity *v = &beam->near;
     const struct close_by *shapes = v->shapes; // what is stored may not change it
-    struct walk *walk = beam->walk;
-    real *wakes = v->wakes;
-    unsigned moving = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
+        struct below *below = v->below + i;
         if (all(stands_still(w)))
             continue;
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_nearest, packet);
-        moving |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = beginning(w);
         if (v->count > 0)
-            ask_about(&shapes[w->recent], w->recent, w, &wakes[w->recent * BEAM + i]);
-    }
-    for (int first = 0; first < v->count; first += AT_ONCE) {
-        unsigned awake[AT_ONCE / 4] = {0};
-        for (unsigned rest = moving; rest; rest &= rest - 1) {
-            int i = __builtin_ctz(rest), asked = beam->walk[i].recent - first;
-            ACTIVE(LANES - count_of(stands_still(&beam->walk[i])));
-            wake(v, first, i, &beam->walk[i], awake);
-            if (asked >= 0 && asked < AT_ONCE)
-                awake[asked / 4] &= ~(1u << (8 * (asked % 4) + i));
-        }
-        int count = lesser(v->count - first, AT_ONCE);
-        for (int k = 0; k < count; k++) {
-            const struct close_by *c = &shapes[first + k];
-            real *row = &wakes[(first + k) * BEAM];
-            for (unsigned rest = ((const unsigned char *)awake)[k]; rest; rest &= rest - 1) {
-                int i = __builtin_ctz(rest);
-                ACTIVE(LANES - count_of(stands_still(&walk[i])));
-                if (!too_far(c, &walk[i], &row[i]))
-                    ask_about(c, first + k, &walk[i], &row[i]);
+            ask_about(&shapes[w->recent], w->recent, w, &below[w->recent * BEAM]);
+        for (int first = 0, asked = w->recent; first < v->count; first += AT_ONCE) {
+            unsigned long long rest =
+                wake(&below[first * BEAM], lesser(v->count - first, AT_ONCE), w);
+            if (asked >= first && asked < first + AT_ONCE)
+                rest &= ~(1ull << (asked - first));
+            for (; rest; rest &= rest - 1) {
+                int k = first + __builtin_ctzll(rest);
+                if (!too_far(&shapes[k], w, &below[k * BEAM]))
+                    ask_about(&shapes[k], k, w, &below[k * BEAM]);
             }
         }
     }

@@ -4,7 +4,7 @@
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
 enum { LOOK = 6 }; // steps in a vicinity until it is asked which rays have ended
 // A slope that much less than when it was asked what is in the way: asked again.
-#define LESS_SLOPE 0.9f
+#define LESS_SLOPE 0.75f
 
 // The bits of a and two zeros by turns.
 static unsigned apart(unsigned a) {
@@ -26,10 +26,8 @@ static void sort_by(const unsigned short *code, int shift, int count, const unsi
         to[first[code[from[i]] >> shift & 255]++] = from[i];
 }
 
-// Rays from one solid are a beam: those of a packet are from one as far as there are enough, in the tree's order. Rays
-// from planes behind them, by Morton's order (G. M. Morton, "A computer oriented geodetic data base", IBM 1966).
-static void crowd_sort(struct desk *desk, const struct prepared *scene) {
-    int count = desk->shadows;
+// Morton's order, of rays from planes (G. M. Morton, "A computer oriented geodetic data base", IBM 1966).
+static void code_places(struct desk *desk, int count) {
     for (int i = 0; i < count; i++)
         desk->code[i] = 0;
     for (int k = 0; k < 3; k++) {
@@ -43,6 +41,14 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
         for (int i = 0; i < count; i++)
             desk->code[i] |= (unsigned short)(apart((unsigned)((x[i] - least) * per)) << k);
     }
+}
+
+// Rays from one solid are a beam: those of a packet are from one as far as there are enough, in the tree's order. Rays
+// from planes behind them.
+static void crowd_sort(struct desk *desk, const struct prepared *scene) {
+    int count = desk->shadows;
+    if (scene->plane_count)
+        code_places(desk, count);
     for (int i = 0; i < count; i++) {
         const struct placed *s = &scene->placed[(int)desk->shadow[S_SHAPE][i]];
         desk->code[i] = (unsigned short)(s->way == LINEAR ? desk->code[i] | BEHIND : s->rank);
@@ -207,7 +213,7 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     real h = least_of(m->t, m->previous + m->previous);
     vicinity_about(beam, last, h, but_not(m->done, not_less(set(rear), m->t)), work);
     close_ranks(beam, work->desk);
-    vicinity_wakes(beam);
+    vicinity_below(beam);
     return true;
 }
 
@@ -226,67 +232,98 @@ static void thin_out(struct beam *beam, const struct convex *work) {
         if (!all(stands_still(&beam->walk[i])))
             look_ahead(&beam->walk[i], work);
     if (close_ranks(beam, work->desk))
-        vicinity_wakes(beam);
+        vicinity_below(beam);
 }
 
-// The first steps of rays that are from one solid, as long as no other can be as near: from its position no other's bounding
-// sphere is nearer than `alone`. The planes' heights are in `nears`.
-static void leave_solid(struct walk *w, int shape, mask own, const struct near *nears,
-                        real strength, real hit, const struct convex *work) {
-    COUNT(leave_solid, call);
-    COUNT(leave_solid, scalar);
-    const struct prepared *scene = work->scene;
-    const struct placed *s = &scene->placed[shape];
-    struct near seen;
-    see_along(&w->rays, shape, &seen, work);
-    const struct near near = seen; // no store may change it
-    struct march *m = &w->march;
-    real alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
-    mask still = either(not_in(own), m->done), done = m->done;
-    for (int left = scene->model.march.max_steps; left > 0; left--) {
-        ACTIVE(LANES - count_of(still));
-        COUNT(leave_solid, asked);
-        real h = distance_along(&near, m->t, s), room = alone - h;
-        if (near.power) {
-            COUNT(leave_solid, power);
-        }
-        struct vec p = vec_along(near.origin, near.direction, m->t);
-        mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
-        still = either(still, not_in(sure));
-        if (all(still))
-            break;
-        for (int k = 0; k < scene->plane_count; k++) {
-            COUNT(leave_solid, plane);
-            const struct near *plane = &nears[scene->planes[k]];
-            h = least_of(h, mul_add(m->t, plane->direction.x, plane->origin.x));
-        }
-        step_but(m, still, h, strength, hit);
-        done = either(done, but_not(still, m->done));
-        still = either(still, m->done);
-    }
-    m->done = done;
-}
-
-static void leave_solids(struct walk *w, const struct near *nears, real strength, real hit,
-                         const struct convex *work) {
+// The first steps of a packet's rays that are from one solid, as long as no other can be as near: from its position no other's
+// bounding sphere is nearer than `alone`.
+struct leaving {
+    struct near near;
+    const struct placed *solid;
+    real alone;
+    mask still, done;
+    unsigned rest; // the packet's rays whose solids come next
+    int left;      // steps
     float shapes[LANES];
-    unload(w->rays.shape, shapes);
-    for (unsigned rest = bits(not_in(w->march.done)); rest;) {
-        int shape = (int)shapes[__builtin_ctz(rest)];
-        mask own = both(lanes_of(rest), same_shape(w->rays.shape, shape));
-        rest &= ~bits(own);
+};
+
+// Those from the next solid; whether there are any.
+static bool next_solid(struct walk *w, struct leaving *l, const struct convex *work) {
+    COUNT(next_solid, call);
+    const struct prepared *scene = work->scene;
+    while (l->rest) {
+        int shape = (int)l->shapes[__builtin_ctz(l->rest)];
+        mask own = both(lanes_of(l->rest), same_shape(w->rays.shape, shape));
+        l->rest &= ~bits(own);
         ACTIVE(count_of(own));
-        COUNT(leave_solids, shape);
-        const struct placed *s = &work->scene->placed[shape];
+        COUNT(next_solid, shape);
+        const struct placed *s = &scene->placed[shape];
         if (s->way == LINEAR)
             continue;
+        COUNT(next_solid, scalar);
         w->local_to = vec_choose(own, turned(s, w->rays.to_light), w->local_to);
-        leave_solid(w, shape, own, nears, strength, hit, work);
+        see_along(&w->rays, shape, &l->near, work);
+        l->solid = s;
+        l->alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+        l->still = either(not_in(own), w->march.done);
+        l->done = w->march.done;
+        l->left = scene->model.march.max_steps;
+        return true;
     }
+    return false;
+}
+
+// One step; whether there is another.
+static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
+                     const struct prepared *scene) {
+    ACTIVE(LANES - count_of(l->still));
+    COUNT(leave_on, call);
+    struct march *m = &w->march;
+    real h = distance_along(&l->near, m->t, l->solid), room = l->alone - h;
+    if (l->near.power) {
+        COUNT(leave_on, power);
+    }
+    struct vec p = vec_along(l->near.origin, l->near.direction, m->t);
+    mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
+    mask still = either(l->still, not_in(sure));
+    if (all(still))
+        return false;
+    for (int k = 0; k < scene->plane_count; k++) {
+        COUNT(leave_on, plane);
+        h = least_of(h, height_along(&scene->placed[scene->planes[k]], no_lane(), w));
+    }
+    step_but(m, still, h, strength, hit);
+    l->done = either(l->done, but_not(still, m->done));
+    l->still = either(still, m->done);
+    return --l->left > 0;
+}
+
+// Of all packets by turns: a step waits for its root, and for the one before it.
+static void leave_solids(struct beam *beam, real strength, real hit, const struct convex *work) {
+    struct leaving packets[BEAM];
+    unsigned open = 0;
+    for (int i = 0; i < beam->count; i++) {
+        struct walk *w = &beam->walk[i];
+        packets[i].rest = bits(not_in(w->march.done));
+        unload(w->rays.shape, packets[i].shapes);
+        open |= (unsigned)next_solid(w, &packets[i], work) << i;
+    }
+    while (open)
+        for (unsigned rest = open; rest; rest &= rest - 1) {
+            int i = __builtin_ctz(rest);
+            struct walk *w = &beam->walk[i];
+            struct leaving *l = &packets[i];
+            if (leave_on(w, l, strength, hit, work->scene))
+                continue;
+            w->march.done = l->done;
+            if (!next_solid(w, l, work))
+                open &= ~(1u << i);
+        }
 }
 
 // A step of all rays in the vicinity; whether there are any.
 static bool walk_on(struct beam *beam, real strength, real hit) {
+    COUNT(walk_on, call);
     bool moves = false;
     vicinity_nearest(beam);
     for (int i = 0; i < beam->moving; i++) {
@@ -335,6 +372,7 @@ static void begin_walk(struct walk *w, const struct convex *work) {
 
 // In the order of the queue, whatever the packets were.
 static void add_answers(int first, struct desk *desk) {
+    COUNT(add_answers, call);
     for (int at = first; at < desk->shadows && at < first + BEAM_RAYS; at += LANES) {
         const unsigned short *order = desk->order[0] + at;
         int left = desk->shadows - at, count = left < LANES ? left : LANES;
@@ -399,12 +437,13 @@ static void cast_beam(int first, const struct convex *work) {
     struct beam beam; // not zeroed: walks begin below
     beam.count = beam.moving = 0;
     beam.near.list = desk->vicinity;
-    _Static_assert(sizeof *second >= BEAM * sizeof(real) + sizeof(struct close_by),
+    _Static_assert(2 * sizeof *second >= BEAM * sizeof(struct below) + sizeof(struct close_by),
                    "room for both");
-    _Static_assert(3 * BEAM * sizeof(real) <= CROWD * sizeof(struct close_by),
+    _Static_assert(3 * BEAM * sizeof(struct below) <=
+                       CROWD * (2 * sizeof *second - BEAM * sizeof(struct below)),
                    "wake() reads three rows behind the last");
-    beam.near.wakes = (real *)second;
-    beam.near.shapes = (struct close_by *)(beam.near.wakes + (size_t)model->shape_count * BEAM);
+    beam.near.below = (struct below *)second;
+    beam.near.shapes = (struct close_by *)(beam.near.below + (size_t)model->shape_count * BEAM);
     for (int k = 0; k < 3; k++)
         beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
     int at = first;
@@ -417,8 +456,8 @@ static void cast_beam(int first, const struct convex *work) {
         bundle = bundle_about(&beam.walk[i], 1);
         crowd_about_packet(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
         begin_walk(&beam.walk[i], work);
-        leave_solids(&beam.walk[i], desk->near, strength, hit, work);
     }
+    leave_solids(&beam, strength, hit, work);
     // Steps, and looks: one that no step comes of, as of a place that is no number, is taken as often as the rays may step
     // at most, twice, and not for ever.
     long left = 2L * model->march.max_steps * BEAM_RAYS;

@@ -5,7 +5,7 @@
 
 #include "umbra.h"
 
-enum { BEAM_RAYS = 64, BEAM = BEAM_RAYS / LANES };
+enum { BEAM = 8, BEAM_RAYS = BEAM * LANES };
 
 // A packet of them. The rays come apart, so only those in the vicinity are marched; the others wait.
 struct walk {
@@ -29,6 +29,11 @@ struct close_by {
     float place[3], bound; // from the beam's; of the sphere about it, ∞: a plane
 };
 
+// What the distances of a packet's rays to a shape are never below further on: rest + slope·t.
+struct below {
+    real rest, slope;
+};
+
 // All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
 struct vicinity {
     struct vec start, along;
@@ -36,8 +41,7 @@ struct vicinity {
     int count, solids;          // those are the first ones, planes the others
     int *list;
     struct close_by *shapes;
-    real *
-        wakes; // of each shape and packet: where t + the nearest distance is less, so is that shape
+    struct below *below; // of each shape and packet
 };
 
 struct beam {
@@ -65,9 +69,16 @@ static inline real distance_off(const struct vicinity *v, struct vec at) {
 void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
                     const struct convex *work);
 // What the rays can know of each shape from afar.
-void vicinity_wakes(struct beam *beam);
+void vicinity_below(struct beam *beam);
 // Sets `at` and `least` of the packets with rays that do not stand still.
 void vicinity_nearest(struct beam *beam);
+
+// How high the rays of a packet are over a plane, where they are now; those in `own` are from it.
+static inline real height_along(const struct placed *s, mask own, const struct walk *w) {
+    COUNT(height_along, call);
+    return mul_add(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
+                   drop(own, height_over(s, w->rays.point)));
+}
 
 static inline mask stands_still(const struct walk *w) {
     return either(w->march.done, w->waits);

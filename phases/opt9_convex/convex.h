@@ -189,8 +189,18 @@ static inline int lesser(int a, int b) {
     return a < b ? a : b;
 }
 
+static inline float larger(float a, float b) { // fmaxf is a call
+    return a > b ? a : b;
+}
+
 static inline mask same_shape(real shape, int i) {
     return less(absolute(shape - set((float)i)), set(0.5f));
+}
+
+static inline float lane_of(real a, int lane) {
+    float lanes[LANES];
+    unload(a, lanes);
+    return lanes[lane];
 }
 
 #endif

@@ -10,6 +10,11 @@ static inline int and_planes(const struct prepared *scene, int *list, int count)
     return count;
 }
 
+static inline struct vec vec_of_lane(const struct vec *v, int lane) {
+    return (struct vec){set(lane_of(v->x, lane)), set(lane_of(v->y, lane)),
+                        set(lane_of(v->z, lane))};
+}
+
 // Which of as many spheres as there are lanes matter.
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 

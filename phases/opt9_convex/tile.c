@@ -97,9 +97,10 @@ static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
 
-// What packets of shadow rays in work know of every shape: two by turns, or as many as a Mandelbulb's streams have.
+// What packets of shadow rays in work know of every shape: two by turns (a crowd's vicinity takes twice the second's room), or
+// as many as a Mandelbulb's streams have.
 static size_t nears(const struct model *model) {
-    return (size_t)model->shape_count * (model->features.count[SHAPE_MANDELBULB] ? POOLS : 2);
+    return (size_t)model->shape_count * (model->features.count[SHAPE_MANDELBULB] ? POOLS : 3);
 }
 
 size_t VARIANT(own_size)(const struct model *model) {

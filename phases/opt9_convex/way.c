@@ -38,20 +38,13 @@ struct sheaf {
 static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near) {
     COUNT(sheaf_of, call);
     COUNT(sheaf_of, scalar);
-    mask one = lanes_of(bits(of) & (0u - bits(of)));
-    const real from[6] = {rays->point.x,    rays->point.y,    rays->point.z,
-                          rays->to_light.x, rays->to_light.y, rays->to_light.z};
-    real first[6];
-    for (int k = 0; k < 6; k++)
-        first[k] = set(least_lane(choose(one, from[k], set(INFINITY))));
-    struct vec v = {from[0] - first[0], from[1] - first[1], from[2] - first[2]};
-    struct vec l = {from[3] - first[3], from[4] - first[4], from[5] - first[5]};
+    int one = __builtin_ctz(bits(of));
+    struct vec centre = vec_of_lane(&rays->point, one), to = vec_of_lane(&rays->to_light, one);
+    struct vec v = {rays->point.x - centre.x, rays->point.y - centre.y, rays->point.z - centre.z};
+    struct vec l = {rays->to_light.x - to.x, rays->to_light.y - to.y, rays->to_light.z - to.z};
     real away = vec_dot(v, v);
-    mask those = either(one, both(of, less(away, set(near * near))));
-    return (struct sheaf){those,
-                          {first[0], first[1], first[2]},
-                          {first[3], first[4], first[5]},
-                          sqrtf(most_of_those(those, away)) * (1 + 1e-4f),
+    mask those = either(lanes_of(1u << one), both(of, less(away, set(near * near))));
+    return (struct sheaf){those, centre, to, sqrtf(most_of_those(those, away)) * (1 + 1e-4f),
                           sqrtf(most_of_those(those, vec_dot(l, l))) * 1.01f + 1e-4f};
 }
 

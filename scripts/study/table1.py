@@ -21,8 +21,8 @@ TERMS = {
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
         bulb_estimate bulb_distances bulb_wakes_at bulb_place bulb_found packed_bulbs packet_distance power_at
-        nearest nearest_shape nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_wakes
-        wake too_far surely_off keep_high sleeps gather_bulb
+        nearest nearest_shape nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_below
+        height_along wake too_far surely_off keep_high sleeps gather_bulb
     """,
     "normals": """
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
@@ -45,20 +45,20 @@ TERMS = {
     "closed forms and Newton's steps": """
         first_hit next_hit hit_sphere blocked ask_* meet_* meets_bulbs enter* go_alone
         bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
-        cells_on_the_way until_bounds newton walk_alone leave_solid* exact_look see_along take_whole
+        cells_on_the_way until_bounds newton walk_alone exact_look see_along take_whole
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
         plane_between
         own_shadow reaches_light crowd_* ways_end in_its_way look_behind passes sheaf_of
         shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds begin_walk
-        gather_walk begin_tile waiting
+        gather_walk next_solid begin_tile waiting
         wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
         keep_answers answer move_rays sorted
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
-        stay_in advance* step* leap over take_bulb refill_* retire_* close_first prepare_close put_pieces
+        stay_in advance* step* leap leave_on over take_bulb refill_* retire_* close_first prepare_close put_pieces
         put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
     """,

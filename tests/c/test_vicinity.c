@@ -11,8 +11,9 @@
 #include "../../phases/opt9_convex/vicinity.c"
 
 // Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
-// grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t.
-enum { PLACES = 40000, AFTER = 8 };
+// grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t. Or they pass it, up to
+// 0.02 beside, or have passed it: there the tangent is what is known of its distance, and far on the tangent's slope.
+enum { PLACES = 40000, AFTER = 24 };
 static const float bound = 0.002f;
 
 struct meeting {
@@ -29,7 +30,7 @@ static double random_from(double least, double most) { // after xorshift32 (G. M
     return least + (most - least) * (seed * 0x1p-32);
 }
 
-static struct meeting meeting_at(double least, double most) {
+static struct meeting meeting_at(double least, double most, double beside) {
     struct meeting m;
     double square = 0;
     for (int k = 0; k < 3; k++) {
@@ -37,10 +38,10 @@ static struct meeting meeting_at(double least, double most) {
         square += m.along[k] * m.along[k];
     }
     m.t = (float)random_from(least, most);
-    double on = m.t + random_from(0.0021, 0.01);
+    double on = m.t + random_from(beside > 0 ? -0.01 : 0.0021, 0.01);
     for (int k = 0; k < 3; k++) {
         m.along[k] = (float)(m.along[k] / sqrt(square));
-        m.centre[k] = (float)(m.along[k] * on);
+        m.centre[k] = (float)(m.along[k] * on + random_from(-beside, beside));
     }
     return m;
 }
@@ -55,14 +56,14 @@ static double distance_from(const struct meeting *m, double t) {
 
 static struct placed sphere = {.way = AT_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
 static struct close_by shape = {.shape = &sphere, .bound = 0.002f};
-static real wakes[4 * BEAM]; // shapes are asked four at a time
+static struct below below[4 * BEAM]; // shapes are asked four at a time
 
 // The meetings as rays of a beam, one in each lane, and one shape: lane 0's own.
 static void set_beam(struct beam *beam, const struct meeting *m) {
     *beam = (struct beam){.count = 1, .moving = 1};
     beam->near.count = beam->near.solids = 1;
     beam->near.shapes = &shape;
-    beam->near.wakes = wakes;
+    beam->near.below = below;
     struct walk *w = &beam->walk[0];
     *w = (struct walk){.waits = no_lane()};
     w->march.done = not_in(first_lanes(1));
@@ -83,49 +84,49 @@ static real known(double distance) {
 // At some places further on: with what is as near as the sphere is, it must be awake.
 static void wakes_in_time(const struct meeting *m, struct walk *w, const char *by) {
     for (int i = 0; i < AFTER; i++) {
-        float t = m->t + (float)i * 0x1p-11f;
+        float t = m->t + (float)(i < 16 ? i : 1 << (i - 12)) * 0x1p-11f; // to 1 further on
         w->march.t = set(t);
         w->least = known(distance_from(m, (double)t));
-        struct vicinity v = {.count = 1, .wakes = wakes};
-        unsigned awake[AT_ONCE / 4] = {0};
-        wake(&v, 0, 0, w, awake);
-        if ((awake[0] & 255) != 1)
+        if (wake(below, 1, w) != 1)
             fail_msg("%s: from t = %a on it sleeps at %a, %g away", by, (double)m->t, (double)t,
                      distance_from(m, (double)t));
     }
 }
 
-static void check(double least, double most) {
+static void check(double least, double most, double beside) {
     struct beam beam;
     struct walk *w = &beam.walk[0];
     for (int i = 0; i < PLACES; i++) {
-        struct meeting m = meeting_at(least, most);
+        struct meeting m = meeting_at(least, most, beside);
         set_beam(&beam, &m);
-        vicinity_wakes(&beam);
-        wakes_in_time(&m, w, "vicinity_wakes");
+        vicinity_below(&beam);
+        wakes_in_time(&m, w, "vicinity_below");
         set_beam(&beam, &m);
         w->least = known(distance_from(&m, (double)m.t));
-        if (too_far(&shape, w, wakes))
+        if (too_far(&shape, w, below))
             fail_msg("too_far: at %a it is as near as what is known", (double)m.t);
         w->least = known(-1);
-        assert_true(too_far(&shape, w, wakes)); // or nothing is checked by what follows
+        assert_true(too_far(&shape, w, below)); // or nothing is checked by what follows
         wakes_in_time(&m, w, "too_far");
     }
 }
 
 static void early_on_the_way(void **state) {
     (void)state;
-    check(0.001, 1);
+    check(0.001, 1, 0);
+    check(0.001, 1, 0.02);
 }
 
 static void far_on_the_way(void **state) {
     (void)state;
-    check(16, 32);
+    check(16, 32, 0);
+    check(16, 32, 0.02);
 }
 
 static void at_the_bounds(void **state) {
     (void)state;
-    check(100, 128);
+    check(100, 128, 0);
+    check(100, 128, 0.02);
 }
 
 int main(void) {
