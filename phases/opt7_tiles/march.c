@@ -137,8 +137,9 @@ static inline struct stride march_line(struct line *line, real hit_distance) {
     return (struct stride){distance, going, inside};
 }
 
-static void march_lines(struct progress packets[FEW], int first, int shape, struct group *group,
-                        const struct model *model) {
+// From step number `next` on.
+static void march_lines(struct progress packets[FEW], int first, int shape, int next,
+                        struct group *group, const struct model *model) {
     real hit_distance = set((float)model->march.hit_distance);
     struct line line[FEW];
     mask begun[FEW];
@@ -152,7 +153,7 @@ static void march_lines(struct progress packets[FEW], int first, int shape, stru
         if (any(begun[k]) && packets[k].left < left)
             left = packets[k].left;
     }
-    for (int step = 1; under_way > 0; step++) {
+    for (int step = next; under_way > 0; step++) {
         struct stride stride[FEW];
         bool on = step < left;
         for (int k = 0; k < FEW; k++)
@@ -174,6 +175,29 @@ static void march_lines(struct progress packets[FEW], int first, int shape, stru
     for (int k = 0; k < FEW; k++)
         if (any(begun[k]))
             packets[k].t = line[k].t;
+}
+
+static void all_lines(struct progress packets[GROUP], int shape, int next, struct group *group,
+                      const struct model *model) {
+    for (int first = 0; first < group->size; first += FEW)
+        march_lines(packets + first, first, shape, next, group, model);
+}
+
+// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there.
+static bool falls_alone(const struct group *group, const struct alone *alone) {
+    COUNT(falls_alone, call);
+    bool falls = true;
+    for (int i = 0; i < group->count && falls; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(falls_alone, packet);
+        const struct approach *a = &group->beam[k].approach[alone->shape];
+        real down = set(0.0f) - a->direction.x;
+        mask on = less_in(group->live[k], set(0.0f), down);
+        on = less_in(on, a->origin.x / down * set(1.0f + 0x1p-16f), alone->until[k]);
+        falls = same(on, group->live[k]);
+    }
+    return falls;
 }
 
 // The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
@@ -246,14 +270,14 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
-        for (int first = 0; first < group->size; first += FEW)
-            march_lines(packets + first, first, *list.shape, group, &scene->model);
+        all_lines(packets, *list.shape, 1, group, &scene->model);
         return;
     }
     if (list.count == 1 && march_solid(packets, *list.shape, group, scene))
         return;
+    struct alone alone = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        scene_distances(group, scene);
+        bool changed = scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -262,6 +286,11 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
             }
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
+        }
+        if (changed && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
+            falls_alone(group, &alone)) {
+            all_lines(packets, alone.shape, step + 1, group, &scene->model);
+            return;
         }
     }
 }
@@ -381,7 +410,8 @@ void ray_march(const struct rays *rays, struct world *world, struct hit *hit) {
 
 // Rays to the light.
 struct shade {
-    real least, twice_previous;
+    real least_sq; // of the light so far: the root is taken once, of what is left in the end
+    real twice_previous;
     struct exit exit;
 };
 
@@ -413,14 +443,13 @@ static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
     mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
-    // strength·√inside/past < least, asked without the root: it is seldom so.
-    real wanted = ray->least * past;
-    mask darker = less_in(sound, set(strength_sq) * square * inside, wanted * wanted);
+    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
+    real term = set(strength_sq) * square * inside, per = past * past;
+    mask darker = less_in(sound, term, ray->least_sq * per);
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
-                            ray->least);
+        ray->least_sq = choose(darker, term / per, ray->least_sq);
     }
     ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
@@ -436,7 +465,7 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
     real t = group->t[k], h = group->distance[k];
     mask live = group->live[k], before = less_in(live, t, distance);
     mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
-    ray->least = drop(but_not(going, before), ray->least);
+    ray->least_sq = drop(but_not(going, before), ray->least_sq);
     group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
     return same(on, live) || shade_ends(k, on, group);
@@ -476,7 +505,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct world *w
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
     for (int k = 0; k < world->group.size; k++) {
-        rays[k].least = set(1.0f);
+        rays[k].least_sq = set(1.0f);
         group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
     }
     meet_light(hit, light, world);
@@ -489,8 +518,9 @@ void shadow(const struct hit *hit, const struct lighting *light, struct world *w
         rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = set((float)model->march.surface_offset);
     }
+    struct alone alone = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, world->scene);
+        scene_distances(group, world->scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (soft ? soft_step(&rays[k], k, strength_sq, group, model)
@@ -500,6 +530,8 @@ void shadow(const struct hit *hit, const struct lighting *light, struct world *w
                 group->list[i] = group->list[--group->count];
         }
     }
-    for (int k = 0; k < world->group.size; k++)
-        reach[k] = rays[k].least;
+    for (int k = 0; k < world->group.size; k++) {
+        COUNT(shadow, end);
+        reach[k] = root(rays[k].least_sq);
+    }
 }

@@ -584,41 +584,85 @@ __attribute__((always_inline)) static inline void found_nothing(const struct gro
         sdf(group, k, found);
 }
 
+// The one shape that was asked in the last step, if it was one and steady, and how long all others sleep.
+struct alone {
+    int shape; // −1: none, or more than one
+    real until[GROUP];
+};
+
+__attribute__((always_inline)) static inline void
+others_sleep(const struct group *group, int size, const struct list *list, struct alone *alone) {
+    COUNT(others_sleep, call);
+    for (int k = 0; k < size; k++)
+        alone->until[k] = set(INFINITY);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->order[n];
+        if (i == alone->shape)
+            continue;
+        const real *wake = &group->beam[0].wake[i * size];
+        for (int k = 0; k < size; k++) { // no number: awake
+            COUNT(others_sleep, packet);
+            alone->until[k] = least_of(most_of(wake[k], set(-INFINITY)), alone->until[k]);
+        }
+    }
+}
+
+// All shapes that may be the nearest, but `alone`, which has been asked.
+__attribute__((always_inline)) static inline void all_awake(struct group *group, int size,
+                                                            const struct prepared *scene,
+                                                            struct alone *alone,
+                                                            struct found *found) {
+    const struct list *list = &group->beam[0].list;
+    int asked = alone->shape, last = asked, count = asked >= 0;
+    for (int n = 0; n < list->count; n++) {
+        int i = list->order[n];
+        if (n == list->steady)
+            keep_high(group, size, found);
+        if (i == asked || sleeps(&group->beam[0].wake[i * size], size, found))
+            continue;
+        count++;
+        last = n < list->steady ? i : -1;
+        const struct placed *placed = &scene->placed[i];
+        if (n < list->steady)
+            shape_distances(group, i, size, placed, true, found);
+        else if (placed->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, placed, found);
+        else
+            shape_distances(group, i, size, placed, false, found);
+    }
+    if (list->steady == list->count)
+        keep_high(group, size, found);
+    alone->shape = count == 1 ? last : -1;
+    if (alone->shape >= 0)
+        others_sleep(group, size, list, alone);
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
-// project, keeps them in a priority queue.)
-__attribute__((always_inline)) static inline void distances_of(struct group *group, int size,
-                                                               const struct prepared *scene) {
+// project, keeps them in a priority queue.) Of most steps one shape is all that is awake, and the next step's
+// too: it is asked first, and then all others at once. Whether `alone` has changed.
+__attribute__((always_inline)) static inline bool
+distances_of(struct group *group, int size, const struct prepared *scene, struct alone *alone) {
     struct found found;
     found_nothing(group, size, &found);
-    const struct list *list = &group->beam[0].list;
-    for (int n = 0; n < list->count; n++) {
-        int i = list->order[n];
-        if (n == list->steady)
-            keep_high(group, size, &found);
-        if (sleeps(&group->beam[0].wake[i * size], size, &found))
-            continue;
-        const struct placed *placed = &scene->placed[i];
-        if (n < list->steady)
-            shape_distances(group, i, size, placed, true, &found);
-        else if (placed->type == SHAPE_MANDELBULB)
-            bulb_distances(group, i, placed, &found);
-        else
-            shape_distances(group, i, size, placed, false, &found);
-    }
-    if (list->steady == list->count)
+    if (alone->shape >= 0)
+        shape_distances(group, alone->shape, size, &scene->placed[alone->shape], true, &found);
+    bool still = alone->shape >= 0 && sleeps(alone->until, size, &found);
+    if (still)
         keep_high(group, size, &found);
+    else
+        all_awake(group, size, scene, alone, &found);
     for (int k = 0; k < size; k++)
         group->distance[k] = found.least[k];
+    return !still;
 }
 
-static inline void scene_distances(struct group *group, const struct prepared *scene) {
-    if (group->size == FEW)
-        distances_of(group, FEW, scene);
-    else
-        distances_of(group, GROUP, scene);
+static inline bool scene_distances(struct group *group, const struct prepared *scene,
+                                   struct alone *alone) {
+    return group->size == FEW ? distances_of(group, FEW, scene, alone)
+                              : distances_of(group, GROUP, scene, alone);
 }
 
 #endif

@@ -110,8 +110,9 @@ void march_gazes(struct world *world) {
     stream_begin(&stream, world->desk->gazes, false, world);
     real cap = set((float)step_cap(&world->scene->model));
     for (int live; (live = refill(&stream, world)) > 0;) {
+        struct alone alone = {.shape = -1}; // new rays have others' sleep
         for (int least = enough(&stream, live); live > least;) {
-            scene_distances(group, world->scene);
+            scene_distances(group, world->scene, &alone);
             live = 0;
             for (int i = 0; i < group->count; i++) {
                 int k = group->list[i];

@@ -43,12 +43,8 @@ struct progress {
 
 // Rays that march on from a hit have had some of their evaluations.
 static int steps_left(const struct progress *at, mask live, int cap) {
-    float evals[LANES];
-    unload(keep(live, at->evals), evals);
-    int had = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        had = (int)evals[lane] > had ? (int)evals[lane] : had;
-    return cap - had;
+    COUNT(steps_left, call);
+    return cap + (int)least_lane(keep(live, set(0.0f) - at->evals));
 }
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
@@ -121,19 +117,67 @@ static inline struct stride march_line(struct line *line, real hit_distance) {
     return (struct stride){distance, going, inside};
 }
 
-static void march_lines(struct progress packets[GROUP], int shape, struct group *group,
+// So many steps of all packets without a question between them: by then t is at its largest, and with it the hit test, and
+// the way from one place in the bounds to another is in them. False where that is not all well: nothing has changed.
+enum { STRIDES = 4 };
+
+static bool march_far(struct line line[GROUP], real hit_distance) {
+    COUNT(march_far, call);
+    real t[GROUP], least[GROUP];
+    for (int k = 0; k < GROUP; k++) {
+        t[k] = line[k].t;
+        least[k] = set(INFINITY);
+    }
+    for (int i = 0; i < STRIDES; i++)
+        for (int k = 0; k < GROUP; k++) {
+            ACTIVE(count_of(line[k].live));
+            COUNT(march_far, stride);
+            real distance = mul_add(t[k], line[k].direction, line[k].origin);
+            least[k] = least_of(distance, least[k]);
+            t[k] = t[k] + distance;
+        }
+    mask ill = no_lane();
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(line[k].live));
+        COUNT(march_far, packet);
+        mask on = less_in(line[k].live, least_step(t[k], hit_distance), least[k]);
+        on = less_in(on, beyond(line[k].exit, t[k]), set(0.0f));
+        ill = either(ill, but_not(on, line[k].live));
+    }
+    if (any(ill))
+        return false;
+    for (int k = 0; k < GROUP; k++)
+        line[k].t = choose(line[k].live, t[k], line[k].t);
+    return true;
+}
+
+// From the `first` step on.
+static void march_lines(struct progress packets[GROUP], int shape, int first, struct group *group,
                         const struct model *model) {
+    COUNT(march_lines, call);
     real hit_distance = set((float)model->march.hit_distance);
     struct line line[GROUP];
-    int cap = step_cap(model), left = cap, under_way = group->count;
+    int cap = step_cap(model), left = cap, under_way = group->count, far = first;
+    mask outside = no_lane();
     for (int k = 0; k < GROUP; k++) {
         const struct approach *a = &group->beam[k].approach[shape];
         line[k] = (struct line){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
                                 group->live[k]};
         if (any(group->live[k]) && packets[k].left < left)
             left = packets[k].left;
+        ACTIVE(count_of(group->live[k]));
+        COUNT(march_lines, packet);
+        outside = either(outside, both(group->live[k], not_less(line[k].exit.constant, set(0.0f))));
     }
-    for (int step = 1; under_way > 0; step++) {
+    if (any(outside)) // its way may begin or end anywhere
+        far = cap;
+    for (int step = first; under_way > 0; step++) {
+        while (step >= far && step + STRIDES < left) {
+            if (march_far(line, hit_distance))
+                step += STRIDES;
+            else
+                far = step + STRIDES;
+        }
         struct stride stride[GROUP];
         bool on = step < left;
         for (int k = 0; k < GROUP; k++)
@@ -154,6 +198,23 @@ static void march_lines(struct progress packets[GROUP], int shape, struct group 
     }
     for (int i = 0; i < group->count; i++)
         packets[group->list[i]].t = line[group->list[i]].t;
+}
+
+// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there.
+static bool falls_alone(const struct group *group, const struct alone *alone) {
+    COUNT(falls_alone, call);
+    bool falls = true;
+    for (int i = 0; i < group->count && falls; i++) {
+        int k = group->list[i];
+        ACTIVE(count_of(group->live[k]));
+        COUNT(falls_alone, packet);
+        const struct approach *a = &group->beam[k].approach[alone->shape];
+        real down = set(0.0f) - a->direction.x;
+        mask on = less_in(group->live[k], set(0.0f), down);
+        on = less_in(on, a->origin.x / down * set(1.0f + 0x1p-16f), alone->until[k]);
+        falls = same(on, group->live[k]);
+    }
+    return falls;
 }
 
 // The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
@@ -226,13 +287,14 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
-        march_lines(packets, *list.shape, group, &scene->model);
+        march_lines(packets, *list.shape, 1, group, &scene->model);
         return;
     }
     if (list.count == 1 && march_solid(packets, *list.shape, group, scene))
         return;
+    struct alone alone = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        scene_distances(group, scene);
+        bool changed = scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -241,6 +303,11 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
             }
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
+        }
+        if (changed && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
+            falls_alone(group, &alone)) {
+            march_lines(packets, alone.shape, step + 1, group, &scene->model);
+            return;
         }
     }
 }

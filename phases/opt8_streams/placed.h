@@ -46,7 +46,9 @@ struct placed {
     bool convex;
     float over;                  // a plane: its offset from the world's origin
     float slope_lit, lean, wide; // of the shadow cones that it may not meet: q, q·bound, 1 − q²
-    float color[3], share, shininess; // of its material; share: what a mirror adds
+    // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
+    // shine_from, its highlight is less than 1e-9 of the light.
+    float color[3], share, shininess, shine_from;
     // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
     // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];

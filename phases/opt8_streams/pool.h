@@ -65,7 +65,7 @@ static inline void make_ready(struct stream *stream, mask m, const struct prepar
         pack_in_place(m, &a->origin.x, approach_reals(placed));
     }
     stream->high = least - stream->t + set(1e-30f); // at distance 0 the shape is awake
-    pack_in_place(m, &stream->ready.shade.least, POOL_REALS);
+    pack_in_place(m, &stream->ready.shade.least_sq, POOL_REALS);
     pack_in_place(m, &stream->t, 1);
     pack_in_place(m, &stream->high, 1);
     stream->waiting = __builtin_popcount(bits(m));
@@ -82,7 +82,7 @@ static inline void fill_lanes(struct stream *stream, int k, unsigned lanes, stru
     struct pool *pool = &stream->pool[k];
     mask m = lanes_of(lanes);
     int gone = stream->gone;
-    fill_reals(m, &pool->shade.least, &stream->ready.shade.least, gone, POOL_REALS);
+    fill_reals(m, &pool->shade.least_sq, &stream->ready.shade.least_sq, gone, POOL_REALS);
     fill_reals(m, &group->t[k], &stream->t, gone, 1);
     fill_reals(m, &group->high[k], &stream->high, gone, 1);
     for (int i = 0; i < world->scene->model.shape_count; i++) {

@@ -191,6 +191,7 @@ static void place_solid(struct placed *p, const struct shape *shape, const struc
     to_floats(m->color, p->color);
     p->share = (float)(m->reflectivity * 0.1);
     p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
 }
 
 // The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below

@@ -5,7 +5,7 @@
 // Materials of hits.
 struct surface {
     struct vec color;
-    real share, shininess;
+    real share, shininess, shine_from;
 };
 
 // Once for each shape that the packet hit.
@@ -22,6 +22,7 @@ static struct surface surface_of(const struct hit *hit, const struct prepared *s
         all.color = vec_choose(same, vec_set(s->color), all.color);
         all.share = choose(same, set(s->share), all.share);
         all.shininess = choose(same, set(s->shininess), all.shininess);
+        all.shine_from = choose(same, set(s->shine_from), all.shine_from);
     }
     return all;
 }
@@ -280,8 +281,14 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
     real reach = weight / light->distance, facing = light->facing;
     // Of the light's direction: minus the paper's R.
     real shine = vec_dot(vec_reflect(light->to_light, n), direction);
-    real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
-    specular = keep(greater(shine, set(0.0f)), specular);
+    real specular = set(0.0f);
+    mask shines = both(light->lit, greater(shine, surface->shine_from));
+    if (any(shines)) {
+        ACTIVE(count_of(shines));
+        COUNT(light_at, shines);
+        specular =
+            keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+    }
     const double *e = view->light_emission;
     return (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
                         set((float)e[1]) * mul_add(base.y, facing, specular) * reach,

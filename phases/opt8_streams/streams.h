@@ -40,7 +40,7 @@ enum shadow_field {
 enum marched { MARCHED_T, MARCHED_LAST, MARCHED_EVALS, MARCHED_FOUND, MARCHED };
 
 // How far a shadow ray has come, where there is a Mandelbulb; LEG_END: of the stretch where that may be the nearest.
-enum leg { LEG_T, LEG_LEAST, LEG_TWICE, LEG_EVALS, LEG_END, LEGS };
+enum leg { LEG_T, LEG_LEAST_SQ, LEG_TWICE, LEG_EVALS, LEG_END, LEGS };
 
 // Camera rays of lone.c, in the Mandelbulb's frame, from the place that is nearest to its centre.
 enum lone_field {

@@ -111,7 +111,7 @@ static void begin_walk(struct walk *walk, int k, int first, bool before, struct 
             unload(stretch.to, &desk->leg[LEG_END][first]);
         }
         group->t[k] = load(&desk->leg[LEG_T][first]);
-        walk->shade[k].least = load(&desk->leg[LEG_LEAST][first]);
+        walk->shade[k].least_sq = load(&desk->leg[LEG_LEAST_SQ][first]);
         walk->shade[k].twice_previous = load(&desk->leg[LEG_TWICE][first]);
         walk->evals[k] = load(&desk->leg[LEG_EVALS][first]);
         group->live[k] = less_in(active, group->t[k], walk->until[k]);
@@ -168,11 +168,12 @@ static void walk_among(int first, bool before, struct list others, struct world 
     for (int i = 0; i < group->count; i++)
         begun |= 1u << group->list[i];
     const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
+    struct alone alone = {.shape = -1};
     while (group->count > 0) {
         if (world->scene->lone && plane)
             plane_distances(group, plane);
         else
-            scene_distances(group, world->scene);
+            scene_distances(group, world->scene, &alone);
         for (int i = 0; i < group->count;) {
             if (walk_step(&walk, group->list[i], strength_sq, cap, world))
                 i++;
@@ -186,7 +187,7 @@ static void walk_among(int first, bool before, struct list others, struct world 
         if (!(begun >> k & 1))
             continue;
         unload(group->t[k], &desk->leg[LEG_T][at]);
-        unload(walk.shade[k].least, &desk->leg[LEG_LEAST][at]);
+        unload(walk.shade[k].least_sq, &desk->leg[LEG_LEAST_SQ][at]);
         unload(walk.shade[k].twice_previous, &desk->leg[LEG_TWICE][at]);
         unload(walk.evals[k], &desk->leg[LEG_EVALS][at]);
     }
@@ -209,7 +210,7 @@ bool ready_shadow(struct stream *stream, int number, struct world *world) {
     approach_origins(origin, world->scene, &stream->beam);
     approach_directions(to_light, world->scene, &stream->beam);
     stream->ready.shade =
-        (struct shade){load(&desk->leg[LEG_LEAST][first]), load(&desk->leg[LEG_TWICE][first]),
+        (struct shade){load(&desk->leg[LEG_LEAST_SQ][first]), load(&desk->leg[LEG_TWICE][first]),
                        leaving(origin, to_light, &world->scene->model)};
     stream->ready.evals = load(&desk->leg[LEG_EVALS][first]);
     stream->ready.length = load(&desk->shadow[S_DISTANCE][first]);
@@ -224,7 +225,7 @@ void leave(const struct pool *pool, mask ended, real t, struct desk *desk) {
     COUNT(leave, call);
     float values[LEG_END][LANES], ray[LANES];
     unload(t, values[LEG_T]);
-    unload(pool->shade.least, values[LEG_LEAST]);
+    unload(pool->shade.least_sq, values[LEG_LEAST_SQ]);
     unload(pool->shade.twice_previous, values[LEG_TWICE]);
     unload(pool->evals, values[LEG_EVALS]);
     unload(pool->ray, ray);
@@ -290,11 +291,12 @@ static void through_stretches(struct world *world) {
     const struct placed *bulb = the_one(SHAPE_MANDELBULB, world->scene);
     const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
     for (int live; (live = refill(&stream, world)) > 0;) {
+        struct alone alone = {.shape = -1}; // new rays have others' sleep
         for (int least = enough(&stream, live); live > least;) {
             if (world->scene->lone)
                 lone_distances(group, bulb, plane);
             else
-                scene_distances(group, world->scene);
+                scene_distances(group, world->scene, &alone);
             live = 0;
             for (int i = 0; i < group->count; i++) {
                 int k = group->list[i];
@@ -310,7 +312,7 @@ static void begin_legs(struct world *world) {
     real start = set((float)world->scene->model.march.surface_offset);
     for (int first = 0; first < desk->shadows; first += LANES) {
         unload(start, &desk->leg[LEG_T][first]);
-        unload(set(1.0f), &desk->leg[LEG_LEAST][first]);
+        unload(set(1.0f), &desk->leg[LEG_LEAST_SQ][first]);
         // its square, times t's and the strength's, is a float
         unload(set(1e14f), &desk->leg[LEG_TWICE][first]);
         unload(set(0.0f), &desk->leg[LEG_EVALS][first]);
@@ -331,7 +333,7 @@ void cast_streams(struct world *world) {
         mask there = lanes_before(desk->shadows - first);
         ACTIVE(count_of(there));
         COUNT(cast_streams, packet);
-        real reach = load(&desk->leg[LEG_LEAST][first]);
+        real reach = root(load(&desk->leg[LEG_LEAST_SQ][first]));
         struct vec light = vec_scale(load_vec(desk->shadow + S_LIGHT, first), reach);
         add_light(there, light, load(&desk->shadow[S_PIXEL][first]), desk);
     }

@@ -28,7 +28,7 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
     struct shade shades[GROUP];
     meet(rays, soft ? NULL : length, soft ? UNION : HIT, world, world->own->shadow);
     for (int k = 0; k < GROUP; k++) {
-        shades[k].least = set(1.0f);
+        shades[k].least_sq = set(1.0f);
         group->live[k] = rays->active[k];
         if (any(rays->active[k]))
             approach_origins(rays->origin[k], scene, &group->beam[k]);
@@ -43,8 +43,9 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
             set(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = set((float)model->march.surface_offset);
     }
+    struct alone alone = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, scene);
+        scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             mask live = group->live[k];
@@ -57,7 +58,7 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
         }
     }
     for (int k = 0; k < GROUP; k++)
-        reach[k] = shades[k].least;
+        reach[k] = root(shades[k].least_sq);
 }
 
 static void cast_packets(struct world *world) {

@@ -5,7 +5,8 @@
 #include "streams.h"
 
 struct shade {
-    real least, twice_previous;
+    real least_sq; // of the light so far: the root is taken once, of what is left in the end
+    real twice_previous;
     struct exit exit;
 };
 
@@ -37,14 +38,13 @@ static inline mask soft_step(struct shade *ray, int k, float strength_sq, struct
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
     mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
-    // strength·√inside/past < least, asked without the root: it is seldom so.
-    real wanted = ray->least * past;
-    mask darker = less_in(sound, set(strength_sq) * square * inside, wanted * wanted);
+    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
+    real term = set(strength_sq) * square * inside, per = past * past;
+    mask darker = less_in(sound, term, ray->least_sq * per);
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
-                            ray->least);
+        ray->least_sq = choose(darker, term / per, ray->least_sq);
     }
     ray->twice_previous = choose(going, h + h, twice);
     group->t[k] = t = add_where(going, t, h);
@@ -59,7 +59,7 @@ static inline mask hard_step(struct shade *ray, real distance, int k, struct gro
     real t = group->t[k], h = group->distance[k];
     mask live = group->live[k], before = less_in(live, t, distance);
     mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
-    ray->least = drop(but_not(going, before), ray->least);
+    ray->least_sq = drop(but_not(going, before), ray->least_sq);
     group->t[k] = t = add_where(going, t, h);
     return not_greater_in(going, beyond(ray->exit, t), set(0.0f));
 }

@@ -22,7 +22,7 @@ TERMS = {
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
         bulb_estimate bulb_distances bulb_wakes_at bulb_place bulb_found packed_bulbs packet_distance power_at
         nearest nearest_shape nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_below
-        height_along wake too_far surely_off keep_high sleeps gather_bulb
+        height_along wake too_far surely_off keep_high sleeps others_sleep gather_bulb
     """,
     "normals": """
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
@@ -61,6 +61,7 @@ TERMS = {
         stay_in advance* step* leap leave_on over take_bulb refill_* retire_* close_first prepare_close
         put_pieces put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
+        falls_alone
     """,
     "rays of the camera": """
         get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch*

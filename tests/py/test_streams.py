@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import test_tiles
 from test_convex import SHARP, STRENGTH, bound, clamped
-from test_tiles import EACH_WIDTH, WIDTHS, check_same, crowd, picture
+from test_tiles import EACH_WIDTH, WIDTHS, check_same, crowd, flat_scenes, picture
 
 from conformance.feature_scenes import FEATURES
 from study import images, registry
@@ -64,6 +64,19 @@ def test_starts_are_the_parents(width, tmp_path) -> None:
         )
         assert np.array_equal(mine["start"], parents["start"]), name
         assert np.array_equal(mine["shapes"], parents["shapes"]), name
+
+
+@pytest.mark.parametrize("width", EACH_WIDTH)
+@pytest.mark.parametrize("name", flat_scenes())
+def test_strides_to_a_plane_are_the_parents_steps(name, width, tmp_path) -> None:
+    """Several steps between two questions: to the bit, and as many steps."""
+    scene = flat_scenes()[name]
+    mine, parents = (
+        picture(phase, scene, tmp_path, (214, 120), **WIDTHS[width]) for phase in (PHASE, PARENT)
+    )
+    assert name == "outside of the bounds" or (parents["id"] == 0).sum() > 3000
+    for plane in ("id", "Z", "N.x", "N.y", "N.z", "evals"):
+        assert np.array_equal(mine[plane].view(np.uint32), parents[plane].view(np.uint32)), plane
 
 
 def hall_of_mirrors() -> dict:

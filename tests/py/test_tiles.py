@@ -156,6 +156,46 @@ def check_same(mine: dict, parents: dict, where: str) -> None:
         assert off.sum() <= few, f"{where}: channel {channel}: {off.sum()} pixels"
 
 
+def flat_scenes() -> dict[str, dict]:
+    """A floor up to the horizon, alone or below a few solids: most rays take many steps to nothing but it."""
+    scene = copy.deepcopy(FEATURES["everything"]) | {"fog": 0}
+    floor = {"type": "plane", "normal": [0, 1, 0], "offset": -1, "material": "plain"}
+    ball = {"type": "sphere", "radius": 0.7, "position": [0, 0.2, 6], "material": "plain"}
+    scene["shapes"] = [floor]
+    scene["camera"] |= {"position": [0, 0.5, -2], "look_at": [0, 0.2, 10], "vertical_fov_degrees": 50}
+    balls = copy.deepcopy(scene)
+    balls["shapes"] += [ball, ball | {"position": [2.5, -0.6, 9]}, ball | {"position": [-3, 1.5, 14]}]
+    capped = copy.deepcopy(balls)
+    capped["march"]["max_steps"] = 37
+    near = copy.deepcopy(scene)
+    near["march"]["bounds_radius"] = 9.5  # between two steps of some rays
+    # The first step ends outside, and so does the ray; the fourth would not.
+    outside = copy.deepcopy(scene)
+    outside["march"]["bounds_radius"] = 9
+    outside["camera"] |= {"position": [0, -0.4, -9.8], "look_at": [0, -0.5, 10]}
+    slanted = copy.deepcopy(balls)
+    slanted["shapes"][0] |= {"normal": [0.28, 0.96, 0]}
+    wide = copy.deepcopy(balls)
+    wide["march"]["hit_distance"] = 1e-2
+    return {"floor": scene, "balls": balls, "few steps": capped, "near bounds": near} | {
+        "outside of the bounds": outside,
+        "slanted": slanted,
+        "hits from afar": wide,
+    }
+
+
+@pytest.mark.parametrize("width", EACH_WIDTH)
+@pytest.mark.parametrize("name", ["floor", "balls", "near bounds", "slanted"])
+def test_what_falls_alone_meets_no_ball(name, width, tmp_path) -> None:
+    """Rays that go on to the floor without a question after the balls would pass through them."""
+    scene = flat_scenes()[name]
+    mine, parents = (
+        picture(phase, scene, tmp_path, (214, 120), **WIDTHS[width]) for phase in (PHASE, PARENT)
+    )
+    assert len(np.unique(parents["id"])) == (5 if len(scene["shapes"]) > 1 else 2)
+    check_same(mine, parents, f"{name}, {width}")
+
+
 @pytest.mark.parametrize("width", EACH_WIDTH)
 @pytest.mark.parametrize("shadows", ["none", "hard", "soft"])
 def test_lists_leave_out_nothing_that_matters(shadows, width, tmp_path) -> None:
