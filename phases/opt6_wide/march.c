@@ -301,7 +301,7 @@ static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least_sq = choose(darker, term / per, ray->least_sq);
+        ray->least_sq = choose(darker, term / past / past, ray->least_sq); // past² may overflow
     }
     ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
@@ -357,6 +357,9 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
                 group->list[i] = group->list[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(light[k].lit));
+        COUNT(shadow, end);
         reach[k] = root(rays[k].least_sq);
+    }
 }

@@ -183,7 +183,8 @@ static void all_lines(struct progress packets[GROUP], int shape, int next, struc
         march_lines(packets + first, first, shape, next, group, model);
 }
 
-// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there.
+// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
+// 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
 static bool falls_alone(const struct group *group, const struct alone *alone) {
     COUNT(falls_alone, call);
     bool falls = true;
@@ -277,7 +278,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
         return;
     struct alone alone = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        bool changed = scene_distances(group, scene, &alone);
+        bool anew = scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -287,7 +288,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
         }
-        if (changed && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
+        if (anew && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
             falls_alone(group, &alone)) {
             all_lines(packets, alone.shape, step + 1, group, &scene->model);
             return;
@@ -449,7 +450,7 @@ static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least_sq = choose(darker, term / per, ray->least_sq);
+        ray->least_sq = choose(darker, term / past / past, ray->least_sq); // past² may overflow
     }
     ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
@@ -531,6 +532,7 @@ void shadow(const struct hit *hit, const struct lighting *light, struct world *w
         }
     }
     for (int k = 0; k < world->group.size; k++) {
+        ACTIVE(count_of(light[k].lit));
         COUNT(shadow, end);
         reach[k] = root(rays[k].least_sq);
     }

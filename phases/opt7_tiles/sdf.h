@@ -642,7 +642,7 @@ __attribute__((always_inline)) static inline void all_awake(struct group *group,
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.) Of most steps one shape is all that is awake, and the next step's
-// too: it is asked first, and then all others at once. Whether `alone` has changed.
+// too: it is asked first, and then all others at once. Whether `alone` is formed anew.
 __attribute__((always_inline)) static inline bool
 distances_of(struct group *group, int size, const struct prepared *scene, struct alone *alone) {
     struct found found;

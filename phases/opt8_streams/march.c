@@ -151,13 +151,13 @@ static bool march_far(struct line line[GROUP], real hit_distance) {
     return true;
 }
 
-// From the `first` step on.
-static void march_lines(struct progress packets[GROUP], int shape, int first, struct group *group,
+// From step number `next` on.
+static void march_lines(struct progress packets[GROUP], int shape, int next, struct group *group,
                         const struct model *model) {
     COUNT(march_lines, call);
     real hit_distance = set((float)model->march.hit_distance);
     struct line line[GROUP];
-    int cap = step_cap(model), left = cap, under_way = group->count, far = first;
+    int cap = step_cap(model), left = cap, under_way = group->count, far = next;
     mask outside = no_lane();
     for (int k = 0; k < GROUP; k++) {
         const struct approach *a = &group->beam[k].approach[shape];
@@ -171,7 +171,7 @@ static void march_lines(struct progress packets[GROUP], int shape, int first, st
     }
     if (any(outside)) // its way may begin or end anywhere
         far = cap;
-    for (int step = first; under_way > 0; step++) {
+    for (int step = next; under_way > 0; step++) {
         while (step >= far && step + STRIDES < left) {
             if (march_far(line, hit_distance))
                 step += STRIDES;
@@ -200,7 +200,8 @@ static void march_lines(struct progress packets[GROUP], int shape, int first, st
         packets[group->list[i]].t = line[group->list[i]].t;
 }
 
-// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there.
+// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
+// 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
 static bool falls_alone(const struct group *group, const struct alone *alone) {
     COUNT(falls_alone, call);
     bool falls = true;
@@ -294,7 +295,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
         return;
     struct alone alone = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        bool changed = scene_distances(group, scene, &alone);
+        bool anew = scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -304,7 +305,7 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
             packets[k].t = group->t[k];
             group->list[i] = group->list[--group->count];
         }
-        if (changed && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
+        if (anew && alone.shape >= 0 && scene->placed[alone.shape].way == LINEAR &&
             falls_alone(group, &alone)) {
             march_lines(packets, alone.shape, step + 1, group, &scene->model);
             return;

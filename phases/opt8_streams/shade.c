@@ -289,6 +289,7 @@ static struct vec light_at(struct vec n, struct vec direction, const struct ligh
         specular =
             keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
     }
+    ACTIVE(count_of(light->lit));
     const double *e = view->light_emission;
     return (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
                         set((float)e[1]) * mul_add(base.y, facing, specular) * reach,

@@ -57,8 +57,11 @@ static void shadow(const struct rays *rays, const real length[GROUP], struct wor
                 group->list[i] = group->list[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++)
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(rays->active[k]));
+        COUNT(shadow, end);
         reach[k] = root(shades[k].least_sq);
+    }
 }
 
 static void cast_packets(struct world *world) {

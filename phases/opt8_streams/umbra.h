@@ -44,7 +44,7 @@ static inline mask soft_step(struct shade *ray, int k, float strength_sq, struct
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least_sq = choose(darker, term / per, ray->least_sq);
+        ray->least_sq = choose(darker, term / past / past, ray->least_sq); // past² may overflow
     }
     ray->twice_previous = choose(going, h + h, twice);
     group->t[k] = t = add_where(going, t, h);

@@ -186,10 +186,11 @@ def of_frames(data: Data) -> Iterable[Goal]:
 
 def of_drjit(data: Data) -> Iterable[Goal]:
     rows = drjit_measure.read(data.path / drjit_measure.FILE)["rows"]
-    theirs = {r["scene"]: r for r in rows if r["program"] == drjit_measure.DRJIT and r["threads"] == 1}
-    rows = [r for r in rows if r["verdict"] and r["threads"] == 1]
-    for scene in dict.fromkeys(r["scene"] for r in rows):
-        mine = [r for r in rows if r["scene"] == scene]
+    alone = [r for r in rows if r["threads"] == 1]
+    theirs = {r["scene"]: r for r in alone if r["program"] == drjit_measure.DRJIT}
+    asked = [r for r in alone if r["verdict"]]
+    for scene in dict.fromkeys(r["scene"] for r in asked):
+        mine = [r for r in asked if r["scene"] == scene]
         marching = [r for r in mine if not registry.is_exact(r["program"])]
         for some, which in ((mine, ""), (marching, ", the best that marches")):
             if some:
@@ -199,6 +200,23 @@ def of_drjit(data: Data) -> Iterable[Goal]:
                 yield Goal(
                     name, row["goal"], _given(row["ratio"]), row["verdict"], row["program"], "×", error
                 )
+
+        if scene in theirs:
+            yield from _by_its_limits(alone, theirs[scene], mine[0]["goal"])
+
+
+def _by_its_limits(rows: Sequence[Row], theirs: Row, asked: float) -> Iterable[Goal]:
+    """Both by Dr.Jit's hit distance and steps, beside how far that is from the scene's own picture."""
+    scene, limits = theirs["scene"], theirs["limits"]
+    mine = [r for r in rows if (r["scene"], r["limits"]) == (scene, limits) and r is not theirs]
+    if mine and all(r["to_own"] for r in (theirs, *mine)):
+        row = _best(mine, "program", lambda r: _given(r["ratio"]))
+        ours, other = (show.number(r["to_own"]["psnr_db"]) for r in (row, theirs))
+        yield Goal(
+            f"{scene} over Dr.Jit, both by its limits, {limits}, one thread", asked, _given(row["ratio"]),
+            verdicts.goal(_given(row["ratio"]), asked), row["program"], "×",
+            f"{ours} dB to {row['reference']} by the scene's own limits, Dr.Jit {other} dB",
+        )  # fmt: skip
 
 
 def _limits(row: Row | None) -> str:

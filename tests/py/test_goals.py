@@ -159,15 +159,21 @@ def test_drjits_own_limits_and_the_best_that_marches(monkeypatch: pytest.MonkeyP
     rows = [
         {"program": p, "scene": "scene0_plain", "threads": 1, "limits": limits, "reference": "opt3"}
         | {"psnr_db": db, "goal": 8.0, "verdict": verdict, "ratio": given(x, x - 0.1, x + 0.1)}
-        for p, limits, db, verdict, x in (
-            ("Dr.Jit", "100 steps, 0.001", 58.4, None, 1.0),
-            ("opt8_streams", "own", 101.6, "missed", 3.1),
-            ("opt10_scene", "own", 74.9, "met", 28.5),
+        | {"to_own": {"psnr_db": own}}
+        for p, limits, db, own, verdict, x in (
+            ("Dr.Jit", "100 steps, 0.001", 58.4, 18.5, None, 1.0),
+            ("opt8_streams", "own", 101.6, 101.6, "missed", 3.1),
+            ("opt10_scene", "own", 74.9, 74.9, "met", 28.5),
+            ("opt8_streams", "100 steps, 0.001", 17.3, 21.4, None, 6.0),
+            ("opt10_scene", "100 steps, 0.001", 15.9, 25.6, None, 7.2),
         )
     ]
-    best, marches = goals.of_drjit(run_of(monkeypatch, goals.drjit_measure, {"rows": rows}))
+    best, marches, its = goals.of_drjit(run_of(monkeypatch, goals.drjit_measure, {"rows": rows}))
     assert (best.what, marches.what, marches.verdict) == ("opt10_scene", "opt8_streams", "missed")
     assert best.beside == "74.9 dB to opt3; Dr.Jit by 100 steps, 0.001: 58.4 dB"
+    assert its.name == "scene0_plain over Dr.Jit, both by its limits, 100 steps, 0.001, one thread"
+    assert (its.what, its.verdict, its.found.value) == ("opt10_scene", "missed", 7.2)
+    assert its.beside == "25.6 dB to opt3 by the scene's own limits, Dr.Jit 18.5 dB"
 
 
 def test_embrees_ways_are_those_that_were_asked(monkeypatch: pytest.MonkeyPatch) -> None:
