@@ -136,8 +136,9 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
         at->start = set(0.0f);
         at->last = drop(group->live[k], at->last);
     }
+    struct alone alone = {.shape = -1};
     for (int step = 1; group->count > 0; step++) {
-        scene_distances(group, scene);
+        scene_distances(group, scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (march_step(&packets[k], step, k, group, &scene->model)) {
@@ -266,7 +267,8 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
 
 // Rays to the light.
 struct shade {
-    real least, twice_previous;
+    real least_sq; // of the light so far: the root is taken once, of what is left in the end
+    real twice_previous;
     struct exit exit;
 };
 
@@ -298,14 +300,13 @@ static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct
     // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
     // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
     mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
-    // strength·√inside/past < least, asked without the root: it is seldom so.
-    real wanted = ray->least * past;
-    mask darker = less_in(sound, set(strength_sq) * square * inside, wanted * wanted);
+    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
+    real term = set(strength_sq) * square * inside, per = past * past;
+    mask darker = less_in(sound, term, ray->least_sq * per);
     if (any(darker)) {
         ACTIVE(count_of(darker));
         COUNT(soft_step, darker);
-        ray->least = choose(darker, set((float)model->shadow_strength) * h * root(inside) / past,
-                            ray->least);
+        ray->least_sq = choose(darker, term / past / past, ray->least_sq); // past² may overflow
     }
     ray->twice_previous = h + h;
     group->t[k] = t = add_where(going, t, h);
@@ -321,7 +322,7 @@ static inline bool hard_step(struct shade *ray, real distance, int k, struct gro
     real t = group->t[k], h = group->distance[k];
     mask live = group->live[k], before = less_in(live, t, distance);
     mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
-    ray->least = drop(but_not(going, before), ray->least);
+    ray->least_sq = drop(but_not(going, before), ray->least_sq);
     group->t[k] = t = add_where(going, t, h);
     mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
     return same(on, live) || shade_ends(k, on, group);
@@ -337,7 +338,7 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shade rays[GROUP];
     for (int k = 0; k < GROUP; k++) {
-        rays[k].least = set(1.0f);
+        rays[k].least_sq = set(1.0f);
         group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
     }
     set_out(group);
@@ -349,8 +350,9 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
         rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
         group->t[k] = set((float)model->march.surface_offset);
     }
+    struct alone alone = {.shape = -1};
     for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, world->scene);
+        scene_distances(group, world->scene, &alone);
         for (int i = 0; i < group->count;) {
             int k = group->list[i];
             if (soft ? soft_step(&rays[k], k, strength_sq, group, model)
@@ -360,6 +362,9 @@ void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], str
                 group->list[i] = group->list[--group->count];
         }
     }
-    for (int k = 0; k < GROUP; k++)
-        reach[k] = rays[k].least;
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(count_of(light[k].lit));
+        COUNT(shadow, end);
+        reach[k] = root(rays[k].least_sq);
+    }
 }

@@ -153,8 +153,9 @@ static void march_size(int left, int top, const struct size *size, const struct 
             if (any(group->live[k]))
                 group->list[group->count++] = k;
         }
+        struct alone alone = {.shape = -1};
         while (group->count > 0) {
-            scene_distances(group, world->scene);
+            scene_distances(group, world->scene, &alone);
             for (int i = 0; i < group->count;) {
                 int k = group->list[i];
                 if (rod_step(&flight[k], k, size, group))

@@ -488,31 +488,72 @@ static inline void sdf(const struct group *group, int k, struct found *found) {
     found->limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
 }
 
+// The one shape that was asked in the last step, if it was one and steady, and how long all others sleep.
+struct alone {
+    int shape; // −1: none, or more than one
+    real until[GROUP];
+};
+
+static inline void others_sleep(const struct group *group, const struct prepared *scene,
+                                struct alone *alone) {
+    COUNT(others_sleep, call);
+    for (int k = 0; k < GROUP; k++)
+        alone->until[k] = set(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        if (i == alone->shape)
+            continue;
+        const real *wake = &group->beam[0].wake[i * GROUP];
+        for (int k = 0; k < GROUP; k++) { // no number: awake
+            COUNT(others_sleep, packet);
+            alone->until[k] = least_of(most_of(wake[k], set(-INFINITY)), alone->until[k]);
+        }
+    }
+}
+
+// All shapes that may be the nearest, but `alone`, which has been asked.
+static inline void all_awake(struct group *group, const struct prepared *scene, struct alone *alone,
+                             struct found *found) {
+    int asked = alone->shape, last = asked, count = asked >= 0;
+    for (int n = 0; n < scene->model.shape_count; n++) {
+        int i = scene->order[n];
+        if (n == scene->steady_count)
+            keep_high(group, found);
+        if (i == asked || sleeps(&group->beam[0].wake[i * GROUP], found))
+            continue;
+        count++;
+        last = n < scene->steady_count ? i : -1;
+        const struct placed *placed = &scene->placed[i];
+        if (n < scene->steady_count)
+            shape_distances(group, i, placed, true, found);
+        else if (placed->type == SHAPE_MANDELBULB)
+            bulb_distances(group, i, placed, found);
+        else
+            shape_distances(group, i, placed, false, found);
+    }
+    if (scene->steady_count == scene->model.shape_count)
+        keep_high(group, found);
+    alone->shape = count == 1 ? last : -1;
+    if (alone->shape >= 0)
+        others_sleep(group, scene, alone);
+}
+
 // Distance to the nearest shape at distance t along the rays, t never less than the last time. A steady shape
 // sleeps until it may be the nearest of some ray under way: what is left out is further than what is
 // returned, so that not one bit depends on it, nor on which rays share a packet. Lanes that are not
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
-// project, keeps them in a priority queue.)
-static inline void scene_distances(struct group *group, const struct prepared *scene) {
+// project, keeps them in a priority queue.) Of most steps one shape is all that is awake, and the next step's
+// too: it is asked first, and then all others at once.
+static inline void scene_distances(struct group *group, const struct prepared *scene,
+                                   struct alone *alone) {
     struct found found;
     for (int k = 0; k < GROUP; k++)
         sdf(group, k, &found);
-    for (int n = 0; n < scene->model.shape_count; n++) {
-        int i = scene->order[n];
-        if (n == scene->steady_count)
-            keep_high(group, &found);
-        if (sleeps(&group->beam[0].wake[i * GROUP], &found))
-            continue;
-        const struct placed *placed = &scene->placed[i];
-        if (n < scene->steady_count)
-            shape_distances(group, i, placed, true, &found);
-        else if (placed->type == SHAPE_MANDELBULB)
-            bulb_distances(group, i, placed, &found);
-        else
-            shape_distances(group, i, placed, false, &found);
-    }
-    if (scene->steady_count == scene->model.shape_count)
+    if (alone->shape >= 0)
+        shape_distances(group, alone->shape, &scene->placed[alone->shape], true, &found);
+    if (alone->shape >= 0 && sleeps(alone->until, &found))
         keep_high(group, &found);
+    else
+        all_awake(group, scene, alone, &found);
     for (int k = 0; k < GROUP; k++)
         group->distance[k] = found.least[k];
 }
