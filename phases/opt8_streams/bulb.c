@@ -110,7 +110,7 @@ void march_gazes(struct world *world) {
     stream_begin(&stream, world->desk->gazes, false, world);
     real cap = set((float)step_cap(&world->scene->model));
     for (int live; (live = refill(&stream, world)) > 0;) {
-        struct alone alone = {.shape = -1}; // new rays have others' sleep
+        struct alone alone = {.shape = -1}; // rays that are filled in bring wakes of their own
         for (int least = enough(&stream, live); live > least;) {
             scene_distances(group, world->scene, &alone);
             live = 0;

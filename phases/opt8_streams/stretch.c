@@ -291,7 +291,7 @@ static void through_stretches(struct world *world) {
     const struct placed *bulb = the_one(SHAPE_MANDELBULB, world->scene);
     const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
     for (int live; (live = refill(&stream, world)) > 0;) {
-        struct alone alone = {.shape = -1}; // new rays have others' sleep
+        struct alone alone = {.shape = -1}; // rays that are filled in bring wakes of their own
         for (int least = enough(&stream, live); live > least;) {
             if (world->scene->lone)
                 lone_distances(group, bulb, plane);

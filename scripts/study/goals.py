@@ -200,7 +200,6 @@ def of_drjit(data: Data) -> Iterable[Goal]:
                 yield Goal(
                     name, row["goal"], _given(row["ratio"]), row["verdict"], row["program"], "×", error
                 )
-
         if scene in theirs:
             yield from _by_its_limits(alone, theirs[scene], mine[0]["goal"])
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import test_tiles
 from test_convex import SHARP, STRENGTH, bound, clamped
-from test_tiles import EACH_WIDTH, WIDTHS, check_same, crowd, flat_scenes, picture
+from test_tiles import EACH_WIDTH, WIDTHS, check_bits, check_same, crowd, flat_scenes, picture
 
 from conformance.feature_scenes import FEATURES
 from study import images, registry
@@ -75,8 +75,7 @@ def test_strides_to_a_plane_are_the_parents_steps(name, width, tmp_path) -> None
         picture(phase, scene, tmp_path, (214, 120), **WIDTHS[width]) for phase in (PHASE, PARENT)
     )
     assert name == "outside of the bounds" or (parents["id"] == 0).sum() > 3000
-    for plane in ("id", "Z", "N.x", "N.y", "N.z", "evals"):
-        assert np.array_equal(mine[plane].view(np.uint32), parents[plane].view(np.uint32)), plane
+    check_bits(mine, parents)
 
 
 def hall_of_mirrors() -> dict:

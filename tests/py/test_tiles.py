@@ -156,6 +156,13 @@ def check_same(mine: dict, parents: dict, where: str) -> None:
         assert off.sum() <= few, f"{where}: channel {channel}: {off.sum()} pixels"
 
 
+def check_bits(mine: dict, parents: dict, here: np.ndarray | slice = np.s_[:]) -> None:
+    """Hits, normals and step counts are the same to the bit, `here`."""
+    for plane in ("id", "Z", "N.x", "N.y", "N.z", "evals"):
+        ours, theirs = (image[plane][here].view(np.uint32) for image in (mine, parents))
+        assert np.array_equal(ours, theirs), plane
+
+
 def flat_scenes() -> dict[str, dict]:
     """A floor up to the horizon, alone or below a few solids: most rays take many steps to nothing but it."""
     scene = copy.deepcopy(FEATURES["everything"]) | {"fog": 0}
@@ -207,9 +214,23 @@ def test_what_falls_alone_takes_the_parents_steps(width, tmp_path) -> None:
     )
     here = (mine["start"] == 0) & (mine["shapes"] == len(scene["shapes"]))
     assert (here & (parents["id"] == 0)).sum() > 500
-    for plane in ("id", "Z", "N.x", "N.y", "N.z", "evals"):
-        ours, theirs = (image[plane][here].view(np.uint32) for image in (mine, parents))
-        assert np.array_equal(ours, theirs), plane
+    check_bits(mine, parents, here)
+
+
+@pytest.mark.parametrize("phase", ["opt6_wide", "opt7_tiles", "opt8_streams", "rods_simd"])
+def test_shadow_rays_that_start_far_away(phase, tmp_path) -> None:
+    """The squared term of a shadow ray's first step: past² is beyond a float, its quotient is not."""
+    scene = flat_scenes()["floor"]
+    # Repeated, so that no cone of opt8_streams tells anything; below the floor.
+    below = {"type": "sphere", "radius": 1, "repeat": [0, 0, 100], "position": [0, -50, 0]}
+    scene["shapes"].append(below | {"material": "plain"})
+    scene["light"] |= {"position": [1000, 100, 0], "emission": [5000, 5000, 4000], "shadows": "soft"}
+    scene["march"] |= {"surface_offset": 2e5, "bounds_radius": 1e6}
+    scene["camera"]["look_at"] = [0, -1, 1]
+    mine, base = (picture(name, scene, tmp_path) for name in (phase, "baseline"))
+    here = (mine["id"] == 0) & (base["id"] == 0)
+    assert here.sum() > 500 and np.median(base["R"][here]) > 0.05  # ambient alone: 0.006
+    assert np.allclose(mine["R"][here], base["R"][here], rtol=1e-4, atol=0)
 
 
 @pytest.mark.parametrize("width", EACH_WIDTH)
