@@ -21,7 +21,7 @@ NOTE = (
     "is better by intervals that do not overlap. Each cell names what its dB are to; those to truth are of "
     "the tables of accuracy, at the size that they name. Before: what older runs of the machine found."
 )
-INSTRUCTIONS = 275_700  # baseline's a pixel of scene0, on both machines: callgrind, the command is in README
+INSTRUCTIONS = 275_700  # baseline's a pixel of scene0, on every machine: callgrind, the command is in README
 LACKING = "make sweep N=720"
 Row = dict[str, Any]
 
@@ -93,19 +93,23 @@ def _short(goal: Goal) -> str:
 
 
 def by_other_cycles(found: Sequence[Row]) -> str:
-    """What the narrow machine's verdicts would be, had its baseline the wide one's core cycles a pixel."""
-    pairs: dict[str, tuple[str, str, float, float]] = {}  # scene -> narrow, wide, their cycles
+    """What the narrow machine's verdicts would be, had its baseline a wide one's core cycles: of each."""
+    said = [row.get("over_baseline", {}) for row in found]
+    narrow = next((here for mine in said for here, goal in mine.items() if goal["narrow"]), None)
+    wide = dict.fromkeys(here for mine in said for here, goal in mine.items() if not goal["narrow"])
+    return " ".join(filter(None, (_by_cycles_of(there, narrow, said) for there in wide if narrow)))
+
+
+def _by_cycles_of(wide: str, narrow: str, said: Sequence[Row]) -> str:
+    cycles: dict[str, tuple[float, float]] = {}  # scene -> the narrow machine's, the wide one's
     turned: list[str] = []
-    for row in found:
-        mine = row.get("over_baseline", {})
-        narrow = next((here for here in mine if mine[here]["narrow"]), None)
-        wide = next((here for here in mine if not mine[here]["narrow"]), None)
-        if narrow is None or wide is None:
+    for mine in said:
+        if narrow not in mine or wide not in mine:
             continue
         goal, there = mine[narrow], mine[wide]["cycles"]
         if not (goal["cycles"] > 0 and there > 0):
             continue
-        pairs[goal["scene"]] = (narrow, wide, goal["cycles"], there)
+        cycles[goal["scene"]] = (goal["cycles"], there)
         times, ends = goal["cycles"] / there, Interval(**goal["found"])
         least = goal["asked"] / 2
         moved = Interval(
@@ -116,18 +120,15 @@ def by_other_cycles(found: Sequence[Row]) -> str:
             name = goal["name"].split(" over ")[0]
             of = f"{show.number(moved.value)}× of {show.number(least)}×"
             turned.append(f"{name} ({of}: {verdict})")
-    if not pairs:
+    if not cycles:
         return ""
-    narrow, wide, _, _ = next(iter(pairs.values()))
-    times = " and ".join(f"{show.number(a / b)} ({scene})" for scene, (_, _, a, b) in pairs.items())
+    times = " and ".join(f"{show.number(a / b)} ({scene})" for scene, (a, b) in cycles.items())
     a_cycle = ""
-    if "scene0" in pairs:
-        rates = " in place of ".join(f"{INSTRUCTIONS / cycles:.2f}" for cycles in pairs["scene0"][2:])
+    if "scene0" in cycles:
+        rates = " in place of ".join(f"{INSTRUCTIONS / each:.2f}" for each in cycles["scene0"])
         a_cycle = f"; scene0's {INSTRUCTIONS:,} instructions a pixel are the same, at {rates} a core cycle"
     turns = (
-        f"by the other's cycles these verdicts would turn: {', '.join(turned)}"
-        if turned
-        else "none would turn"
+        f"by {wide}'s cycles these verdicts would turn: {', '.join(turned)}" if turned else "none would turn"
     )
     return (
         f"{narrow}'s baseline takes {times} times {wide}'s core cycles (time × clock){a_cycle}. "

@@ -252,5 +252,10 @@ def test_the_other_machines_cycles_turn_a_verdict() -> None:
     )
     assert "1.84 (scene0) times W's" in said and "at 1.84 in place of 3.39 a core cycle" in said
     assert "(1,121× of 1,500×: missed)" in said
+    both = goals_page.by_other_cycles(
+        [{"over_baseline": {"N": goal(True, 149_600), "V": goal(False, 149_600), "W": goal(False, 81_300)}}]
+    )
+    assert both.endswith(said) and both.index("(scene0) times V's") < both.index("none would turn")
+    assert "by W's cycles these verdicts would turn" in both
     same = goals_page.by_other_cycles([{"over_baseline": {"N": goal(True, 1.0), "W": goal(False, 1.0)}}])
     assert "none would turn" in same and goals_page.by_other_cycles([{}]) == ""
