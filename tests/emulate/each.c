@@ -87,6 +87,8 @@ static void wholes(const struct given *in) {
     OUT("add_epi32", __m512i, _mm512_add_epi32(p, q));
     OUT("sub_epi32", __m512i, _mm512_sub_epi32(p, q));
     OUT("mask_add_epi32", __m512i, _mm512_mask_add_epi32(q, (__mmask16)in->k, p, p));
+    OUT("maskz_compress_epi32", __m512i, _mm512_maskz_compress_epi32((__mmask16)in->k, p));
+    OUT("mask_expand_epi32", __m512i, _mm512_mask_expand_epi32(q, (__mmask16)in->k, p));
     OUT("add_epi64", __m512i, _mm512_add_epi64(p, q));
     OUT("sub_epi64", __m512i, _mm512_sub_epi64(p, q));
     OUT("mul_epi32", __m512i, _mm512_mul_epi32(p, q));
@@ -102,6 +104,7 @@ static void wholes(const struct given *in) {
     OUT("test_epi32", __mmask16, _mm512_test_epi32_mask(p, q));
     OUT("test_epi64", __mmask8, _mm512_test_epi64_mask(p, q));
     OUT("permutex2var_ps", __m512, _mm512_permutex2var_ps(a, at, b));
+    OUT("permutexvar_ps", __m512, _mm512_permutexvar_ps(at, a));
     __m512i near = _mm512_and_si512(at, _mm512_set1_epi32(15));
     OUT("i32gather_ps", __m512, _mm512_i32gather_ps(near, in->a, 4));
     __m512i far = _mm512_and_si512(p, _mm512_set1_epi64(7));
@@ -111,6 +114,7 @@ static void wholes(const struct given *in) {
 static void doubles(const double from[8]) {
     __m512d d = _mm512_loadu_pd(from), e = _mm512_set1_pd(1.5), f = _mm512_set1_pd(-1.0 / 3);
     OUT("cvtpd_ps", __m256, _mm512_cvtpd_ps(d));
+    OUT("add_pd", __m512d, _mm512_add_pd(d, e));
     OUT("sqrt_pd", __m512d, _mm512_sqrt_pd(d));
     OUT("floor_pd", __m512d, _mm512_floor_pd(d));
     OUT("rsqrt14_pd", __m512d, _mm512_rsqrt14_pd(d));

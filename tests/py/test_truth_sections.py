@@ -30,7 +30,7 @@ from study.registry import ROOT, Spec
 from study.sections import Section
 
 Row = dict[str, Any]
-PUBLISHED = max((ROOT / "results" / "reference").glob("*/accuracy.json")).parent
+PUBLISHED = max((ROOT / "results" / "reference").glob("*/pareto.json")).parent
 
 
 def edge(argument: str, value: str, exact: str) -> Row:
