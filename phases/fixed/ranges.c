@@ -15,7 +15,8 @@ struct extent {
     double radius_most, radius_least, reach;
     double light;  // from the light to the furthest surface
     double camera; // from the camera to the furthest centre
-    double across; // between the furthest two surfaces
+    double across; // between the furthest two surfaces, and a ray's start off them
+    double lit;    // from the light to the nearest surface that it can light
 };
 
 static double norm(const double a[3]) {
@@ -23,7 +24,7 @@ static double norm(const double a[3]) {
 }
 
 static struct extent measure(const struct model *model, const struct view *view) {
-    struct extent e = {.radius_least = INFINITY};
+    struct extent e = {.radius_least = INFINITY, .lit = INFINITY};
     const double origin[3] = {0};
     double centre = 0;
     for (int i = 0; i < model->shape_count; i++) {
@@ -33,10 +34,14 @@ static struct extent measure(const struct model *model, const struct view *view)
         e.radius_least = fmin(e.radius_least, radius);
         centre = fmax(centre, far);
         e.reach = fmax(e.reach, far + radius);
+        struct places light = places_of(shape, view->light_position);
+        if (light.furthest >=
+            radius) // else it is always inside, and the surface turned away from it
+            e.lit = fmin(e.lit, fmax(light.nearest - radius, 0));
     }
     e.light = norm(view->light_position) + e.reach;
     e.camera = norm(view->position) + centre;
-    e.across = e.reach + centre;
+    e.across = e.reach + centre + model->march.surface_offset;
     e.lengths = fmax(e.light, fmax(e.camera, e.across));
     return e;
 }
@@ -63,6 +68,19 @@ static double brightest(const struct model *model, const struct view *view, doub
                 *what = "a material's colour";
             }
     return most;
+}
+
+// What the light can make of the brightest material where it is nearest, and of what is multiplied on the way there.
+static double brightest_lit(const struct model *model, const struct view *view,
+                            const struct extent *e) {
+    double emission = 0, colour = 0;
+    for (int k = 0; k < 3; k++)
+        emission = fmax(emission, view->light_emission[k]);
+    for (int i = 0; i < model->material_count; i++)
+        for (int k = 0; k < 3; k++)
+            colour = fmax(colour, model->materials[i].color[k]);
+    double reach = emission > 0 ? emission / e->lit : 0; // ambient 0.01, specular 0.2: tile.c
+    return 0.01 * colour + fmax(reach, 1) * fmax(colour + 0.2, 1);
 }
 
 static int bits_before(double a) {
@@ -151,7 +169,7 @@ static bool fits(const struct model *model, const struct view *view, const struc
     double colour = brightest(model, view, unit, &what);
     const char *longest = e->lengths == e->light    ? "the light and a surface may be"
                           : e->lengths == e->camera ? "the camera and a shape may be"
-                                                    : "two surfaces may be";
+                                                    : "two surfaces, with surface_offset, may be";
     if (!(e->lengths / unit < most)) {
         snprintf(
             error, 512,
@@ -160,11 +178,19 @@ static bool fits(const struct model *model, const struct view *view, const struc
             longest, e->lengths, f->bits, most * unit);
         return false;
     }
+    double lit = brightest_lit(model, view, e);
     if (!(colour < most)) {
         snprintf(error, 512,
                  "%s is %g; %d bits of fraction leave room for less than %g (STEPWISE_FIXED: fewer "
                  "bits)",
                  what, colour, f->bits, most);
+        return false;
+    }
+    if (!(lit < most)) {
+        snprintf(error, 512,
+                 "the light comes within %g of a surface, which may be %g bright there; %d bits of "
+                 "fraction leave room for less than %g (STEPWISE_FIXED: fewer bits)",
+                 e->lit, lit, f->bits, most);
         return false;
     }
     if (!(ldexp(e->radius_least / unit, f->bits) >= 2)) {

@@ -346,12 +346,24 @@ UNFIT = {
     "the light and a surface may be 3001 apart": ({"light": {"position": [0, 3000, 0]}}, "roots=3"),
     "the camera and a shape may be 5000 apart": ({"camera": {"position": [0, 0, -5000]}}, "roots=3"),
     "less than 2016": ({"camera": {"position": [0, 0, -5000]}}, "roots=3"),
-    "two surfaces may be 3001 apart": (
+    "two surfaces, with surface_offset, may be 3001 apart": (
         {"shapes": [*ONE, ball(1, [0, 0, 1500], path={"type": "line", "to": [0, 0, 1000], "period": 1})]},
         "roots=3",
     ),
     "the light's emission": ({"light": {"emission": [1, 4000, 1]}}, "roots=3"),
     "the background's colour is 5000": ({"background": [0, 0, 5000]}, "roots=3"),
+    "two surfaces, with surface_offset, may be 5001 apart": ({"march": {"surface_offset": 5000}}, "roots=3"),
+    "the light comes within 0.25 of a surface, which may be 8.007": (
+        {"light": {"position": [0, 1.25, 0], "emission": [2, 2, 2]}},
+        "bits=28 unit=auto roots=3",
+    ),
+    "the light comes within 0 of a surface, which may be inf": (
+        {
+            "shapes": [ball(0.5, [-2, 0, 0], path={"type": "line", "to": [2, 0, 0], "period": 1})],
+            "light": {"position": [0, 0.3, 0]},
+        },
+        "roots=3",
+    ),
     "a radius of 1e-06 is less than two": ({"shapes": [ball(1e-6, [0, 0, 0])]}, "roots=3"),
     "a radius of 3: the article's root": ({"shapes": [ball(3, [0, 0, 0])]}, "roots=article"),
     "a radius of 0.02: the article's 1/root": ({"shapes": [ball(0.02, [0, 0, 0])]}, "roots=article"),
@@ -397,6 +409,7 @@ def test_directions_longer_than_all_lengths_are_normalised_too(draw, words):
 # Pixels up to 280 units off the camera's axis, a unit away: no factor with 28 bits of fraction is that large.
 SCENES["broad"] = WIDE | {"shapes": [ball(1, [x, 0, 0.1 * x]) for x in (-6, -3, 0, 3, 6)]}
 SCENES["broad"]["camera"] = WIDE["camera"] | {"vertical_fov_degrees": 160}
+SCENES["broad"]["light"] = WIDE["light"] | {"emission": [3, 3, 2.4]}  # 0.4 from a surface, with 28 bits
 # In a unit of 512 a light that is 3 away is 1/171 of it away, and 171 is no factor with 28 bits of fraction.
 SCENES["spacious"] = LITTLE | {"shapes": [*LITTLE["shapes"], ball(500, [0, -503, 0])]}
 SCENES["spacious"]["march"] = LITTLE["march"] | {"bounds_radius": 2000}
