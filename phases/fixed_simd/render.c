@@ -35,8 +35,11 @@ static const char *no_spheres(const struct model *model) {
         if (shape->type != SHAPE_SPHERE ||
             shape->repeat[0] + shape->repeat[1] + shape->repeat[2] > 0) {
             snprintf(error, sizeof error,
-                     "shapes[%d] is a %s%s; only spheres, not repeated, are drawn", i,
-                     shape->type == SHAPE_SPHERE ? "repeated " : "", shape_type_name(shape->type));
+                     "shapes[%d] is %s%s; only spheres, not repeated, are drawn", i,
+                     shape->type == SHAPE_SPHERE       ? "a repeated "
+                     : shape->type == SHAPE_OCTAHEDRON ? "an "
+                                                       : "a ",
+                     shape_type_name(shape->type));
             return error;
         }
         if (!(shininess == floor(shininess) && shininess < 1024)) {

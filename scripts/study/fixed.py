@@ -45,8 +45,8 @@ CLEARS = ("never", "corners", "safe", "lists")
 ARTICLE_WORDS = CASES["article, 1 lane"][1]
 # Heights up to which truth is drawn for each size: its 1,920 × 1,080 would take as long as all the rest.
 TRUTH_HEIGHT = 400
-# Shares of the animation's frames: all of them in lanes on every core, a quarter on one thread and without
-# shadows. The article's program, which would take minutes, has a quarter on every core, else a fifteenth.
+# Shares of the animation's frames: all of them in lanes on every core, a quarter on one thread. The article's
+# program, which would take minutes, has a quarter with shadows on every core, else a fifteenth.
 QUARTER, FIFTEENTH = 4, 15
 
 
@@ -207,10 +207,10 @@ def without_shadows(scene: Scene, folder: Path) -> Scene:
 
 def share(frames: int, article: bool, threads: int, shadows: bool) -> int:
     """How many of the animation's `frames` are timed, from the first on."""
-    headline = shadows and threads == moving.thread_counts()[-1]
+    every = threads == moving.thread_counts()[-1]
     if article:
-        return max(2, frames // (QUARTER if headline else FIFTEENTH))
-    return frames if headline else max(2, frames // QUARTER)
+        return max(2, frames // (QUARTER if every and shadows else FIFTEENTH))
+    return frames if every else max(2, frames // QUARTER)
 
 
 def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:
@@ -226,11 +226,13 @@ def animations(frames: int, n: int, keep: Path, simd: bool) -> list[Row]:
             for name, (phase, words) in programs.items():
                 if name == "floats" and not shadows:
                     continue
+                with settings(words):
+                    error = moving.still_error(phase, scene, n)
                 for threads in moving.thread_counts() if shadows else moving.thread_counts()[-1:]:
                     count = share(frames, name == "article", threads, shadows)
                     with settings(words):
                         row = moving.animation(phase, count, n, threads, keep, scene)
-                    rows.append({"program": name, "shadows": shadows, **row})
+                    rows.append({"program": name, "shadows": shadows, **row, "error": error})
     return rows
 
 

@@ -114,8 +114,8 @@ NOTE = (
     "The article's program shades otherwise (no shadow, no falloff, mirrors of full weight) and moves its "
     "spheres otherwise; here is this house's shading, so that truth can judge it, and once without shadows. "
     "Its time is the mean of 900 frames on 35 cores of a CPU without vectors: core·ns a pixel are the mean "
-    "of a frame's time, times cores, over pixels. On one core, by the article's program and without "
-    "shadows fewer frames are timed, from the first on; the table has how many. What the frames show drifts "
+    "of a frame's time, times cores, over pixels. On one core and by the article's program fewer "
+    "frames are timed, from the first on; the table has how many. What the frames show drifts "
     "along the animation: compare programs by the mean of the frames that all rows have. They are measured "
     "one after the other here, not interleaved, and a mean of frames has no interval: what the machine did "
     f"meanwhile is in the quotients. {moving.NOTE}"
@@ -186,7 +186,9 @@ def system_rows(result: Row) -> list[Row]:
             "article": f"{said['ms']} (mean of {said['frames']} frames, no shadows; {said['cpu']})",
             "ours": moving.mean_said(row),
             "ratio": moving.per_article(row, said),
-            "error": errors.get(row["phase"], show.NOTHING) if row.get("shadows", True) else show.NOTHING,
+            "error": moving.error_said(row.get("error"))
+            if row.get("error") or not row.get("shadows", True)
+            else errors.get(row["phase"], show.NOTHING),
         }
         for row in fixed.with_common(result["animation"])
     ]

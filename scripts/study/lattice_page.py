@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from study import lattice, show
@@ -43,19 +42,18 @@ def share(row: Row) -> str:
 def foot(rows: Sequence[Row]) -> str:
     """What shading takes: where time does not tell it, the FLOPs alone do. "" for rows without either."""
     timed = [row for row in rows if row["light"] is not None]
-    ends = [[math.nan if row[f"light_{end}"] is None else row[f"light_{end}"] for end in ("low", "high")]
-            for row in timed]  # fmt: skip
-    told = [row["phase"] for row, (low, high) in zip(timed, ends, strict=True) if low > 0 or high < 0]
+    told = [row["phase"] for row in timed if row["light_low"] is not None and row["light_low"] > 0]
     least = [row["shading"] for row in rows if row.get("shading") is not None]
     words = []
     if timed and not told:
         words.append(
-            "What share of the time is our shading cannot be told from times here: no interval is clear of 0."
+            "What share of the time is our shading cannot be told from times here: no interval is above 0."
         )
     elif timed:
         words.append(
             f"What share of the time is our shading can be told from times of {', '.join(told)} alone: the "
-            "other intervals hold 0."
+            "other intervals are not above 0. (Of one below it the frame without a light is the slower one: "
+            "its code lies otherwise.)"
         )
     if timed and least:
         low, high = (show.percent(end) for end in (min(least), max(least)))

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from study import cli, machine, registry, run, show
+from study import cli, machine, registry, rods, run, show, truth
 from study.build import build
 from study.cli import StudyError
 from study.gallery import sha256
@@ -29,6 +29,7 @@ from study.show import Column
 Row = dict[str, Any]
 MOVING = "spheres40_animated"
 FOLDER = "animation"  # of a run's: files of frames, until what they are for is written
+STILL = 360  # rows, at most, of the picture at its beginning that is held against truth
 OURS = "STEPWISE_"  # begins what the environment says to a driver
 
 
@@ -159,6 +160,23 @@ def resumed(lines: Sequence[Row]) -> list[int]:
     begins = [i for i, line in enumerate(lines) if line["first"]]
     timed = (next((x["frame"] for x in lines[i:] if not x["warmup"]), 0) for i in begins)
     return sorted({frame for frame in timed if frame})
+
+
+def still_error(phase: str, scene: Scene, n: int) -> Row:
+    """How far the picture of the beginning is from truth, of `n` rows, STILL at most. Raises StudyError."""
+    size = scene.size(min(n, STILL))
+    found = rods.errors(truth.picture(scene, size), rods.picture(phase, "", scene, size))
+    return {key: found[key] for key in ("psnr_db", "wrong_ppm")} | {"width": size[0], "n": size[1]}
+
+
+def error_said(error: Row | None) -> str:
+    """For a row of the table of all systems; an older file has none."""
+    if not error:
+        return show.NOTHING
+    psnr = "identical" if error["psnr_db"] is None else f"{error['psnr_db']:.1f} dB"
+    return (
+        f"{psnr}, {error['wrong_ppm']:,.0f} ppm wrong hits (its beginning at {error['width']}×{error['n']})"
+    )
 
 
 def animation(

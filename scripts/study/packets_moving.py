@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from study import fixed, fixed_page, moving, packets_rays, show
+from study import fixed, fixed_page, moving, packets_rays, registry, show
 from study.sections import Part, part
 from study.show import Column
 
@@ -31,9 +31,12 @@ def study(frames: int, n: int, keep: Path | None = None) -> list[Row]:
     rows = []
     for name, words in TREES.items():
         with moving.environment({packets_rays.SETTINGS: words}):
+            error = moving.still_error("packets", registry.animated()[moving.MOVING], n)
             for threads in moving.thread_counts():
                 count = share(frames, name, threads)
-                rows.append({"tree": name, **moving.animation("packets", count, n, threads, keep)})
+                rows.append(
+                    {"tree": name, **moving.animation("packets", count, n, threads, keep), "error": error}
+                )
     return fixed.with_common(rows)
 
 
@@ -76,7 +79,7 @@ def system_rows(result: Row) -> list[Row]:
             "article": f"{said['ms']} (P3's: mean of {said['frames']} frames, no shadows; {said['cpu']})",
             "ours": f"{moving.mean_said(row)}; the tree {show.number(row['update_ms'], 2)}",
             "ratio": moving.per_article(row, said),
-            "error": show.NOTHING,
+            "error": moving.error_said(row.get("error")),
         }
         for row in fixed.with_common(result.get("animation", []))
         if row["tree"] == next(iter(TREES))

@@ -323,6 +323,7 @@ NO_FORM = {
     "soft shadows need": scene(ONE, light={"shadows": "soft"}),
     "fog needs an exponential": scene(ONE, fog=0.1, light={"shadows": "hard"}),
     "shapes[1] is a torus": scene([*ONE, shape("torus")], light={"shadows": "hard"}),
+    "shapes[0] is an octahedron": scene([shape("octahedron")], light={"shadows": "hard"}),
     "shapes[0] is a repeated sphere": scene(
         [ball(1, [0, 0, 0], repeat=[4, 0, 0])], light={"shadows": "hard"}
     ),

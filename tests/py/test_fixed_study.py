@@ -156,6 +156,13 @@ def test_rows_of_fewer_frames_have_no_ratio_to_the_article_and_the_mean_that_all
         assert row["ours"].endswith("; of the first 225 frames, which all its rows have: 50.0")
     assert whole["ratio"] == "2.63× its pixels per core and second"  # 500.15 over 190
     assert part["ratio"] == "–"
+    bare = [row | {"shadows": False, "error": {"psnr_db": 50.0, "wrong_ppm": 7.0, "width": 9, "n": 5}}
+            for row in rows]  # fmt: skip
+    said = fixed_page.system_rows(result | {"animation": bare})[0]
+    assert (
+        said["error"] == "50.0 dB, 7 ppm wrong hits (its beginning at 9×5)"
+        and said["ratio"] == whole["ratio"]
+    )
     smaller = [row | {"width": 960, "n": 540} for row in rows]
     assert fixed_page.system_rows(result | {"animation": smaller})[0]["ratio"] == "–", "another size"
 
@@ -232,7 +239,7 @@ def test_how_many_frames_each_program_has(monkeypatch):
     monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1, 2])
     assert fixed.share(900, False, 2, True) == 900, "the headline"
     assert fixed.share(900, False, 1, True) == fixed.share(900, True, 2, True) == 225
-    assert fixed.share(900, False, 2, False) == 225 and fixed.share(900, True, 2, False) == 60
+    assert fixed.share(900, False, 2, False) == 900 and fixed.share(900, True, 2, False) == 60
     assert fixed.share(900, True, 1, True) == 60 and fixed.share(2, True, 1, True) == 2
     monkeypatch.setattr(fixed.moving, "thread_counts", lambda: [1])
     assert fixed.share(900, False, 1, True) == 900
@@ -361,6 +368,11 @@ def test_all_of_it_small(tmp_path):
     programs = ["article"] * cores + (["lanes"] * cores + ["floats"] * cores if most > 1 else [])
     programs += ["article", "lanes"] if most > 1 else ["article"]
     assert [row["program"] for row in result["animation"]] == programs
+    errors = [row["error"] for row in result["animation"]]
+    assert all((e["width"], e["n"]) == (28, 16) and 20 < e["psnr_db"] < 150 for e in errors), errors
+    assert errors[0]["psnr_db"] != errors[-1 if most == 1 else -2]["psnr_db"], (
+        "without shadows, to that truth"
+    )
     words = result["animation"][0]["settings"]
     assert "roots=article clear=corners" in words and "bits=20" in words, "the article's program first"
     bare = [not row["shadows"] for row in result["animation"]]

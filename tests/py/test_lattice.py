@@ -103,6 +103,8 @@ def test_under_the_table_stands_what_shading_takes(tmp_path):
     assert systems.section(tmp_path).parts[1].markdown.endswith(f" |\n\n{text}\n")
     lit(None, None)
     assert lattice_page.foot(made["rows"]) == text
+    lit(-0.2, -0.1)
+    assert lattice_page.foot(made["rows"]) == text, "less time than nothing is no share of it"
     lit(-0.2, 0.2).update(light_low=0.01)
     assert "can be told from times of baseline alone: the other" in lattice_page.foot(made["rows"])
     for row in made["rows"]:

@@ -296,7 +296,11 @@ def test_the_animation_on_the_page_by_hand(tmp_path):
     )
     assert one["ratio"] == two["ratio"] == "–", "of 9 frames, the article's of 900 and another size"
     said = "mean 20.0 (95 % of frames under 25.0 ms); of the first 9 frames, which all its rows have: 20.0"
-    assert one["ours"] == f"{said}; the tree 0.25"
+    assert one["ours"] == f"{said}; the tree 0.25" and one["error"] == "–", "an older file has none"
+    held = animated()
+    held["animation"][0]["error"] = {"psnr_db": 61.24, "wrong_ppm": 1234.4, "width": 640, "n": 360}
+    one = packets_moving.system_rows(held)[0]
+    assert one["error"] == "61.2 dB, 1,234 ppm wrong hits (its beginning at 640×360)"
     whole = animated()
     size = {"frames": 900, "width": 1920, "n": 1080, "all_ms": [20.0] * 900}
     whole["animation"] = [row | size for row in whole["animation"]]
