@@ -32,8 +32,8 @@ def arguments() -> argparse.Namespace:
         help=f"heights at which blocks are cleared, those over {fixed.TRUTH_HEIGHT} against the picture "
         "without clearing in place of truth; default: 90 180 360 1080")  # fmt: skip
     add("--frames", type=cli.at_least(2), default=900,
-        help="of the animation in lanes on every core; on one thread, without shadows and by the article's "
-        "program fewer, as the table says; default: 900, the article's")  # fmt: skip
+        help="of the animation in lanes on every core; on one thread and by the article's program "
+        "fewer, as the table says; default: 900, the article's")  # fmt: skip
     add("--frame-n", type=cli.at_least(16), default=1080, metavar="N", help="its height; default: 1080")
     add("--launches", type=cli.at_least(2), default=6, help="process launches of each; default: 6")
     add("--seed", type=int, help="of the order; default: random")

@@ -16,15 +16,41 @@ struct extent {
     double light;  // from the light to the furthest surface
     double camera; // from the camera to the furthest centre
     double across; // between the furthest two surfaces, and a ray's start off them
-    double lit;    // from the light to the nearest surface that it can light
+    // The shape that the light comes nearest to, and how near; that it makes brightest, how bright, from how near.
+    int nearest, brightest;
+    double near, bright, bright_from;
 };
 
 static double norm(const double a[3]) {
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }
 
+// What the light makes of a shape at most, and what is multiplied on the way there: ambient 0.01, highlight 0.2 (tile.c).
+// The side that is nearest may be in the dark: then a scene is refused that could be drawn.
+static void measure_light(struct extent *e, int i, const struct model *model,
+                          const struct view *view) {
+    const struct shape *shape = &model->shapes[i];
+    const double *color = model->materials[shape->material].color, *emission = view->light_emission;
+    double radius = shape->sphere.radius, most = fmax(emission[0], fmax(emission[1], emission[2]));
+    struct places light = places_of(shape, view->light_position);
+    if (!(most > 0) || light.furthest < radius) // inside at any time: the surface is turned away
+        return;
+    double near = fmax(light.nearest - radius, 0), reach = most / near;
+    double colour = fmax(color[0], fmax(color[1], color[2]));
+    double bright = fmax(0.01 * colour + reach * (colour + 0.2), reach);
+    if (near < e->near) {
+        e->near = near;
+        e->nearest = i;
+    }
+    if (bright > e->bright) {
+        e->bright = bright;
+        e->bright_from = near;
+        e->brightest = i;
+    }
+}
+
 static struct extent measure(const struct model *model, const struct view *view) {
-    struct extent e = {.radius_least = INFINITY, .lit = INFINITY};
+    struct extent e = {.radius_least = INFINITY, .near = INFINITY};
     const double origin[3] = {0};
     double centre = 0;
     for (int i = 0; i < model->shape_count; i++) {
@@ -34,10 +60,7 @@ static struct extent measure(const struct model *model, const struct view *view)
         e.radius_least = fmin(e.radius_least, radius);
         centre = fmax(centre, far);
         e.reach = fmax(e.reach, far + radius);
-        struct places light = places_of(shape, view->light_position);
-        if (light.furthest >=
-            radius) // else it is always inside, and the surface turned away from it
-            e.lit = fmin(e.lit, fmax(light.nearest - radius, 0));
+        measure_light(&e, i, model, view);
     }
     e.light = norm(view->light_position) + e.reach;
     e.camera = norm(view->position) + centre;
@@ -63,24 +86,11 @@ static double brightest(const struct model *model, const struct view *view, doub
     }
     for (int i = 0; i < model->material_count; i++)
         for (int k = 0; k < 3; k++)
-            if (model->materials[i].color[k] > most) {
-                most = model->materials[i].color[k];
-                *what = "a material's colour";
+            if (model->materials[i].color[k] + 0.2 > most) {
+                most = model->materials[i].color[k] + 0.2;
+                *what = "a material's colour with the highlight's 0.2";
             }
     return most;
-}
-
-// What the light can make of the brightest material where it is nearest, and of what is multiplied on the way there.
-static double brightest_lit(const struct model *model, const struct view *view,
-                            const struct extent *e) {
-    double emission = 0, colour = 0;
-    for (int k = 0; k < 3; k++)
-        emission = fmax(emission, view->light_emission[k]);
-    for (int i = 0; i < model->material_count; i++)
-        for (int k = 0; k < 3; k++)
-            colour = fmax(colour, model->materials[i].color[k]);
-    double reach = emission > 0 ? emission / e->lit : 0; // ambient 0.01, specular 0.2: tile.c
-    return 0.01 * colour + fmax(reach, 1) * fmax(colour + 0.2, 1);
 }
 
 static int bits_before(double a) {
@@ -136,6 +146,17 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
             e->radius_least, f->bits, least);
         return false;
     }
+    // What is nearer has the clamped square's 1/root; hits are up to 0.0607 of half a chord outside of the sphere.
+    double drawn = e->near - 0.0607 * e->radius_most;
+    if (!(drawn / unit > sqrt(least))) {
+        snprintf(
+            error, 512,
+            "the light comes within %g of shapes[%d], or %g of where the article's root may draw "
+            "it, and its 1/root of %d bits of fraction takes more than %g (STEPWISE_FIXED: other "
+            "bits, a smaller unit or roots=2)",
+            e->near, e->nearest, fmax(drawn, 0), f->bits, sqrt(least) * unit);
+        return false;
+    }
     return true;
 }
 
@@ -161,6 +182,28 @@ bool directions_fit(const struct format *f, const struct view *view, double aspe
     return false;
 }
 
+// Nearer than some last bits a distance to the light is rounding.
+static bool light_fits(const struct extent *e, const struct format *f, double most,
+                       char error[512]) {
+    double last = ldexp(1, f->unit - f->bits);
+    if (!(e->near >= 64 * last)) {
+        snprintf(error, 512,
+                 "the light comes within %g of shapes[%d], which is less than 64 of the smallest "
+                 "numbers, %g, that %d bits of fraction hold (a light further away, or "
+                 "STEPWISE_FIXED: more bits)",
+                 e->near, e->nearest, last, f->bits);
+        return false;
+    }
+    if (!(e->bright < most)) {
+        snprintf(error, 512,
+                 "the light comes within %g of shapes[%d], which may be %g bright there; %d bits "
+                 "of fraction leave room for less than %g (STEPWISE_FIXED: fewer bits)",
+                 e->bright_from, e->brightest, e->bright, f->bits, most);
+        return false;
+    }
+    return true;
+}
+
 // Where `f` has a unit.
 static bool fits(const struct model *model, const struct view *view, const struct extent *e,
                  struct format *f, char error[512]) {
@@ -178,7 +221,6 @@ static bool fits(const struct model *model, const struct view *view, const struc
             longest, e->lengths, f->bits, most * unit);
         return false;
     }
-    double lit = brightest_lit(model, view, e);
     if (!(colour < most)) {
         snprintf(error, 512,
                  "%s is %g; %d bits of fraction leave room for less than %g (STEPWISE_FIXED: fewer "
@@ -186,13 +228,8 @@ static bool fits(const struct model *model, const struct view *view, const struc
                  what, colour, f->bits, most);
         return false;
     }
-    if (!(lit < most)) {
-        snprintf(error, 512,
-                 "the light comes within %g of a surface, which may be %g bright there; %d bits of "
-                 "fraction leave room for less than %g (STEPWISE_FIXED: fewer bits)",
-                 e->lit, lit, f->bits, most);
+    if (!light_fits(e, f, most, error))
         return false;
-    }
     if (!(ldexp(e->radius_least / unit, f->bits) >= 2)) {
         snprintf(error, 512,
                  "a radius of %g is less than two of the smallest numbers, %g, that %d bits of "

@@ -52,8 +52,12 @@ def foot(rows: Sequence[Row]) -> str:
     elif timed:
         words.append(
             f"What share of the time is our shading can be told from times of {', '.join(told)} alone: the "
-            "other intervals are not above 0. (Of one below it the frame without a light is the slower one: "
-            "its code lies otherwise.)"
+            "other intervals are not above 0."
+        )
+    below = [row["phase"] for row in timed if row["light_high"] is not None and row["light_high"] < 0]
+    if below:
+        words.append(
+            f"Of {', '.join(below)} the frame without its light was the slower one; why is not known."
         )
     if timed and least:
         low, high = (show.percent(end) for end in (min(least), max(least)))

@@ -269,6 +269,7 @@ COLUMNS = [
       for name, key in (("median", "p50"), ("5 %", "p5"), ("95 %", "p95"), ("most", "most"))),
     Column("", "update, ms", lambda r: show.number(r["update_ms"], 2)),
     Column("", "core·ns a pixel", lambda r: show.number(r["core_ns_per_pixel"])),
+    Column("", "error to truth", lambda r: error_said(r.get("error"))),
 ]  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from study import accuracy, images, run, stats, truth
+from study import accuracy, images, run, rungs, stats, truth
 from study.pareto import BASE, FACTOR, MEASURES, TRUTHS, WITHIN, Row, badness
 from study.registry import Scene, Spec
 from study.run import DriverError
@@ -106,15 +106,17 @@ def errors(point: Point, scene: Scene, height: int, exact: images.Picture, folde
 def evaluations(point: Point, scene: Scene, height: int) -> float | None:
     """Evaluations of the scene's distance per pixel, of all rays and normals, by the counting build.
 
-    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here.
+    Of lanes at work only. None for a phase that counts no `sdf`, or that cannot be counted here. A Mandelbulb
+    that is marched without `sdf` counts by its own estimates, of which each `sdf` of such a scene has one.
     """
     size = height, scene.size(height)[0]
     try:
         said = run.render(point.spec, scene.path, *size, target="render-count", timed=False, **point.march)
     except DriverError:
         return None
-    counted = said["by_function"].get("sdf")
-    return counted["lanes"] / (size[0] * size[1]) if counted else None
+    counted = said["by_function"]
+    lanes = [counted[name]["lanes"] for name in ("sdf", *rungs.ESTIMATES) if name in counted]
+    return max(lanes) / (size[0] * size[1]) if lanes else None
 
 
 def judge(

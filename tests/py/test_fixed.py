@@ -354,16 +354,24 @@ UNFIT = {
     "the light's emission": ({"light": {"emission": [1, 4000, 1]}}, "roots=3"),
     "the background's colour is 5000": ({"background": [0, 0, 5000]}, "roots=3"),
     "two surfaces, with surface_offset, may be 5001 apart": ({"march": {"surface_offset": 5000}}, "roots=3"),
-    "the light comes within 0.25 of a surface, which may be 8.007": (
+    "the light comes within 0.25 of shapes[0], which may be 8 bright": (
         {"light": {"position": [0, 1.25, 0], "emission": [2, 2, 2]}},
         "bits=28 unit=auto roots=3",
     ),
-    "the light comes within 0 of a surface, which may be inf": (
+    "the light comes within 0 of shapes[0], which is less than 64": (
         {
             "shapes": [ball(0.5, [-2, 0, 0], path={"type": "line", "to": [2, 0, 0], "period": 1})],
             "light": {"position": [0, 0.3, 0]},
         },
         "roots=3",
+    ),
+    "the light comes within 0.1 of shapes[0], which is less than 64 of the smallest numbers, 0.0039": (
+        {"light": {"position": [0, 1.1, 0]}},
+        "bits=8 roots=3",
+    ),
+    "the light comes within 0.07 of shapes[0], or 0.0093": (
+        {"light": {"position": [0, 1.07, 0]}},
+        "roots=article",
     ),
     "a radius of 1e-06 is less than two": ({"shapes": [ball(1e-6, [0, 0, 0])]}, "roots=3"),
     "a radius of 3: the article's root": ({"shapes": [ball(3, [0, 0, 0])]}, "roots=article"),
@@ -385,6 +393,42 @@ def test_a_number_that_does_not_fit_is_named(said, tmp_path):
         data = data | {key: data[key] | value if isinstance(value, dict) else value}
     for phase in PHASES[: 1 if SIMD_LACKS else 2]:
         assert said in refusal(phase, data, words, tmp_path)
+
+
+# As bright as numbers of 24 bits hold, less than 126, a quarter away; in a ball; on one, of no strength.
+LIGHTS = {
+    "near": ([*ONE, ball(1, [3, 0, 1])], {"position": [0.1, 0.27, -1.22], "emission": [31, 25, 31]}),
+    "inside": ([*ONE, ball(1, [3, 0, 1])], {"position": [0, 0.3, 0]}),
+    "off": ([*ONE, ball(1, [3, 0, 1])], {"position": [0, 1, 0], "emission": [0, 0, 0]}),
+}
+SCENES |= {
+    f"light_{name}": scene(shapes, light={"shadows": "hard"} | light)
+    for name, (shapes, light) in LIGHTS.items()
+}
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_a_light_that_fits_is_drawn_as_truth_has_it(draw, name):
+    """Colours that are not clamped, too: nothing on the way to them was."""
+    exact, _ = draw("truth", f"light_{name}")
+    for phase in PHASES[: 1 if SIMD_LACKS else 2]:
+        made, _ = draw(phase, f"light_{name}", "bits=24 unit=auto roots=3 clear=never")
+        hit = (made["id"] >= 0) & (made["id"] == exact["id"])
+        assert hit.sum() > 100
+        off = np.abs(images.rgb(made) - images.rgb(exact))[hit].max(axis=-1)
+        assert np.quantile(off, 0.99) < 2e-2 and off.mean() < 2e-3, (np.quantile(off, 0.99), off.mean())
+    assert name != "near" or images.rgb(exact).max() > 20
+
+
+def test_a_ball_that_is_about_the_light_at_every_time_is_drawn(tmp_path):
+    around = ball(
+        2, [0, 0, 0.5], path={"type": "circle", "axis": [0, 1, 0], "centre": [0, 0, 0], "period": 1}
+    )
+    data = scene([around], light={"shadows": "hard", "position": [0, 0.3, 0]})
+    store.write_json(tmp_path / "scene.json", data)
+    for phase in PHASES[: 1 if SIMD_LACKS else 2]:
+        done = run(phase, tmp_path / "scene.json", (4, 4), "roots=3")
+        assert done.returncode == 0, done.stderr
 
 
 # A sphere in the middle of a wide view: lengths below 2, but directions to the corners of almost 3.

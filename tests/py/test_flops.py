@@ -557,11 +557,17 @@ def test_phases_that_the_cpu_lacks_are_left_out_and_named():
 
 
 @pytest.mark.parametrize(
-    "phase", [p for p in sorted(registry.ladder()) if registry.cpu_supports(registry.find_phase(p))]
-)
-def test_declared_costs_hold_against_the_blocks_that_ran(phase):
-    """The whole chain on a scene with a mirror, soft shadows, fog and a rotation."""
-    done = command("--validate", "--phase", phase, "--scene", "trio", "-n", 24, "--json")
+    ("phase", "scene"),
+    [
+        *((p, "trio") for p in sorted(registry.ladder()) if registry.cpu_supports(registry.find_phase(p))),
+        *((p, "mandelbulb") for p in ("opt8_streams", "opt9_convex")
+          if registry.cpu_supports(registry.find_phase(p))),
+    ],
+)  # fmt: skip
+def test_declared_costs_hold_against_the_blocks_that_ran(phase, scene):
+    """The whole chain on a scene with a mirror, soft shadows, fog and a rotation; and where a Mandelbulb is
+    marched alone, by functions that no other scene has."""
+    done = command("--validate", "--phase", phase, "--scene", scene, "-n", 24, "--json")
     rows = json.loads(done.stdout)["rows"]
     assert done.returncode == 0, done.stderr
     assert {"phase", "scene", "counted", "measured", "backend", "relative_difference"} <= rows[0].keys()

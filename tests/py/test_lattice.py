@@ -104,7 +104,10 @@ def test_under_the_table_stands_what_shading_takes(tmp_path):
     lit(None, None)
     assert lattice_page.foot(made["rows"]) == text
     lit(-0.2, -0.1)
-    assert lattice_page.foot(made["rows"]) == text, "less time than nothing is no share of it"
+    below = lattice_page.foot(made["rows"])
+    assert "cannot be told from times here" in below, "less time than nothing is no share of it"
+    assert f"Of {', '.join(NAMES)} the frame without its light was the slower one" in below
+    assert "slower" not in text
     lit(-0.2, 0.2).update(light_low=0.01)
     assert "can be told from times of baseline alone: the other" in lattice_page.foot(made["rows"])
     for row in made["rows"]:

@@ -199,6 +199,11 @@ def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
         assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
     shadowed = registry.find_scene("scene0")
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
+    if not registry.cpu_supports(registry.find_phase("opt8_streams")):
+        return
+    bulb = registry.find_scene("mandelbulb")  # marched alone, without `sdf`
+    point = measuring.Point(bulb.name, Spec.parse("opt8_streams"), *measuring.own(bulb))
+    assert 10 < measuring.evaluations(point, bulb, 24) < 100, "0.135 by its `sdf` alone"
 
 
 def test_steps_and_compilers_are_timed_on_one_thread_of_one_cpu(monkeypatch: pytest.MonkeyPatch) -> None:
