@@ -119,8 +119,7 @@ EMULATED __m512 emulated_mask_expand_ps(__m512 a, __mmask16 k, __m512 b) {
     _mm512_castps_si512(emulated_maskz_compress_ps(k, _mm512_castsi512_ps(a)))
 #undef _mm512_mask_expand_epi32
 #define _mm512_mask_expand_epi32(a, k, b)                                                          \
-    _mm512_castps_si512(                                                                           \
-        emulated_mask_expand_ps(_mm512_castsi512_ps(a), k, _mm512_castsi512_ps(b)))
+    _mm512_castps_si512(emulated_mask_expand_ps(_mm512_castsi512_ps(a), k, _mm512_castsi512_ps(b)))
 
 EMULATED void emulated_mask_storeu_ps(void *to, __mmask16 k, __m512 a) {
     floats_ from = {a};
