@@ -33,7 +33,7 @@ static void measure_light(struct extent *e, int i, const struct model *model,
     const double *color = model->materials[shape->material].color, *emission = view->light_emission;
     double radius = shape->sphere.radius, most = fmax(emission[0], fmax(emission[1], emission[2]));
     struct places light = places_of(shape, view->light_position);
-    if (!(most > 0) || light.furthest < radius) // inside at any time: the surface is turned away
+    if (!(most > 0) || light.furthest < radius) // inside at every time: the surface is turned away
         return;
     double near = fmax(light.nearest - radius, 0), reach = most / near;
     double colour = fmax(color[0], fmax(color[1], color[2]));

@@ -199,9 +199,13 @@ def test_evaluations_are_those_of_every_ray_and_normal(tmp_path: Path) -> None:
         assert measuring.evaluations(point, scene, 24) * 24 * width == pytest.approx(wanted, abs=1e-6)
     shadowed = registry.find_scene("scene0")
     assert measuring.evaluations(point, shadowed, 24) > wanted / (24 * width) + 5
-    if not registry.cpu_supports(registry.find_phase("opt8_streams")):
-        return
-    bulb = registry.find_scene("mandelbulb")  # marched alone, without `sdf`
+
+
+def test_a_mandelbulb_marched_without_sdf_counts_by_its_own_estimates() -> None:
+    lacks = registry.missing_isa(registry.find_phase("opt8_streams"))
+    if lacks:
+        pytest.skip(f"the CPU lacks {', '.join(lacks)}")
+    bulb = registry.find_scene("mandelbulb")
     point = measuring.Point(bulb.name, Spec.parse("opt8_streams"), *measuring.own(bulb))
     assert 10 < measuring.evaluations(point, bulb, 24) < 100, "0.135 by its `sdf` alone"
 
