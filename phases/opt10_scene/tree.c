@@ -82,13 +82,13 @@ static void set_sphere(struct spheres *to, int i, const float *centre, float rad
     to->radius[i] = radius;
 }
 
-// About the box of its children's spheres; 1e-5: what is rounded must not cut them.
-static void enclose(const struct spheres *below, int node, struct spheres *to) {
+// A sphere about the box of a node's spheres; 1e-5: what is rounded must not cut them.
+static void enclose(const struct spheres *below, int node, float centre[3], float *about) {
     int first = node * TREE_WIDTH, end = first + TREE_WIDTH;
     if (end > below->count)
         end = below->count;
     const float *axes[3] = {below->x, below->y, below->z};
-    float centre[3], radius = 0;
+    float radius = 0;
     for (int k = 0; k < 3; k++) {
         float least = INFINITY, most = -INFINITY;
         for (int i = first; i < end; i++) {
@@ -103,7 +103,7 @@ static void enclose(const struct spheres *below, int node, struct spheres *to) {
             square += ((double)axes[k][i] - centre[k]) * ((double)axes[k][i] - centre[k]);
         radius = fmaxf(radius, (float)(sqrt(square) + below->radius[i]));
     }
-    set_sphere(to, node, centre, radius * (1 + 1e-5f));
+    *about = radius * (1 + 1e-5f);
 }
 
 void tree_build(struct tree *tree, struct leaf *leaves, int count) {
@@ -117,9 +117,14 @@ void tree_build(struct tree *tree, struct leaf *leaves, int count) {
     for (int entries = count; entries > TREE_WIDTH; tree->levels++) {
         struct spheres *to = &tree->level[tree->levels];
         entries = to->count = nodes_for(entries);
-        for (int node = 0; node < entries; node++)
-            enclose(&tree->level[tree->levels - 1], node, to);
+        for (int node = 0; node < entries; node++) {
+            float centre[3], radius;
+            enclose(&tree->level[tree->levels - 1], node, centre, &radius);
+            set_sphere(to, node, centre, radius);
+        }
     }
+    if (count > 0)
+        enclose(&tree->level[tree->levels - 1], 0, tree->centre, &tree->radius);
     double sum = 0;
     const struct spheres *nodes = &tree->level[tree->levels > 1];
     for (int i = 0; i < nodes->count; i++)

@@ -11,7 +11,7 @@
 // How far ahead of the ray behind all others it starts, as a share of what leaves that one a step: all of them go on.
 #define AHEAD 0.6f
 // How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
-#define LENGTH 1.0f
+#define LENGTH 0.7f
 
 static inline mask within_reach(struct vec centre, real radius, const void *with) {
     COUNT(within_reach, call);

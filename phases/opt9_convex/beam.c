@@ -43,8 +43,7 @@ static void code_places(struct desk *desk, int count) {
     }
 }
 
-// Rays from one solid are a beam: those of a packet are from one as far as there are enough, in the tree's order. Rays
-// from planes behind them.
+// Rays from one solid follow one another, in the tree's order; rays from planes behind them.
 static void crowd_sort(struct desk *desk, const struct prepared *scene) {
     int count = desk->shadows;
     if (scene->plane_count)
@@ -344,11 +343,11 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
     return moves;
 }
 
-static void gather_walk(struct walk *w, int first, const struct beam *beam,
+static void gather_walk(struct walk *w, int first, int end, const struct beam *beam,
                         const struct convex *work) {
     struct desk *desk = work->desk;
     const float *place = beam->place;
-    int left = desk->shadows - first;
+    int left = end - first;
     ACTIVE(left < LANES ? left : LANES);
     COUNT(gather_walk, call);
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
@@ -371,11 +370,11 @@ static void begin_walk(struct walk *w, const struct convex *work) {
 }
 
 // In the order of the queue, whatever the packets were.
-static void add_answers(int first, struct desk *desk) {
+static void add_answers(int first, int end, struct desk *desk) {
     COUNT(add_answers, call);
-    for (int at = first; at < desk->shadows && at < first + BEAM_RAYS; at += LANES) {
+    for (int at = first; at < end; at += LANES) {
         const unsigned short *order = desk->order[0] + at;
-        int left = desk->shadows - at, count = left < LANES ? left : LANES;
+        int left = end - at, count = left < LANES ? left : LANES;
         ACTIVE(count);
         COUNT(add_answers, packet);
         add_light(first_lanes(count),
@@ -428,7 +427,8 @@ static struct bundle bundle_about(const struct walk *walk, int packets) {
     return bundle;
 }
 
-static void cast_beam(int first, const struct convex *work) {
+// `first`, `end`: of the sorted queue.
+static void cast_beam(int first, int end, const struct convex *work) {
     COUNT(cast_beam, call);
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
@@ -448,8 +448,8 @@ static void cast_beam(int first, const struct convex *work) {
         beam.place[k] = desk->shadow[S_POINT + k][desk->order[0][first]];
     int at = first;
     do // one at least
-        gather_walk(&beam.walk[beam.count++], at, &beam, work);
-    while ((at += LANES) < desk->shadows && beam.count < BEAM);
+        gather_walk(&beam.walk[beam.count++], at, end, &beam, work);
+    while ((at += LANES) < end);
     struct bundle bundle = bundle_about(beam.walk, beam.count);
     crowd_about_beam(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
     for (int i = 0; i < beam.count; i++) {
@@ -467,13 +467,28 @@ static void cast_beam(int first, const struct convex *work) {
                 thin_out(&beam, work);
     for (int i = 0; i < beam.count; i++)
         keep_answers(&beam.walk[i], beam.walk[i].rays.active, desk);
-    add_answers(first, desk);
+    add_answers(first, end, desk);
+}
+
+// Where the beam ends that begins there. Rays from one solid stay as close as it is wide; with the next one's some would wait
+// wherever the others are marched (NOTES.md).
+static int beam_end(const struct desk *desk, int first) {
+    const unsigned short *order = desk->order[0];
+    int end = first + 1, most = lesser(desk->shadows, first + BEAM_RAYS);
+    unsigned code = desk->code[order[first]];
+    if (code & BEHIND)
+        return most;
+    while (end < most && desk->code[order[end]] == code)
+        end++;
+    return end;
 }
 
 void cast_crowd(const struct convex *work) {
     work->desk->ahead = work->desk->casters;
     crowd_sort(work->desk, work->scene);
-    for (int first = 0; first < work->desk->shadows; first += BEAM_RAYS)
-        cast_beam(first, work);
+    for (int first = 0, end; first < work->desk->shadows; first = end) {
+        end = beam_end(work->desk, first);
+        cast_beam(first, end, work);
+    }
     work->desk->shadows = 0;
 }

@@ -198,25 +198,21 @@ int crowd_along(struct vec origin, struct vec direction, mask active, const stru
     return take_marked(work->desk, work->scene, list);
 }
 
-// Behind the spheres at the top of the tree, whatever is in them, no term comes below 1.
+// Behind the sphere about all solids no term comes below 1.
 static void end_behind_all(struct rays *r, const struct prepared *scene) {
     COUNT(end_behind_all, call);
     COUNT(end_behind_all, scalar);
-    const struct spheres *s = &scene->tree.level[scene->tree.levels - 1];
+    const struct tree *tree = &scene->tree;
     float q = scene->lit_slope;
     real wide = set(larger(1.0f - q * q, 1e-6f)), zero = set(0.0f);
-    for (int i = 0; i < s->count; i++) {
-        COUNT(end_behind_all, sphere);
-        COUNT(end_behind_all, radius);
-        struct vec v = {set(s->x[i]) - r->point.x, set(s->y[i]) - r->point.y,
-                        set(s->z[i]) - r->point.z};
-        real lean = vec_dot(v, r->to_light) + set(q * s->radius[i]);
-        real need = vec_dot(v, v) - set(s->radius[i] * s->radius[i] * (1 + 1e-5f));
-        real square = mul_sub(lean, lean, wide * need);
-        mask met = either(less(need, zero), both(greater(lean, zero), not_less(square, zero)));
-        real leaves = (lean + root(most_of(square, zero))) / wide;
-        r->end = choose(met, most_of(leaves, r->end), r->end);
-    }
+    struct vec v = {set(tree->centre[0]) - r->point.x, set(tree->centre[1]) - r->point.y,
+                    set(tree->centre[2]) - r->point.z};
+    real lean = vec_dot(v, r->to_light) + set(q * tree->radius);
+    real need = vec_dot(v, v) - set(tree->radius * tree->radius * (1 + 1e-5f));
+    real square = mul_sub(lean, lean, wide * need);
+    mask met = either(less(need, zero), both(greater(lean, zero), not_less(square, zero)));
+    real leaves = (lean + root(most_of(square, zero))) / wide;
+    r->end = choose(met, most_of(leaves, r->end), r->end);
 }
 
 // Rays from planes, and where something else can be as near to them as their plane: not before `alone`.

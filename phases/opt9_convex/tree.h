@@ -18,7 +18,8 @@ struct tree {
     struct spheres
         level[TREE_LEVELS]; // entry i of a level holds entries 16·i to 16·i + 15 of the level below
     int *shape;             // the shape of each entry of level 0
-    float spacing;          // a typical radius of a node of level 1
+    float centre[3], radius; // of a sphere about all
+    float spacing;           // a typical radius of a node of level 1
     float *memory;
 };
 
