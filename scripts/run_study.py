@@ -25,7 +25,7 @@ SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (
     240  # of the quarter of an hour or so that a study takes on two cores; the rest is verifying and counting
 )
-SCALING_SECONDS = 150  # of the growth of the first and the last two rungs
+SCALING_SECONDS = 180  # of the growth of the first and the last two rungs
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (
     360,

@@ -149,6 +149,9 @@ def choose(
             plan.spent += time.monotonic() - begun
         known[spec].append((point.x, found.seconds))
         launching = cost(found.seconds, launches)
+        if series.drawn:  # what the first scene took to be made, and its kernel to be compiled
+            made = time.monotonic() - begun - found.seconds - OVERHEAD
+            launching += max(made, 0) * (launches - 1)
         if plan.spent + launching > seconds and plan.taken:
             leave(point, too_long(launching, seconds), found.seconds)
         else:
@@ -193,12 +196,14 @@ def above_frame(max_rss_kib: float, picture: Picture, planes: int = 3) -> float:
 
 
 def measure(
-    points: dict[Point, First], pictures: dict[int, Picture], settings: Settings
+    series: Series, points: dict[Point, First], pictures: dict[int, Picture], settings: Settings
 ) -> dict[Point, list[float]]:
     """Nanoseconds of a frame (median of a launch's timed ones) per launch, every point once a round."""
+    launched = dict.fromkeys(points, 0)
 
     def once(point: Point, padding: int) -> float:
-        picture = pictures[point.x]
+        picture = series.picture(point.x, launched[point]) if series.drawn else pictures[point.x]
+        launched[point] += 1
         warmup, reps = frames_of(points[point].seconds)
         options = {**picture.options, "warmup": warmup, "reps": reps}
         options |= {"cpu": settings.cpu, "env_bytes": padding}
@@ -206,8 +211,8 @@ def measure(
         with contextlib.closing(made):
             return float(np.median([frame["ns"] for frame in made if not frame["warmup"]]))
 
-    name = next(iter(points)).series
-    return run.interleaved(list(points), settings.launches, settings.seed, settings.cpu, once, f"time {name}")
+    about = f"time {series.name}"
+    return run.interleaved(list(points), settings.launches, settings.seed, settings.cpu, once, about)
 
 
 @dataclass
@@ -260,9 +265,11 @@ def study(series: Series, specs: Sequence[Spec], seconds: float, settings: Setti
         if made and series.generated:
             thumbnails.append(thumbnail(series, x, next(iter(made.values())), pictures[x], settings.keep))
     settings.truth_left = judge.left
-    times = measure(plan.taken, pictures, settings)
+    times = measure(series, plan.taken, pictures, settings)
     rows = [
-        row_of(point, pictures[point.x], plan.taken[point], times[point]) | found.get(point, {})
+        row_of(point, pictures[point.x], plan.taken[point], times[point])
+        | ({"scenes": len(times[point])} if series.drawn else {})
+        | found.get(point, {})
         for point in sorted(plan.taken, key=lambda p: (wanted.index(p.spec), p.x))
     ]
     return Found(rows, plan.left_out, spaced(thumbnails), time.monotonic() - begun)

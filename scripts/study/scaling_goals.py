@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from study import registry, run, scaling_fit, scaling_scenes, stats
 from study.registry import Spec
 from study.run import DriverError
@@ -88,7 +90,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
             mine = {r["x"]: r for r in own if r["series"] == "shapes-scattered"}
         most = max(mine, default=0)
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
-        ratio = stats.ratio_interval(many["ns"], few["ns"]) if few and many else None
+        ratio = over(many, few) if few and many else None
         here = {(r["scene"], r["threads"]): r["above_frame_mib"] for r in memory if r["phase"] == phase}
         made.append(
             {
@@ -96,6 +98,8 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
                 "n": many["n"] if ratio else None,
                 "shapes": most if ratio else None,
                 "ratio": ratio,
+                "scenes": [row.get("scenes", 1) for row in (few, many)] if ratio else None,
+                "mean_ms": [float(np.mean(row["ns"])) * 1e-6 for row in (few, many)] if ratio else None,
                 "coverage": [covered(own, x) for x in (FEW, most)] if ratio else None,
                 "shapes_goal": judged(ratio, MOST_TIMES) if ratio and most == MANY else OPEN,
                 "above_frame_mib": max(here.values(), default=None),
@@ -103,6 +107,14 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
             }
         )
     return made
+
+
+def over(many: Row, few: Row) -> Interval:
+    """Time over time: of one scene each by their medians, since what disturbs a launch is no part of it; of a
+    scene for every launch by their means, since what a scene costs is."""
+    if "scenes" in many and "scenes" in few:
+        return stats.mean_ratio_interval(many["ns"], few["ns"])
+    return stats.ratio_interval(many["ns"], few["ns"])
 
 
 def covered(rows: Sequence[Row], shapes: int) -> float | None:

@@ -45,6 +45,11 @@ def _plain(name: str) -> Callable[[Row], str]:
     return lambda row: show.NOTHING if row.get(name) is None else show.number(row[name])
 
 
+def _both(row: Row, name: str, form: str) -> str:
+    """Runs of before a launch had a scene of its own do not say how many there were."""
+    return " and ".join(form.format(one) for one in row.get(name) or ()) or show.NOTHING
+
+
 def _mark(name: str) -> Callable[[Row], str]:
     return lambda row: {"met": "good", "missed": "bad"}.get(row[name].partition(",")[0], "")
 
@@ -75,6 +80,8 @@ GOALS = [
         "shapes", "scattered, against 16", lambda r: show.NOTHING if not r["shapes"] else f"{r['shapes']:,}"
     ),
     Column("shapes", "n", lambda r: show.NOTHING if not r["n"] else str(r["n"])),
+    Column("shapes", "scenes, 16 and many", lambda r: _both(r, "scenes", "{:,}")),
+    Column("shapes", "mean ms, 16 and many", lambda r: _both(r, "mean_ms", "{:.3g}")),
     Column("shapes", "time over that of 16 [95 %]", _interval("ratio", "×")),
     Column(
         "shapes",

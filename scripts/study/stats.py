@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
+ENOUGH_DRAWN = 12  # of what scatters by itself, as scenes do, for a mean's interval
 PREEMPTIONS = 20  # per second; a quiet machine has a few
 CONFIG = ["config", "spec", "phase", "flags_from", "scene", "scene_hash", "width", "height", "threads"]
 
@@ -136,6 +137,24 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     first, second = (np.asarray(places, int).tobytes() for places in _pairs(base, other, rounds))
     times = (np.asarray(one, float).tobytes() for one in (base, other))
     return Interval(value, *_ratio_ends(*times, (first, second), seed), launches, True)
+
+
+def mean_ratio_interval(many: ArrayLike, few: ArrayLike, seed: int = 1) -> Interval:
+    """mean(many) / mean(few) of two samples drawn apart from one another, such as scenes.
+
+    A cost is summarized by its arithmetic mean (T. Hoefler and R. Belli, "Scientific Benchmarking of Parallel
+    Computing Systems", SC 2015, rule 3). The interval is of a percentile bootstrap which draws both anew:
+    where one scatters by 40 %, 48 of it hold the true ratio in 91 % of cases, 12 in 86; fewer have none.
+    """
+    samples = [np.asarray(some, float).ravel() for some in (many, few)]
+    count = min(map(len, samples))
+    value = float(samples[0].mean() / samples[1].mean()) if count else np.nan
+    if count < ENOUGH_DRAWN or not all(np.isfinite(some).all() for some in samples):
+        return Interval(value, np.nan, np.nan, count, False)
+    random = np.random.default_rng(seed)
+    drawn = [some[random.integers(len(some), size=(RESAMPLES, len(some)))].mean(axis=1) for some in samples]
+    low, high = np.percentile(drawn[0] / drawn[1], [2.5, 97.5])
+    return Interval(value, float(low), float(high), count, True)
 
 
 def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:

@@ -203,9 +203,11 @@ def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch)
     row = {"phase": "opt10_scene", "shapes": 4096, "ratio": given(3.7, 3.5, 3.9), "coverage": [None, None]}
     row |= {"shapes_goal": "met", "above_frame_mib": None}
     data = run_of(monkeypatch, goals.scaling, {"goals": [row]})
-    assert next(iter(goals.of_growth(data))).beside == "coverage not recorded in this run"
-    row["coverage"] = [0.4, 0.4]
-    assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400"
+    assert next(iter(goals.of_growth(data))).beside == (
+        "coverage not recorded in this run; one scene of each"
+    )
+    row |= {"coverage": [0.4, 0.4], "scenes": [48, 48]}
+    assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400; means of 48 and 48 scenes"
 
 
 def test_the_most_memory_and_the_best_growth_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:

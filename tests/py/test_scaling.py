@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
 
@@ -370,25 +371,38 @@ class Pretended:
             ns = self.SHAPE[rung] * int(count) ** (1 if rung == 0 else 0.55)
         return ns * 1e-9 * picture.width * picture.height / picture.threads + 3e-6 * point.x * (rung > 0)
 
-    def first(self, point: Point, picture: Picture, *_: object) -> First:
+    def prepare(self, point: Point, picture: Picture) -> None:
         if str(point.spec) == "opt10_scene" and picture.scene not in self.kernels:
             self.kernels.add(picture.scene)
             self.now += self.KERNEL
+
+    def first(self, point: Point, picture: Picture, *_: object) -> First:
+        self.prepare(point, picture)
         seconds = self.seconds(point, picture)
         self.now += seconds + self.LAUNCH
         return First(seconds, 2.0, None)
 
-    def measure(self, points: dict, pictures: dict, settings: scaling.Settings) -> dict:
+    def measure(self, of: series.Series, points: dict, pictures: dict, settings: scaling.Settings) -> dict:
+        found: dict[Point, list[float]] = {point: [] for point in points}
         for point in points:
-            seconds = self.seconds(point, pictures[point.x])
-            self.now += settings.launches * (sum(scaling.frames_of(seconds)) * seconds + self.LAUNCH)
-        return {p: [self.seconds(p, pictures[p.x]) * 1e9] * settings.launches for p in points}
+            for number in range(settings.launches):
+                picture = of.picture(point.x, number) if of.drawn else pictures[point.x]
+                self.prepare(point, picture)
+                seconds = self.seconds(point, picture)
+                self.now += sum(scaling.frames_of(seconds)) * seconds + self.LAUNCH
+                found[point].append(seconds * 1e9)
+        return found
 
 
 def named(arrangement: str, count: int, seed: int, folder: Path) -> Scene:
     """A scene of that name, if there is one; where its shapes cover what they should is not looked for."""
     scaling_scenes.placed(arrangement, count, seed)
     return dataclasses.replace(registry.find_scene("trio"), name=f"{arrangement}-{count}-seed{seed}")
+
+
+def named_by_path(arrangement: str, count: int, seed: int, folder: Path) -> Scene:
+    made = named(arrangement, count, seed, folder)
+    return dataclasses.replace(made, path=folder / made.name)
 
 
 def studied(monkeypatch, tmp_path: Path, seconds: float, names: list[str]) -> tuple[dict, Pretended]:
@@ -551,6 +565,43 @@ def test_the_goals_are_judged_at_their_size_only() -> None:
     assert scaling_goals.judged(Interval(math.nan, math.nan, math.nan, 0, False), 4) == "not measured"
     assert scaling_goals.judged(Interval(3, 2, 5, 6, True), 4) == "cannot be told apart here"
     assert scaling_goals.judged(Interval(3, math.nan, math.nan, 5, False), 4) == "too few launches"
+
+
+def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
+    # Means 100 and 390; the median of the few is 60, which would make it 6.5 times.
+    few = [60.0] * 8 + [260.0] * 2
+    rows = [
+        row("a", 16, 0, "crowd", scenes=80) | {"ns": few * 8},
+        row("a", 4096, 0, "crowd", scenes=12) | {"ns": [390.0] * 12},
+    ]
+    (a,) = scaling_goals.goals(rows, [], ["a"])
+    assert a["ratio"].value == pytest.approx(3.9) and 3 < a["ratio"].low < 3.9 < a["ratio"].high < 5
+    assert a["scenes"] == [80, 12] and a["mean_ms"] == pytest.approx([100e-6, 390e-6])
+    rows[1]["ns"] = [390.0] * 6
+    assert scaling_goals.goals(rows, [], ["a"])[0]["shapes_goal"] == "too few launches"
+    # Of one scene each, as it was, by their medians.
+    rows = [row("a", 16, 0, "crowd") | {"ns": few}, row("a", 4096, 390, "crowd") | {"ns": [390] * 10}]
+    (a,) = scaling_goals.goals(rows, [], ["a"])
+    assert a["ratio"].value == pytest.approx(6.5) and a["scenes"] == [1, 1]
+
+
+def test_every_launch_of_a_crowd_has_a_scene_of_its_own(monkeypatch, tmp_path: Path) -> None:
+    rendered: list[tuple[int, str]] = []
+
+    def frames(spec: Spec, path: Path, *size: int, **_: object) -> Iterator[dict]:
+        rendered.append((size[0], path.name))
+        yield {"ns": 1.0, "warmup": False}
+
+    monkeypatch.setattr(scaling.run, "frames", frames)
+    monkeypatch.setattr(scaling_scenes, "of_shapes", named_by_path)
+    crowd = series.series(90, 5, tmp_path)["crowd"]
+    points = {Point("crowd", x, BASE): First(1e-3, 0, None) for x in crowd.xs}
+    settings = scaling.Settings(6, 1, run.USABLE[-1], tmp_path, tmp_path)
+    found = scaling.measure(crowd, points, {}, settings)
+    few, many = ([name for _, name in rendered if f"-{x}-" in name] for x in (16, 4096))
+    assert len(found[Point("crowd", 16, BASE)]) == 6 and {height for height, _ in rendered} == {720}
+    assert few == [f"scattered-16-seed{seed}" for seed in range(5, 11)]
+    assert many == [f"scattered-4096-seed{seed}" for seed in range(5, 11)]
 
 
 def test_verdicts_beside_the_papers_law() -> None:

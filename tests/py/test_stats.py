@@ -46,6 +46,22 @@ def test_median_interval_covers_the_true_median_19_times_in_20(n):
     assert covered == pytest.approx(expected, abs=3.5 * np.sqrt(expected * (1 - expected) / 4000))
 
 
+@pytest.mark.parametrize(("few", "least"), [(48, 0.88), (12, 0.83)])
+def test_the_ratio_of_means_of_two_samples(few, least, monkeypatch):
+    """Few shapes' scenes scatter by 40 %, many shapes' by 3 %: the shares that the function's head says."""
+    monkeypatch.setattr(stats, "RESAMPLES", 1000)
+    random = np.random.default_rng(7)
+    scenes = zip(
+        100 * np.exp(random.normal(size=(400, few)) * 0.4 - 0.08),  # of mean 100
+        400 * (1 + random.normal(size=(400, 12)) * 0.03),
+        strict=True,
+    )
+    found = [stats.mean_ratio_interval(many, some) for some, many in scenes]
+    assert least <= np.mean([i.low <= 4 <= i.high for i in found]) <= 0.98
+    assert np.mean([i.value for i in found]) == pytest.approx(4, rel=0.03)
+    assert not stats.mean_ratio_interval([400.0] * 11, [100.0] * 48).sufficient
+
+
 @pytest.mark.parametrize("common", [0, 0.7, 0.95])
 def test_the_ratio_of_rounds_that_share_their_noise(common, monkeypatch):
     """None, half and nine tenths of the noise's variance are the round's: 92 to 99 % hold the true ratio, and
