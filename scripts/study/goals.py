@@ -21,6 +21,7 @@ from study import (
     registry,
     scaling,
     scaling_goals,
+    scaling_series,
     show,
     verdicts,
 )
@@ -225,14 +226,16 @@ def _limits(row: Row | None) -> str:
 
 def of_growth(data: Data) -> Iterable[Goal]:
     found = scaling.read(data.path / scaling.FILE)
-    rows = [r for r in found.get("goals", []) if r["ratio"] and r["shapes"] == scaling_goals.MANY]
+    full = scaling_goals.MANY, scaling_series.CROWD_HEIGHT
+    rows = [r for r in found.get("goals", []) if r["ratio"] and (r["shapes"], r["n"]) == full]
     if rows:
         row = _best(rows, "phase", lambda r: _given(r["ratio"]), least=True)
-        known = [show.number(c) for c in row["coverage"] if c is not None]
-        covered = f"coverage {' and '.join(known)}" if known else "coverage not recorded in this run"
         some = row.get("scenes") or [1, 1]  # runs of before there were more
-        covered += f"; means of {some[0]} and {some[1]} scenes" if max(some) > 1 else "; one scene of each"
-        name = "time of 4,096 scattered shapes over 16 at equal coverage, 1280×720"
+        drawn = f"means of {some[0]} and {some[1]} scenes" if max(some) > 1 else "one scene of each"
+        name = f"time of 4,096 scattered shapes over 16 at equal coverage, 1280×720, {drawn}"
+        known = [show.number(c) for c in row["coverage"] if c is not None]
+        first = " of the first" if max(some) > 1 else ""
+        covered = f"coverage{first} {' and '.join(known)}" if known else "coverage not recorded in this run"
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True,

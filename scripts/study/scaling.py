@@ -29,6 +29,7 @@ from study.scaling_series import EARLY, Picture, Point, Row, Series, guessed
 FILE = "scaling.json"
 SHORT, LONG = 0.02, 0.25  # s: below, several frames a launch; above, caches settle within a frame
 REPEATED = 5
+DRAWN_FRAMES = 3  # at least, of a launch with a scene of its own: their median is one's cost
 FAST = 3  # so many of the ladder's last rungs come before all others
 LATE = FAST + 2  # turn of what comes last
 EARLY_SHARE = 0.6  # of the time: what one kind of points may take before the next kind has had its turn
@@ -61,9 +62,16 @@ def frames_of(seconds: float) -> tuple[int, int]:
     return (0, 1) if seconds > LONG else (1, 1) if seconds > SHORT else (1, REPEATED)
 
 
-def cost(seconds: float, launches: int) -> float:
+def frames_in(series: Series, seconds: float) -> tuple[int, int]:
+    """The same of a series. Of a scene that is launched once a mean would take a disturbed frame whole."""
+    warmup, reps = frames_of(seconds)
+    return warmup, max(reps, DRAWN_FRAMES) if series.drawn else reps
+
+
+def cost(seconds: float, launches: int, series: Series | None = None) -> float:
     """Seconds of all launches of a point."""
-    return launches * (sum(frames_of(seconds)) * seconds + OVERHEAD)
+    frames = frames_in(series, seconds) if series else frames_of(seconds)
+    return launches * (sum(frames) * seconds + OVERHEAD)
 
 
 def newest(specs: Sequence[Spec]) -> list[Spec]:
@@ -125,7 +133,7 @@ def choose(
         if point.x not in ready[spec]:  # beyond one that took too long, or had no memory
             push(number, step + 1)
             continue
-        needed = guess + cost(guess, launches) + OVERHEAD
+        needed = guess + cost(guess, launches, series) + OVERHEAD
         # Of the time, the newest rungs' further points leave a share for the others' first ones, as those do
         # for whatever comes last.
         if FAST <= turn < LATE and plan.spent + needed > EARLY_SHARE * seconds:
@@ -148,10 +156,7 @@ def choose(
         finally:
             plan.spent += time.monotonic() - begun
         known[spec].append((point.x, found.seconds))
-        launching = cost(found.seconds, launches)
-        if series.drawn:  # what the first scene took to be made, and its kernel to be compiled
-            made = time.monotonic() - begun - found.seconds - OVERHEAD
-            launching += max(made, 0) * (launches - 1)
+        launching = cost(found.seconds, launches, series)
         if plan.spent + launching > seconds and plan.taken:
             leave(point, too_long(launching, seconds), found.seconds)
         else:
@@ -204,7 +209,7 @@ def measure(
     def once(point: Point, padding: int) -> float:
         picture = series.picture(point.x, launched[point]) if series.drawn else pictures[point.x]
         launched[point] += 1
-        warmup, reps = frames_of(points[point].seconds)
+        warmup, reps = frames_in(series, points[point].seconds)
         options = {**picture.options, "warmup": warmup, "reps": reps}
         options |= {"cpu": settings.cpu, "env_bytes": padding}
         made = run.frames(point.spec, picture.path, picture.height, picture.width, **options)
@@ -249,6 +254,9 @@ def study(series: Series, specs: Sequence[Spec], seconds: float, settings: Setti
     def first(point: Point) -> First:
         if point.x not in pictures:
             pictures[point.x] = series.picture(point.x)
+        if series.drawn:  # made, and its kernel compiled, before anything is timed
+            for number in range(1, settings.launches):
+                render(point, series.picture(point.x, number), settings.scratch, settings.cpu, series.kept)
         return render(point, pictures[point.x], settings.scratch, settings.cpu, series.kept)
 
     plan = choose(series, wanted, seconds * (1 - TRUTH_SHARE), settings.launches, first)

@@ -99,7 +99,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
                 "shapes": most if ratio else None,
                 "ratio": ratio,
                 "scenes": [row.get("scenes", 1) for row in (few, many)] if ratio else None,
-                "mean_ms": [float(np.mean(row["ns"])) * 1e-6 for row in (few, many)] if ratio else None,
+                **(by_scenes(many, few) if ratio else {}),
                 "coverage": [covered(own, x) for x in (FEW, most)] if ratio else None,
                 "shapes_goal": judged(ratio, MOST_TIMES) if ratio and most == MANY else OPEN,
                 "above_frame_mib": max(here.values(), default=None),
@@ -115,6 +115,14 @@ def over(many: Row, few: Row) -> Interval:
     if "scenes" in many and "scenes" in few:
         return stats.mean_ratio_interval(many["ns"], few["ns"])
     return stats.ratio_interval(many["ns"], few["ns"])
+
+
+def by_scenes(many: Row, few: Row) -> dict[str, Any]:
+    """Of a scene for every launch: the means that the ratio is of, and beside it that of the medians."""
+    if not ("scenes" in many and "scenes" in few):
+        return {}
+    means = [float(np.mean(row["ns"])) * 1e-6 for row in (few, many)]
+    return {"mean_ms": means, "by_medians": stats.ratio_interval(many["ns"], few["ns"], rounds=False)}
 
 
 def covered(rows: Sequence[Row], shapes: int) -> float | None:

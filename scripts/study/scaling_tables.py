@@ -46,7 +46,7 @@ def _plain(name: str) -> Callable[[Row], str]:
 
 
 def _both(row: Row, name: str, form: str) -> str:
-    """Runs of before a launch had a scene of its own do not say how many there were."""
+    """Nothing of runs from before a launch had a scene of its own."""
     return " and ".join(form.format(one) for one in row.get(name) or ()) or show.NOTHING
 
 
@@ -83,6 +83,7 @@ GOALS = [
     Column("shapes", "scenes, 16 and many", lambda r: _both(r, "scenes", "{:,}")),
     Column("shapes", "mean ms, 16 and many", lambda r: _both(r, "mean_ms", "{:.3g}")),
     Column("shapes", "time over that of 16 [95 %]", _interval("ratio", "×")),
+    Column("shapes", "by medians [95 %]", _interval("by_medians", "×")),
     Column(
         "shapes",
         "share of pixels hit, 16 and many",

@@ -1,4 +1,4 @@
-"""Medians and ratios of medians with 95 % intervals. The sample is the process launch.
+"""Medians, ratios of medians and of means, with 95 % intervals. The sample is the process launch.
 
 Median: order statistics, W. J. Conover, Practical Nonparametric Statistics, 3rd ed. (1999), section 3.2.
 Ratio: percentile bootstrap of pairs, Efron & Tibshirani, An Introduction to the Bootstrap (1993), ch. 9, 13.
@@ -15,10 +15,10 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy.stats import t as student_t
 
 RESAMPLES = 10_000
 ENOUGH = 6  # launches: of five the least and the greatest hold the true median in 93.75 % of cases only
-ENOUGH_DRAWN = 12  # of what scatters by itself, as scenes do, for a mean's interval
 PREEMPTIONS = 20  # per second; a quiet machine has a few
 CONFIG = ["config", "spec", "phase", "flags_from", "scene", "scene_hash", "width", "height", "threads"]
 
@@ -139,22 +139,24 @@ def ratio_interval(base: ArrayLike, other: ArrayLike, seed: int = 1, rounds: boo
     return Interval(value, *_ratio_ends(*times, (first, second), seed), launches, True)
 
 
-def mean_ratio_interval(many: ArrayLike, few: ArrayLike, seed: int = 1) -> Interval:
+def mean_ratio_interval(many: ArrayLike, few: ArrayLike) -> Interval:
     """mean(many) / mean(few) of two samples drawn apart from one another, such as scenes.
 
     A cost is summarized by its arithmetic mean (T. Hoefler and R. Belli, "Scientific Benchmarking of Parallel
-    Computing Systems", SC 2015, rule 3). The interval is of a percentile bootstrap which draws both anew:
-    where one scatters by 40 %, 48 of it hold the true ratio in 91 % of cases, 12 in 86; fewer have none.
+    Computing Systems", SC 2015, rule 3). The interval is B. L. Welch's (Biometrika 34, 1947) of the means'
+    logarithms, by the delta method: where one scatters by 40 % and to the right, as scenes of few shapes do,
+    it holds the true ratio in 94 % of cases, of 6 scenes as of 48.
     """
     samples = [np.asarray(some, float).ravel() for some in (many, few)]
     count = min(map(len, samples))
-    value = float(samples[0].mean() / samples[1].mean()) if count else np.nan
-    if count < ENOUGH_DRAWN or not all(np.isfinite(some).all() for some in samples):
+    means = [some.mean() if count else np.nan for some in samples]
+    value = float(means[0] / means[1])
+    if count < ENOUGH or not all(np.isfinite(some).all() for some in samples):
         return Interval(value, np.nan, np.nan, count, False)
-    random = np.random.default_rng(seed)
-    drawn = [some[random.integers(len(some), size=(RESAMPLES, len(some)))].mean(axis=1) for some in samples]
-    low, high = np.percentile(drawn[0] / drawn[1], [2.5, 97.5])
-    return Interval(value, float(low), float(high), count, True)
+    parts = [some.var(ddof=1) / (len(some) * mean**2) for some, mean in zip(samples, means, strict=True)]
+    square, freedom = sum(parts), sum(p**2 / (len(s) - 1) for p, s in zip(parts, samples, strict=True))
+    wide = student_t.ppf(0.975, square**2 / freedom) * math.sqrt(square) if freedom > 0 else 0.0
+    return Interval(value, value * math.exp(-wide), value * math.exp(wide), count, True)
 
 
 def launch_values(frames: pd.DataFrame, column: str) -> pd.DataFrame:

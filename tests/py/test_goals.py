@@ -201,18 +201,21 @@ def test_digits_are_shown_where_values_differ_and_three_do_not_show_it() -> None
 
 def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     row = {"phase": "opt10_scene", "shapes": 4096, "ratio": given(3.7, 3.5, 3.9), "coverage": [None, None]}
-    row |= {"shapes_goal": "met", "above_frame_mib": None}
+    row |= {"shapes_goal": "met", "above_frame_mib": None, "n": 720}
     data = run_of(monkeypatch, goals.scaling, {"goals": [row]})
-    assert next(iter(goals.of_growth(data))).beside == (
-        "coverage not recorded in this run; one scene of each"
-    )
+    (found,) = goals.of_growth(data)
+    assert found.beside == "coverage not recorded in this run" and found.name.endswith("one scene of each")
     row |= {"coverage": [0.4, 0.4], "scenes": [48, 48]}
-    assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400; means of 48 and 48 scenes"
+    (found,) = goals.of_growth(data)
+    assert found.beside == "coverage of the first 0.400 and 0.400"
+    assert found.name.endswith("means of 48 and 48 scenes")
+    row["n"] = 90  # small pictures are not what was asked
+    assert not list(goals.of_growth(data))
 
 
 def test_the_most_memory_and_the_best_growth_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another rung's growth counts where it is told apart from the last one's."""
-    row = {"shapes": 4096, "coverage": [0.4, 0.4], "shapes_goal": "met", "memory_goal": "met"}
+    row = {"shapes": 4096, "n": 720, "coverage": [0.4, 0.4], "shapes_goal": "met", "memory_goal": "met"}
     phases = {"opt8_streams": (3.6, 3.3, 3.9, 9.0), "opt9_convex": (3.0, 2.9, 3.4, 63.0)}
     phases["opt10_scene"] = (3.7, 3.5, 3.9, 20.0)
     rows = [

@@ -372,7 +372,8 @@ class Pretended:
         return ns * 1e-9 * picture.width * picture.height / picture.threads + 3e-6 * point.x * (rung > 0)
 
     def prepare(self, point: Point, picture: Picture) -> None:
-        if str(point.spec) == "opt10_scene" and picture.scene not in self.kernels:
+        crowd = picture.scene.startswith("scattered") and int(picture.scene.split("-")[1]) >= 32
+        if str(point.spec) == "opt10_scene" and picture.scene not in self.kernels and not crowd:
             self.kernels.add(picture.scene)
             self.now += self.KERNEL
 
@@ -389,7 +390,7 @@ class Pretended:
                 picture = of.picture(point.x, number) if of.drawn else pictures[point.x]
                 self.prepare(point, picture)
                 seconds = self.seconds(point, picture)
-                self.now += sum(scaling.frames_of(seconds)) * seconds + self.LAUNCH
+                self.now += sum(scaling.frames_in(of, seconds)) * seconds + self.LAUNCH
                 found[point].append(seconds * 1e9)
         return found
 
@@ -434,7 +435,8 @@ def test_the_studys_seconds_go_to_what_is_judged_first(monkeypatch, tmp_path: Pa
         wanted = set(one.xs) if len(one.xs) < 3 else set(one.first)
         assert wanted <= points[name, "opt10_scene"], name
     verdicts = {row["phase"]: row["shapes_goal"] for row in found["goals"]}
-    assert verdicts["opt10_scene"] != "not measured" and verdicts["baseline"] == "not measured"
+    assert verdicts["opt10_scene"] in ("met", "missed", "cannot be told apart here")
+    assert verdicts["baseline"] == "not measured"
     fits = [row for row in found["fits"] if row["phase"] == "opt10_scene" and row["series"] != "threads"]
     assert len(fits) == len(known) - 2 and all(row["time"]["points"] >= 3 for row in fits)
     assert machine.now <= 1.1 * SCALING_SECONDS
@@ -577,12 +579,13 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
     (a,) = scaling_goals.goals(rows, [], ["a"])
     assert a["ratio"].value == pytest.approx(3.9) and 3 < a["ratio"].low < 3.9 < a["ratio"].high < 5
     assert a["scenes"] == [80, 12] and a["mean_ms"] == pytest.approx([100e-6, 390e-6])
-    rows[1]["ns"] = [390.0] * 6
+    assert a["by_medians"].value == pytest.approx(6.5)
+    rows[1]["ns"] = [390.0] * 5
     assert scaling_goals.goals(rows, [], ["a"])[0]["shapes_goal"] == "too few launches"
     # Of one scene each, as it was, by their medians.
     rows = [row("a", 16, 0, "crowd") | {"ns": few}, row("a", 4096, 390, "crowd") | {"ns": [390] * 10}]
     (a,) = scaling_goals.goals(rows, [], ["a"])
-    assert a["ratio"].value == pytest.approx(6.5) and a["scenes"] == [1, 1]
+    assert a["ratio"].value == pytest.approx(6.5) and a["scenes"] == [1, 1] and "mean_ms" not in a
 
 
 def test_every_launch_of_a_crowd_has_a_scene_of_its_own(monkeypatch, tmp_path: Path) -> None:
