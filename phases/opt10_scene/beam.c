@@ -234,42 +234,32 @@ static void thin_out(struct beam *beam, const struct convex *work) {
         vicinity_below(beam);
 }
 
-// The first steps of a packet's rays that are from one solid, as long as no other can be as near: from its position no other's
-// bounding sphere is nearer than `alone`.
+// The first steps of a packet's rays, as long as no other shape can be as near as the solid that they are from: from its
+// position no other's bounding sphere is nearer than `alone`.
 struct leaving {
     struct near near;
     const struct placed *solid;
     real alone;
     mask still, done;
-    unsigned rest; // the packet's rays whose solids come next
-    int left;      // steps
-    float shapes[LANES];
+    int left; // steps
 };
 
-// Those from the next solid; whether there are any.
-static bool next_solid(struct walk *w, struct leaving *l, const struct convex *work) {
-    COUNT(next_solid, call);
+// Whether they are from a solid, and any is to be marched.
+static bool sets_out(struct walk *w, struct leaving *l, const struct convex *work) {
+    COUNT(sets_out, call);
     const struct prepared *scene = work->scene;
-    while (l->rest) {
-        int shape = (int)l->shapes[__builtin_ctz(l->rest)];
-        mask own = both(lanes_of(l->rest), same_shape(w->rays.shape, shape));
-        l->rest &= ~bits(own);
-        ACTIVE(count_of(own));
-        COUNT(next_solid, shape);
-        const struct placed *s = &scene->placed[shape];
-        if (s->way == LINEAR)
-            continue;
-        COUNT(next_solid, scalar);
-        w->local_to = vec_choose(own, turned(s, w->rays.to_light), w->local_to);
-        see_along(&w->rays, shape, &l->near, work);
-        l->solid = s;
-        l->alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
-        l->still = either(not_in(own), w->march.done);
-        l->done = w->march.done;
-        l->left = scene->model.march.max_steps;
-        return true;
-    }
-    return false;
+    if (w->solid < 0 || all(w->march.done))
+        return false;
+    ACTIVE(LANES - count_of(w->march.done));
+    COUNT(sets_out, solid);
+    const struct placed *s = &scene->placed[w->solid];
+    w->local_to = turned(s, w->rays.to_light);
+    see_along(&w->rays, w->solid, &l->near, work);
+    l->solid = s;
+    l->alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+    l->still = l->done = w->march.done;
+    l->left = scene->model.march.max_steps;
+    return true;
 }
 
 // One step; whether there is another.
@@ -301,12 +291,8 @@ static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
 static void leave_solids(struct beam *beam, real strength, real hit, const struct convex *work) {
     struct leaving packets[BEAM];
     unsigned open = 0;
-    for (int i = 0; i < beam->count; i++) {
-        struct walk *w = &beam->walk[i];
-        packets[i].rest = bits(not_in(w->march.done));
-        unload(w->rays.shape, packets[i].shapes);
-        open |= (unsigned)next_solid(w, &packets[i], work) << i;
-    }
+    for (int i = 0; i < beam->count; i++)
+        open |= (unsigned)sets_out(&beam->walk[i], &packets[i], work) << i;
     while (open)
         for (unsigned rest = open; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest);
@@ -315,8 +301,7 @@ static void leave_solids(struct beam *beam, real strength, real hit, const struc
             if (leave_on(w, l, strength, hit, work->scene))
                 continue;
             w->march.done = l->done;
-            if (!next_solid(w, l, work))
-                open &= ~(1u << i);
+            open &= ~(1u << i);
         }
 }
 
@@ -360,6 +345,8 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = desk->order[0][first + i];
     w->ray = load(ray);
+    int shape = (int)first_of(w->rays.shape);
+    w->solid = work->scene->placed[shape].way == LINEAR ? -1 : shape;
     w->local_to = w->rays.to_light;
     w->from = (struct vec){w->rays.point.x - set(place[0]), w->rays.point.y - set(place[1]),
                            w->rays.point.z - set(place[2])};

@@ -95,7 +95,7 @@ struct desk {
     // nothing yet.
     int leaf, far;
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
-    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by place
+    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by solid, of planes by place
 };
 
 // Nothing waits on it. Whatever was in its memory.

@@ -20,6 +20,7 @@ struct walk {
     real
         least; // the nearest shape's distance there; −∞ of those that stand still: nothing is nearer
     int recent; // which of the vicinity was the nearest to one of them
+    int solid;  // that they all are from, −1: from planes
 };
 enum { RAY_REALS = 11, OWN_REALS = 9, WALK_REALS = MARCH_REALS + RAY_REALS + OWN_REALS };
 

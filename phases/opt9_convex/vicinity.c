@@ -118,31 +118,31 @@ void vicinity_below(struct beam *beam) {
     }
 }
 
-// Of those rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is
-// noise in the third digit, that of its power is not.
-static real own_distance(struct vec p, const struct walk *w, mask own, const struct placed *s) {
+// Of rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is noise in the
+// third digit, that of its power is not.
+static real own_distance(const struct walk *w, const struct placed *s) {
     COUNT(own_distance, call);
     real t = w->march.t;
-    p = vec_choose(own, vec_along(w->rays.local, w->local_to, t), p);
-    real h = distance_at(p, s, no_lane());
-    if (s->type != SHAPE_SPHERE)
-        return h;
+    if (s->type != SHAPE_SPHERE) {
+        COUNT(own_distance, other);
+        return distance_at(vec_along(w->rays.local, w->local_to, t), s, no_lane());
+    }
     COUNT(own_distance, sphere);
     real slope = set(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
-    real from = power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
-    return choose(own, from, h);
+    return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
 }
 
 static inline real distance_to(const struct close_by *c, const struct walk *w) {
     COUNT(distance_to, call);
     const struct placed *s = c->shape;
-    mask own = both(w->rays.active, same_shape(w->rays.shape, (int)s->index));
-    if (s->way == LINEAR)
-        return height_along(s, own, w);
+    if (s->way == LINEAR) {
+        COUNT(distance_to, plane);
+        return height_along(s, both(w->rays.active, same_shape(w->rays.shape, (int)s->index)), w);
+    }
+    if ((int)s->index == w->solid)
+        return own_distance(w, s);
     COUNT(distance_to, solid);
-    struct vec p = from_centre(c, w->at);
-    p = turned(s, p);
-    return any(own) ? own_distance(p, w, own, s) : distance_at(p, s, no_lane());
+    return distance_at(turned(s, from_centre(c, w->at)), s, no_lane());
 }
 
 // c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.

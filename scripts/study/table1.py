@@ -52,7 +52,7 @@ TERMS = {
         plane_between
         own_shadow reaches_light crowd_* ways_end in_its_way look_behind passes sheaf_of
         shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds begin_walk
-        gather_walk next_solid begin_tile waiting
+        gather_walk sets_out begin_tile waiting
         wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
         keep_answers answer move_rays sorted
     """,

@@ -35,8 +35,8 @@ def test_a_gradient_works_for_all_that_hit_its_shape(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("phase", ["opt9_convex", "opt10_scene"])
 def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> None:
-    """A picture so small that a crowd's shadow rays fill no packet: what is asked of every ray has as many lanes
-    in all, the rest no more at any call; between them the spheres of a node are in the lanes, 8 or 16.
+    """A picture so small that a crowd's shadow rays fill no packet: what is asked of every ray has as many
+    lanes in all, the rest no more at any call; between them the spheres of a node are in the lanes, 8 or 16.
     """
     if lacking := registry.missing_isa(registry.phases()[phase]):
         pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")

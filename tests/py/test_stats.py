@@ -48,8 +48,8 @@ def test_median_interval_covers_the_true_median_19_times_in_20(n):
 
 @pytest.mark.parametrize("scenes", [6, 48])
 def test_the_ratio_of_means_of_two_samples(scenes):
-    """Few shapes' scenes scatter by 40 %, many shapes' by 3 %: the share that the function's head says, known to
-    0.5 % by 2,000 trials."""
+    """Few shapes' scenes scatter by 40 %, many shapes' by 3 %: the share that the function's head says; 2,000
+    trials know it to 0.5 %."""
     random = np.random.default_rng(7)
     trials = zip(
         400 * (1 + random.normal(size=(2000, scenes)) * 0.03),

@@ -1,0 +1,75 @@
+// opt9_convex's tree over a crowd's bounding spheres (tree.c, which opt10_scene has too): every shape is a leaf once, every
+// node's sphere holds those below it, and the one about all holds every leaf. In double.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "../../phases/opt9_convex/tree.c"
+
+enum { MOST = TREE_WIDTH * TREE_WIDTH * TREE_WIDTH };
+
+static float random_from(float least, float most) { // after xorshift32 (G. Marsaglia, 2003)
+    static uint32_t seed = 1;
+    seed ^= seed << 13;
+    seed ^= seed >> 17;
+    seed ^= seed << 5;
+    return least + (most - least) * ((float)seed * 0x1p-32f);
+}
+
+static double reaches(const float from[3], const struct spheres *s, int i) {
+    double x = s->x[i] - (double)from[0], y = s->y[i] - (double)from[1],
+           z = s->z[i] - (double)from[2];
+    return sqrt(x * x + y * y + z * z) + s->radius[i];
+}
+
+static void check(int count, float spread, float size) {
+    static struct leaf leaves[MOST];
+    static bool seen[MOST];
+    for (int i = 0; i < count; i++) {
+        leaves[i] = (struct leaf){.radius = random_from(0, size), .shape = i};
+        for (int k = 0; k < 3; k++)
+            leaves[i].centre[k] = 30 + random_from(-spread, spread);
+        seen[i] = false;
+    }
+    struct tree tree = {0};
+    assert_true(tree_reserve(&tree, count));
+    tree_build(&tree, leaves, count);
+    assert_int_equal(tree.level[0].count, count);
+    for (int i = 0; i < count; i++) {
+        assert_false(seen[tree.shape[i]]);
+        seen[tree.shape[i]] = true;
+        if (!(reaches(tree.centre, &tree.level[0], i) <= (double)tree.radius))
+            fail_msg("%d leaves: number %d reaches out of the sphere about all", count, i);
+    }
+    for (int level = 1; level < tree.levels; level++)
+        for (int i = 0; i < tree.level[level - 1].count; i++) {
+            const struct spheres *s = &tree.level[level];
+            int node = i / TREE_WIDTH;
+            float centre[3] = {s->x[node], s->y[node], s->z[node]};
+            if (!(reaches(centre, &tree.level[level - 1], i) <= (double)s->radius[node]))
+                fail_msg("%d leaves: entry %d of level %d reaches out of its node", count, i,
+                         level - 1);
+        }
+    assert_true(tree.level[tree.levels - 1].count <= TREE_WIDTH); // all are below one node
+    tree_free(&tree);
+}
+
+static void every_sphere_holds_what_is_below(void **state) {
+    (void)state;
+    const int counts[] = {1, 2, 16, 17, 255, 256, 257, 1000, MOST};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
+        check(counts[k], 10, 0.2f);
+        check(counts[k], 0, 1); // all at one place
+        check(counts[k], 1e-3f, 20);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {cmocka_unit_test(every_sphere_holds_what_is_below)};
+    return cmocka_run_group_tests_name("tree", tests, NULL, NULL);
+}
