@@ -236,6 +236,8 @@ def of_growth(data: Data) -> Iterable[Goal]:
         known = [show.number(c) for c in row["coverage"] if c is not None]
         first = " of the first" if max(some) > 1 else ""
         covered = f"coverage{first} {' and '.join(known)}" if known else "coverage not recorded in this run"
+        if not known and max(some) > 1:
+            covered = f"coverage made to be {found['coverage_wanted']:g}"
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True,

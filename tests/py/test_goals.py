@@ -209,6 +209,9 @@ def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch)
     (found,) = goals.of_growth(data)
     assert found.beside == "coverage of the first 0.400 and 0.400"
     assert found.name.endswith("means of 48 and 48 scenes")
+    row["coverage"] = [None, None]  # of a run of that series alone
+    data = run_of(monkeypatch, goals.scaling, {"goals": [row], "coverage_wanted": 0.4})
+    assert next(iter(goals.of_growth(data))).beside == "coverage made to be 0.4"
     row["n"] = 90  # small pictures are not what was asked
     assert not list(goals.of_growth(data))
 
