@@ -69,7 +69,7 @@ static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *
                         gathered(field[2], order, count)};
 }
 
-// The same of rays that have been sorted; of a packet that has none, the first ray's.
+// The same of rays that have been sorted; in lanes that have none, the packet's first ray.
 static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
     COUNT(sorted, call);
     return (struct rays){.active = first_lanes(count),
@@ -458,7 +458,7 @@ static void cast_beam(int first, int end, const struct convex *work) {
 }
 
 // Where the beam ends that begins there. Rays from one solid stay as close as it is wide; with the next one's some would wait
-// wherever the others are marched (NOTES.md).
+// wherever the others are marched (NOTES.md). walk.solid rests on it.
 static int beam_end(const struct desk *desk, int first) {
     const unsigned short *order = desk->order[0];
     int end = first + 1, most = lesser(desk->shadows, first + BEAM_RAYS);

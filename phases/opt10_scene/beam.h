@@ -11,10 +11,11 @@ enum { BEAM = 8, BEAM_RAYS = BEAM * LANES };
 struct walk {
     struct march march;
     struct rays rays;
-    struct vec from;     // where they start, from the beam's place; OWN_REALS from here on
-    struct vec local_to; // to the light, in the frame of the solid that each is from
-    real until, asked;   // where what is in the way ends, of the cones of slope `asked`
-    real ray;            // which of the queue
+    struct vec from; // where they start, from the beam's place; OWN_REALS from here on
+    struct vec
+        local_to; // to the light, in the frame of the solid that they are from, once they set out
+    real until, asked; // where what is in the way ends, of the cones of slope `asked`
+    real ray;          // which of the queue
     mask waits;
     struct vec at; // where they are, from the beam's place
     real

@@ -230,14 +230,13 @@ def of_growth(data: Data) -> Iterable[Goal]:
     rows = [r for r in found.get("goals", []) if r["ratio"] and (r["shapes"], r["n"]) == full]
     if rows:
         row = _best(rows, "phase", lambda r: _given(r["ratio"]), least=True)
-        some = row.get("scenes") or [1, 1]  # runs of before there were more
-        drawn = f"means of {some[0]} and {some[1]} scenes" if max(some) > 1 else "one scene of each"
+        few, many = row.get("scenes") or (1, 1)  # runs of before there were more
+        drawn = "mean over scenes" if few > 1 else "one scene of each"
         name = f"time of 4,096 scattered shapes over 16 at equal coverage, 1280×720, {drawn}"
         known = [show.number(c) for c in row["coverage"] if c is not None]
-        first = " of the first" if max(some) > 1 else ""
-        covered = f"coverage{first} {' and '.join(known)}" if known else "coverage not recorded in this run"
-        if not known and max(some) > 1:
-            covered = f"coverage made to be {found['coverage_wanted']:g}"
+        covered = f"coverage {' and '.join(known)}" if known else "coverage not recorded in this run"
+        if few > 1:
+            covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True,

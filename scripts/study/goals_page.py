@@ -19,7 +19,8 @@ NOTE = (
     "it does; else it cannot be told apart. The speed-ups over baseline are for a CPU with AVX-512; without, "
     "half of each is asked (in the cell). Best: the last rung, unless another "
     "is better by intervals that do not overlap. Each cell names what its dB are to; those to truth are of "
-    "the tables of accuracy, at the size that they name. Before: what older runs of the machine found."
+    "the tables of accuracy, at the size that they name. Before: what older runs of the machine found. Of "
+    "scattered shapes one scene of each size was timed, of older programs; now every launch is of another."
 )
 INSTRUCTIONS = 275_700  # baseline's a pixel of scene0, on every machine: callgrind, the command is in README
 LACKING = "make sweep N=720"

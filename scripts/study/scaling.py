@@ -14,7 +14,7 @@ import math
 import signal
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,10 +68,9 @@ def frames_in(series: Series, seconds: float) -> tuple[int, int]:
     return warmup, max(reps, DRAWN_FRAMES) if series.drawn else reps
 
 
-def cost(seconds: float, launches: int, series: Series | None = None) -> float:
+def cost(seconds: float, launches: int, series: Series) -> float:
     """Seconds of all launches of a point."""
-    frames = frames_in(series, seconds) if series else frames_of(seconds)
-    return launches * (sum(frames) * seconds + OVERHEAD)
+    return launches * (sum(frames_in(series, seconds)) * seconds + OVERHEAD)
 
 
 def newest(specs: Sequence[Spec]) -> list[Spec]:
@@ -94,6 +93,7 @@ def choose(
     plan, order, fast = Plan(), series.order, newest(specs)
     first_ones = len(series.first) or EARLY
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
+    making = dict.fromkeys(specs, 0.0)  # s, of a scene and its kernel, by the point before
     ready: dict[Spec, list[int]] = {spec: list(order) for spec in specs}  # places in `order` still to come
 
     def kind(spec: Spec, step: int) -> int:
@@ -133,7 +133,8 @@ def choose(
         if point.x not in ready[spec]:  # beyond one that took too long, or had no memory
             push(number, step + 1)
             continue
-        needed = guess + cost(guess, launches, series) + OVERHEAD
+        firsts = launches if series.drawn else 1  # how many scenes `first` makes and renders
+        needed = firsts * (guess + OVERHEAD + making[spec]) + cost(guess, launches, series)
         # Of the time, the newest rungs' further points leave a share for the others' first ones, as those do
         # for whatever comes last.
         if FAST <= turn < LATE and plan.spent + needed > EARLY_SHARE * seconds:
@@ -156,6 +157,7 @@ def choose(
         finally:
             plan.spent += time.monotonic() - begun
         known[spec].append((point.x, found.seconds))
+        making[spec] = max((time.monotonic() - begun) / firsts - found.seconds - OVERHEAD, 0.0)
         launching = cost(found.seconds, launches, series)
         if plan.spent + launching > seconds and plan.taken:
             leave(point, too_long(launching, seconds), found.seconds)
@@ -254,10 +256,11 @@ def study(series: Series, specs: Sequence[Spec], seconds: float, settings: Setti
     def first(point: Point) -> First:
         if point.x not in pictures:
             pictures[point.x] = series.picture(point.x)
+        some = [pictures[point.x]]
         if series.drawn:  # made, and its kernel compiled, before anything is timed
-            for number in range(1, settings.launches):
-                render(point, series.picture(point.x, number), settings.scratch, settings.cpu, series.kept)
-        return render(point, pictures[point.x], settings.scratch, settings.cpu, series.kept)
+            some += [series.picture(point.x, number) for number in range(1, settings.launches)]
+        frames = [render(point, one, settings.scratch, settings.cpu, series.kept) for one in some]
+        return replace(frames[0], seconds=float(np.mean([one.seconds for one in frames])))
 
     plan = choose(series, wanted, seconds * (1 - TRUTH_SHARE), settings.launches, first)
     if not plan.taken:

@@ -46,8 +46,10 @@ def _plain(name: str) -> Callable[[Row], str]:
 
 
 def _both(row: Row, name: str, form: str) -> str:
-    """Nothing of runs from before a launch had a scene of its own."""
-    return " and ".join(form.format(one) for one in row.get(name) or ()) or show.NOTHING
+    """Nothing where one scene of each was timed: the ratio is then of medians."""
+    if max(row.get("scenes") or [1]) == 1:
+        return show.NOTHING
+    return " and ".join(form.format(one) for one in row[name])
 
 
 def _mark(name: str) -> Callable[[Row], str]:

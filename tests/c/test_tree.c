@@ -27,13 +27,20 @@ static double reaches(const float from[3], const struct spheres *s, int i) {
     return sqrt(x * x + y * y + z * z) + s->radius[i];
 }
 
+static double apart(const struct spheres *s, int i, int other) {
+    double x = s->x[other] - (double)s->x[i], y = s->y[other] - (double)s->y[i],
+           z = s->z[other] - (double)s->z[i];
+    return sqrt(x * x + y * y + z * z) - s->radius[other];
+}
+
 static void check(int count, float spread, float size) {
-    static struct leaf leaves[MOST];
+    static struct leaf leaves[MOST], given[MOST];
     static bool seen[MOST];
     for (int i = 0; i < count; i++) {
         leaves[i] = (struct leaf){.radius = random_from(0, size), .shape = i};
         for (int k = 0; k < 3; k++)
             leaves[i].centre[k] = 30 + random_from(-spread, spread);
+        given[i] = leaves[i];
         seen[i] = false;
     }
     struct tree tree = {0};
@@ -43,6 +50,10 @@ static void check(int count, float spread, float size) {
     for (int i = 0; i < count; i++) {
         assert_false(seen[tree.shape[i]]);
         seen[tree.shape[i]] = true;
+        const struct leaf *leaf = &given[tree.shape[i]];
+        const struct spheres *s = &tree.level[0];
+        assert_true(s->x[i] == leaf->centre[0] && s->y[i] == leaf->centre[1] &&
+                    s->z[i] == leaf->centre[2] && s->radius[i] == leaf->radius);
         if (!(reaches(tree.centre, &tree.level[0], i) <= (double)tree.radius))
             fail_msg("%d leaves: number %d reaches out of the sphere about all", count, i);
     }
@@ -56,6 +67,19 @@ static void check(int count, float spread, float size) {
                          level - 1);
         }
     assert_true(tree.level[tree.levels - 1].count <= TREE_WIDTH); // all are below one node
+    for (int i = 0; i < count; i += 1 + count / 50) {
+        double least = INFINITY;
+        for (int other = 0; other < count; other++)
+            if (other != i)
+                least = fmin(least, apart(&tree.level[0], i, other));
+        float gap = tree_gap(&tree, i); // 0 or less: it is in one, and which is of no matter
+        bool right = count == 1     ? gap == INFINITY
+                     : least > 1e-4 ? fabs((double)gap - least) <= 1e-4
+                                    : gap <= 2e-4f;
+        if (!right)
+            fail_msg("%d leaves: %g from number %d to the next, not %g", count, (double)gap, i,
+                     least);
+    }
     tree_free(&tree);
 }
 

@@ -65,7 +65,7 @@ static void set_beam(struct beam *beam, const struct meeting *m) {
     beam->near.shapes = &shape;
     beam->near.below = below;
     struct walk *w = &beam->walk[0];
-    *w = (struct walk){.waits = no_lane()};
+    *w = (struct walk){.waits = no_lane(), .solid = -1};
     w->march.done = not_in(first_lanes(1));
     w->rays.active = first_lanes(1);
     w->march.t = set(m->t);

@@ -6,6 +6,10 @@ C_TESTS := $(patsubst tests/c/%.c,$(BUILD)/tests/%,$(wildcard tests/c/test_*.c))
 .PHONY: c-tests
 c-tests: $(C_TESTS)
 
+# What these include of a phase.
+$(BUILD)/tests/test_tree: phases/opt9_convex/tree.c
+$(BUILD)/tests/test_vicinity: phases/opt9_convex/vicinity.c
+
 $(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard common/*.h common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) $(COMMON_INCLUDES) \

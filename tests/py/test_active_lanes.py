@@ -54,6 +54,7 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
         assert made[name]["lanes"] == rays and made[name]["calls"] == made["sorted"]["calls"], name
     assert made["bundle_about"]["lanes"] == 2 * rays  # of the beam, and of its one packet
     marching = (
+        "may_enter",
         "vicinity_about",
         "surely_off",
         "wake",

@@ -205,13 +205,13 @@ def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch)
     data = run_of(monkeypatch, goals.scaling, {"goals": [row]})
     (found,) = goals.of_growth(data)
     assert found.beside == "coverage not recorded in this run" and found.name.endswith("one scene of each")
-    row |= {"coverage": [0.4, 0.4], "scenes": [48, 48]}
-    (found,) = goals.of_growth(data)
-    assert found.beside == "coverage of the first 0.400 and 0.400"
-    assert found.name.endswith("means of 48 and 48 scenes")
-    row["coverage"] = [None, None]  # of a run of that series alone
+    row |= {"coverage": [0.4, 0.4]}
+    assert next(iter(goals.of_growth(data))).beside == "coverage 0.400 and 0.400"
+    row |= {"coverage": [None, None], "scenes": [48, 40]}
     data = run_of(monkeypatch, goals.scaling, {"goals": [row], "coverage_wanted": 0.4})
-    assert next(iter(goals.of_growth(data))).beside == "coverage made to be 0.4"
+    (found,) = goals.of_growth(data)
+    assert found.beside == "48 and 40 scenes; coverage made to be 0.4"
+    assert found.name.endswith("mean over scenes")
     row["n"] = 90  # small pictures are not what was asked
     assert not list(goals.of_growth(data))
 

@@ -324,7 +324,7 @@ def test_a_large_point_that_is_asked_first_and_refused_drops_no_smaller_one() ->
     some = dataclasses.replace(line(), first=(64, 1, 16))
     plan = scaling.choose(some, [OPT4], 1e9, 6, first)
     assert {p.x for p in plan.taken} == {1, 4, 16} and [r["x"] for r in plan.left_out] == [64]
-    assert plan.spent >= 0.05 + 3 * scaling.cost(0.001, 6)
+    assert plan.spent >= 0.05 + 3 * scaling.cost(0.001, 6, line())
 
 
 def test_a_frame_is_foreseen_from_those_before_never_flatter_than_the_series() -> None:
@@ -372,7 +372,7 @@ class Pretended:
         return ns * 1e-9 * picture.width * picture.height / picture.threads + 3e-6 * point.x * (rung > 0)
 
     def prepare(self, point: Point, picture: Picture) -> None:
-        crowd = picture.scene.startswith("scattered") and int(picture.scene.split("-")[1]) >= 32
+        crowd = point.series.startswith(("shapes", "crowd")) and int(picture.scene.split("-")[1]) >= 32
         if str(point.spec) == "opt10_scene" and picture.scene not in self.kernels and not crowd:
             self.kernels.add(picture.scene)
             self.now += self.KERNEL
@@ -385,6 +385,7 @@ class Pretended:
 
     def measure(self, of: series.Series, points: dict, pictures: dict, settings: scaling.Settings) -> dict:
         found: dict[Point, list[float]] = {point: [] for point in points}
+        kernels = set(self.kernels)
         for point in points:
             for number in range(settings.launches):
                 picture = of.picture(point.x, number) if of.drawn else pictures[point.x]
@@ -392,6 +393,7 @@ class Pretended:
                 seconds = self.seconds(point, picture)
                 self.now += sum(scaling.frames_in(of, seconds)) * seconds + self.LAUNCH
                 found[point].append(seconds * 1e9)
+        assert self.kernels == kernels  # compiled before anything was timed
         return found
 
 
@@ -591,14 +593,15 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
 def test_every_launch_of_a_crowd_has_a_scene_of_its_own(monkeypatch, tmp_path: Path) -> None:
     rendered: list[tuple[int, str]] = []
 
-    def frames(spec: Spec, path: Path, *size: int, **_: object) -> Iterator[dict]:
+    def frames(spec: Spec, path: Path, *size: int, **options: object) -> Iterator[dict]:
         rendered.append((size[0], path.name))
+        assert (options["warmup"], options["reps"]) == (1, 3)
         yield {"ns": 1.0, "warmup": False}
 
     monkeypatch.setattr(scaling.run, "frames", frames)
     monkeypatch.setattr(scaling_scenes, "of_shapes", named_by_path)
     crowd = series.series(90, 5, tmp_path)["crowd"]
-    points = {Point("crowd", x, BASE): First(1e-3, 0, None) for x in crowd.xs}
+    points = {Point("crowd", x, BASE): First(0.1, 0, None) for x in crowd.xs}
     settings = scaling.Settings(6, 1, run.USABLE[-1], tmp_path, tmp_path)
     found = scaling.measure(crowd, points, {}, settings)
     few, many = ([name for _, name in rendered if f"-{x}-" in name] for x in (16, 4096))
