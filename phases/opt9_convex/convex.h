@@ -95,8 +95,9 @@ struct desk {
     // Of the tree's leaves: what was in a shadow ray's way the last time, of those asked before and in their march; −1:
     // nothing yet.
     int leaf, far;
-    unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a list in the making
-    unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // of the shadow rays that wait: by solid, of planes by place
+    unsigned long long marks[SCENE_MAX_SHAPES / 64]; // a list in the making
+    unsigned short order[2][QUEUE_ROOM],
+        code[QUEUE_ROOM]; // of the shadow rays that wait: by solid, of planes by place
 };
 
 // Nothing waits on it. Whatever was in its memory.
