@@ -25,7 +25,7 @@ SCRIPTS = Path(__file__).resolve().parent
 SWEEP_SECONDS = (
     240  # of the quarter of an hour or so that a study takes on two cores; the rest is verifying and counting
 )
-SCALING_SECONDS = 240  # of the growth of the first and the last two rungs
+SCALING_SECONDS = 300  # of the growth of the first and the last two rungs
 LONG_FRAME = 0.25  # s: caches and branch predictors settle in milliseconds, so such a frame warms itself up
 HEIGHTS = (
     360,
@@ -200,7 +200,7 @@ def functions(run: Path, options: argparse.Namespace, height: int) -> bool:
 
 
 def scaling(run: Path, options: argparse.Namespace, height: int) -> bool:
-    """The growth of every program, or in four minutes that of the first and the last two rungs."""
+    """The growth of every program, or in five minutes that of the first and the last two rungs."""
     names = [name for name in rungs() if cpu_supports(Spec.parse(name))]
     quick = ["--phase", *dict.fromkeys([names[0], *names[-2:]]), "--seconds", str(SCALING_SECONDS)]
     return judged(

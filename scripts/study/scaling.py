@@ -93,7 +93,6 @@ def choose(
     plan, order, fast = Plan(), series.order, newest(specs)
     first_ones = len(series.first) or EARLY
     known: dict[Spec, list[tuple[float, float]]] = {spec: [] for spec in specs}
-    making = dict.fromkeys(specs, 0.0)  # s, of a scene and its kernel, by the point before
     ready: dict[Spec, list[int]] = {spec: list(order) for spec in specs}  # places in `order` still to come
 
     def kind(spec: Spec, step: int) -> int:
@@ -134,7 +133,7 @@ def choose(
             push(number, step + 1)
             continue
         firsts = launches if series.drawn else 1  # how many scenes `first` makes and renders
-        needed = firsts * (guess + OVERHEAD + making[spec]) + cost(guess, launches, series)
+        needed = firsts * (guess + OVERHEAD) + cost(guess, launches, series)
         # Of the time, the newest rungs' further points leave a share for the others' first ones, as those do
         # for whatever comes last.
         if FAST <= turn < LATE and plan.spent + needed > EARLY_SHARE * seconds:
@@ -157,7 +156,6 @@ def choose(
         finally:
             plan.spent += time.monotonic() - begun
         known[spec].append((point.x, found.seconds))
-        making[spec] = max((time.monotonic() - begun) / firsts - found.seconds - OVERHEAD, 0.0)
         launching = cost(found.seconds, launches, series)
         if plan.spent + launching > seconds and plan.taken:
             leave(point, too_long(launching, seconds), found.seconds)

@@ -13,7 +13,7 @@ from study import registry, run, scaling_fit, scaling_scenes, stats
 from study.registry import Spec
 from study.run import DriverError
 from study.scaling import above_frame, why
-from study.scaling_series import Picture, Row, Series
+from study.scaling_series import CROWD_HEIGHT, Picture, Row, Series
 from study.stats import Interval
 
 FEW, MANY, MOST_TIMES = 16, 4096, 4.0  # shapes, and what the many may cost at most
@@ -91,6 +91,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
         most = max(mine, default=0)
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
         ratio = over(many, few) if few and many else None
+        full = most == MANY and many and many["n"] == CROWD_HEIGHT
         here = {(r["scene"], r["threads"]): r["above_frame_mib"] for r in memory if r["phase"] == phase}
         made.append(
             {
@@ -101,7 +102,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
                 "scenes": [row.get("scenes", 1) for row in (few, many)] if ratio else None,
                 **(by_scenes(many, few) if ratio else {}),
                 "coverage": [covered(own, x) for x in (FEW, most)] if ratio else None,
-                "shapes_goal": judged(ratio, MOST_TIMES) if ratio and most == MANY else OPEN,
+                "shapes_goal": judged(ratio, MOST_TIMES) if ratio and full else OPEN,
                 "above_frame_mib": max(here.values(), default=None),
                 "memory_goal": under(here),
             }

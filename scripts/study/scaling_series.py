@@ -167,7 +167,7 @@ def series(height: int, seed: int, folder: Path, heights: Sequence[int] = HEIGHT
     made = [
         Series(
             *("crowd", crowd, "shapes", CROWD, 0.3, 1, CROWD_HEIGHT, shapes("scattered")),
-            **{"weight": 5, "fast_only": True, "kept": False, "drawn": scattered},
+            **{"weight": 9, "fast_only": True, "kept": False, "drawn": scattered},
         ),
         Series(
             *("threads", "threads, scene0", "threads", thread_counts(len(run.USABLE)), 0, None, 2 * height),

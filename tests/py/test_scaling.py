@@ -551,7 +551,9 @@ def row(phase: str, x: int, ns: float, name: str = "shapes-scattered", **more: o
 
 def test_the_goals_are_judged_at_their_size_only() -> None:
     rows = [row("a", 16, 100), row("a", 4096, 399), row("b", 16, 100), row("b", 4096, 401), row("c", 16, 9)]
-    rows += [row("c", 1024, 9), row("d", 16, 1)]
+    rows = [one | {"n": 720} for one in [*rows, row("c", 1024, 9), row("d", 16, 1)]]
+    small = scaling_goals.goals([row("a", 16, 100), row("a", 4096, 399)], [], ["a"])  # n = 90
+    assert small[0]["shapes_goal"] == "not measured" and small[0]["ratio"].value == pytest.approx(3.99)
     memory = [
         {"phase": phase, "scene": scene, "threads": 1, "above_frame_mib": mib}
         for phase, scene, mib in (("a", "scene0", 2.0), ("a", "scattered", 63.9), ("b", "scene0", 64.0))
@@ -582,6 +584,7 @@ def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
     assert a["ratio"].value == pytest.approx(3.9) and 3 < a["ratio"].low < 3.9 < a["ratio"].high < 5
     assert a["scenes"] == [80, 12] and a["mean_ms"] == pytest.approx([100e-6, 390e-6])
     assert a["by_medians"].value == pytest.approx(6.5)
+    rows = [one | {"n": 720} for one in rows]
     rows[1]["ns"] = [390.0] * 5
     assert scaling_goals.goals(rows, [], ["a"])[0]["shapes_goal"] == "too few launches"
     # Of one scene each, as it was, by their medians.
