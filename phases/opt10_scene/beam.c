@@ -87,24 +87,48 @@ static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order
                          .cosine = set(1.0f)};
 }
 
-// What is in the way of the rays at `at` need not be looked for again until it is behind, or the slope q that the ray's least
-// term so far allows is less: then the ray ends where a cone of that slope meets nothing further on.
-static void look_ahead(struct walk *w, const struct convex *work) {
-    struct march *m = &w->march;
+// What is in the way of a ray need not be looked for again until it is behind, or the slope q that the ray's least term so
+// far allows is less. Which rays of a packet it is to be looked for.
+static mask looks_ahead(const struct walk *w, struct asking *asking, const struct convex *work) {
+    const struct march *m = &w->march;
     ACTIVE(LANES - count_of(m->done));
-    COUNT(look_ahead, call);
-    COUNT(look_ahead, scalar);
+    COUNT(looks_ahead, call);
+    COUNT(looks_ahead, scalar);
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     mask asked = but_not(m->done, not_less(m->previous, q * m->from));
     asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
-    if (!any(asked))
+    *asking = (struct asking){.rays = &w->rays, .t = m->t, .q = q, .asked = asked};
+    return asked;
+}
+
+// Of the first packets of a beam, those rays at once: they are from one place, and what is in their way most often is the same.
+// A ray ends where a cone of its slope meets nothing further on.
+static void look_ahead(struct beam *beam, int packets, const struct convex *work) {
+    COUNT(look_ahead, call);
+    struct asking asking[BEAM];
+    struct walk *of[BEAM];
+    int count = 0;
+    for (int i = 0; i < packets; i++) {
+        struct walk *w = &beam->walk[i];
+        if (all(w->march.done))
+            continue;
+        of[count] = w;
+        count += any(looks_ahead(w, &asking[count], work));
+    }
+    if (!count)
         return;
-    real until = set(0.0f);
-    m->done = either(m->done, crowd_behind(&w->rays, m->t, q, asked, &until, work));
-    w->until = choose(asked, until, w->until);
-    w->asked = choose(asked, q, w->asked);
+    crowd_behind(asking, count, work);
+    for (int i = 0; i < count; i++) {
+        struct walk *w = of[i];
+        const struct asking *a = &asking[i];
+        ACTIVE(count_of(a->asked));
+        COUNT(look_ahead, packet);
+        w->march.done = either(w->march.done, both(a->asked, less(a->until, set(0.0f))));
+        w->until = choose(a->asked, a->until, w->until);
+        w->asked = choose(a->asked, a->q, w->asked);
+    }
 }
 
 static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
@@ -188,11 +212,9 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     COUNT(look_around, call);
     const struct walk *last = NULL;
     float rear = INFINITY;
+    look_ahead(beam, beam->count, work);
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
-        if (all(w->march.done))
-            continue;
-        look_ahead(w, work);
         if (all(w->march.done))
             continue;
         ACTIVE(LANES - count_of(w->march.done));
@@ -227,9 +249,7 @@ static inline void step_but(struct march *m, mask still, real h, real strength, 
 
 // Ends those that nothing is in the way of, and brings the others together.
 static void thin_out(struct beam *beam, const struct convex *work) {
-    for (int i = 0; i < beam->moving; i++)
-        if (!all(stands_still(&beam->walk[i])))
-            look_ahead(&beam->walk[i], work);
+    look_ahead(beam, beam->moving, work);
     if (close_ranks(beam, work->desk))
         vicinity_below(beam);
 }
@@ -262,18 +282,30 @@ static bool sets_out(struct walk *w, struct leaving *l, const struct convex *wor
     return true;
 }
 
+// The solid's distance, and how far its position is, squared.
+static inline real distance_leaving(const struct leaving *l, real t, real *square) {
+    COUNT(distance_leaving, call);
+    const struct near *n = &l->near;
+    if (n->power) { // a sphere, see distance_along: the root of the square is in it
+        COUNT(distance_leaving, power);
+        real power = mul_add(t, t + n->slope, n->constant);
+        *square = most_of(power + set(l->solid->bound_sq), set(0.0f));
+        return power / (root(*square) + set(l->solid->a));
+    }
+    COUNT(distance_leaving, point);
+    struct vec p = vec_along(n->origin, n->direction, t);
+    *square = vec_dot(p, p);
+    return distance_at(p, l->solid, no_lane());
+}
+
 // One step; whether there is another.
 static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
                      const struct prepared *scene) {
     ACTIVE(LANES - count_of(l->still));
     COUNT(leave_on, call);
     struct march *m = &w->march;
-    real h = distance_along(&l->near, m->t, l->solid), room = l->alone - h;
-    if (l->near.power) {
-        COUNT(leave_on, power);
-    }
-    struct vec p = vec_along(l->near.origin, l->near.direction, m->t);
-    mask sure = both(greater(room, set(0.0f)), less(vec_dot(p, p), room * room));
+    real square, h = distance_leaving(l, m->t, &square), room = l->alone - h;
+    mask sure = both(greater(room, set(0.0f)), less(square, room * room));
     mask still = either(l->still, not_in(sure));
     if (all(still))
         return false;
@@ -319,8 +351,9 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
         COUNT(walk_on, step);
         moves = true;
         // What is not in the vicinity could be nearer.
-        real away = distance_off(&beam->near, w->at);
-        w->waits = either(w->waits, not_in(not_less(set(beam->near.within), w->least + away)));
+        struct vec off = vec_off(&beam->near, w->at);
+        real room = set(beam->near.within) - w->least;
+        w->waits = either(w->waits, not_in(not_less(room * absolute(room), vec_dot(off, off))));
         mask still = stands_still(w), done = m->done;
         step_but(m, still, w->least, strength, hit);
         m->done = either(done, but_not(still, m->done));
@@ -335,12 +368,12 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
     int left = end - first;
     ACTIVE(left < LANES ? left : LANES);
     COUNT(gather_walk, call);
+    // What is not set here is before it is read.
+    w->rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES);
+    w->waits = all_lanes();
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
-    *w = (struct walk){
-        .rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES),
-        .waits = all_lanes(),
-        .until = set(work->scene->tree.spacing),
-        .asked = set(work->scene->lit_slope)};
+    w->until = set(work->scene->tree.spacing);
+    w->asked = set(work->scene->lit_slope);
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = desk->order[0][first + i];
@@ -375,10 +408,6 @@ static void add_answers(int first, int end, struct desk *desk) {
 struct bundle {
     float centre[3], to_light[3], radius, spread;
 };
-
-static float most_lane(real x) {
-    return -least_lane(set(0.0f) - x);
-}
 
 static struct bundle bundle_about(const struct walk *walk, int packets) {
     ACTIVE(count_of(walk->rays.active));

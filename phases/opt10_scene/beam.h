@@ -82,6 +82,10 @@ static inline real height_along(const struct placed *s, mask own, const struct w
                    drop(own, height_over(s, w->rays.point)));
 }
 
+static inline float most_lane(real x) {
+    return -least_lane(set(0.0f) - x);
+}
+
 static inline mask stands_still(const struct walk *w) {
     return either(w->march.done, w->waits);
 }

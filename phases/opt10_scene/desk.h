@@ -8,9 +8,11 @@
 enum { LISTS = 4 + GROUP + CASTS, NEARS = POOLS };
 _Static_assert((int)NEARS >= (int)CASTS, "one for each packet in work, too");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
+// A list of shapes, and room for a row of lanes behind them (list_those).
+#define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
 #define DESK_SIZE(shapes)                                                                          \
     (WHOLE_LINES(sizeof(struct desk)) + NEARS * (size_t)(shapes) * sizeof(struct near) +           \
-     LISTS * WHOLE_LINES((size_t)(shapes) * sizeof(int)))
+     LISTS * LIST_SIZE(shapes))
 
 static inline struct desk *desk_at(void *own, int shape_count) {
     size_t shapes = (size_t)shape_count;
@@ -20,12 +22,12 @@ static inline struct desk *desk_at(void *own, int shape_count) {
 #if !UNROLLED
     behind += NEARS * shapes * sizeof(struct near);
     desk->mirrored = (int *)behind;
-    behind += WHOLE_LINES(shapes * sizeof(int));
+    behind += LIST_SIZE(shapes);
     desk->vicinity = (int *)behind;
-    behind += WHOLE_LINES(shapes * sizeof(int));
+    behind += LIST_SIZE(shapes);
     desk->cut = (int *)behind;
-    behind += GROUP * WHOLE_LINES(shapes * sizeof(int));
-    for (size_t i = 0; i < 2 + CASTS; i++, behind += WHOLE_LINES(shapes * sizeof(int))) {
+    behind += GROUP * LIST_SIZE(shapes);
+    for (size_t i = 0; i < 2 + CASTS; i++, behind += LIST_SIZE(shapes)) {
         struct shapes *list = i == 0   ? &desk->listed
                               : i == 1 ? &desk->shading
                                        : &desk->casters[i - 2];

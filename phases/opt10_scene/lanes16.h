@@ -269,6 +269,17 @@ static inline void pack(mask m, real a, float to[LANES]) {
     pack_by(packing_of(m), a, to);
 }
 
+// The whole numbers of those lanes in a row, from `to` on: LANES are written.
+static inline void pack_whole(mask m, const int from[LANES], int to[LANES]) {
+    _mm512_storeu_si512(to, _mm512_maskz_compress_epi32(m.all, _mm512_loadu_si512(from)));
+}
+
+// first + 2^shift·lane of those lanes in a row: LANES are written.
+static inline void pack_numbers(mask m, int first, int shift, int to[LANES]) {
+    __m512i numbers = _mm512_slli_epi32(packing_of(m), (unsigned)shift);
+    _mm512_storeu_si512(to, _mm512_add_epi32(numbers, _mm512_set1_epi32(first)));
+}
+
 // Which lane of two registers each lane is to hold: its own of the first, or, in the lanes `there`, one of the second:
 // those of `here`, in their order.
 static inline __m512i lanes_taken(unsigned there, unsigned here) {

@@ -279,6 +279,18 @@ static inline void pack(mask m, real a, float to[LANES]) {
     pack_by(packing_of(m), a, to);
 }
 
+// The whole numbers of those lanes in a row, from `to` on: LANES are written.
+static inline void pack_whole(mask m, const int from[LANES], int to[LANES]) {
+    __m256i all = _mm256_loadu_si256((const __m256i *)from);
+    _mm256_storeu_si256((__m256i *)to, _mm256_permutevar8x32_epi32(all, packing_of(m)));
+}
+
+// first + 2^shift·lane of those lanes in a row: LANES are written.
+static inline void pack_numbers(mask m, int first, int shift, int to[LANES]) {
+    __m256i numbers = _mm256_slli_epi32(packing_of(m), shift);
+    _mm256_storeu_si256((__m256i *)to, _mm256_add_epi32(numbers, _mm256_set1_epi32(first)));
+}
+
 // The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
 static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
     for (; lanes; lanes &= lanes - 1, from++) {

@@ -15,35 +15,55 @@ static inline struct vec vec_of_lane(const struct vec *v, int lane) {
                         set(lane_of(v->z, lane))};
 }
 
+// A node that waits to be looked into, in one word: no quotient takes it apart.
+enum { LEVEL_BITS = 2 };
+_Static_assert(TREE_LEVELS <= 1 << LEVEL_BITS, "room for a level");
+enum { NODES_WAIT = TREE_LEVELS * TREE_WIDTH + LANES }; // at most, and what is written behind them
+
+static inline int waiting_node(int level, int node) {
+    return node << LEVEL_BITS | level;
+}
+
+static inline int level_of(int waiting) {
+    return waiting & ((1 << LEVEL_BITS) - 1);
+}
+
+static inline int node_of(int waiting) {
+    return waiting >> LEVEL_BITS;
+}
+
+// Those of a row of entries, from `first` on, wait to be looked into; returns how many.
+static inline int let_wait(mask those, int level, int first, int waiting[LANES]) {
+    pack_numbers(those, waiting_node(level - 1, first), LEVEL_BITS, waiting);
+    return __builtin_popcount(bits(those));
+}
+
 // Which of as many spheres as there are lanes matter.
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 
-// Those go to `list`, in no order; how many.
+// Those go to `list`, in no order, without a branch on which they are; how many. LANES more are written.
 __attribute__((always_inline)) static inline int
 list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
     COUNT(list_those, call);
     int listed = 0;
-    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
-    waiting[0] = tree->levels - 1;
+    int waiting[NODES_WAIT]; // not zeroed
+    waiting[0] = waiting_node(tree->levels - 1, 0);
     for (int count = 1; count > 0;) {
-        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        int level = level_of(waiting[--count]), node = node_of(waiting[count]);
         const struct spheres *s = &tree->level[level];
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
-        unsigned which = 0; // of all rows: no branch foresees whether one has any
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
             ACTIVE(lesser(LANES, end - first));
             COUNT(list_those, spheres);
             struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
             mask matter =
                 both(test(centre, load(s->radius + first), with), first_lanes(end - first));
-            which |= bits(matter) << (first - node * TREE_WIDTH);
-        }
-        for (; which; which &= which - 1) {
-            int entry = node * TREE_WIDTH + __builtin_ctz(which);
-            if (level == 0)
-                list[listed++] = tree->shape[entry];
-            else
-                waiting[count++] = level - 1 + TREE_LEVELS * entry;
+            if (level > 0) {
+                count += let_wait(matter, level, first, waiting + count);
+                continue;
+            }
+            pack_whole(matter, tree->shape + first, list + listed);
+            listed += __builtin_popcount(bits(matter));
         }
     }
     return listed;
@@ -55,10 +75,10 @@ typedef void leaf_visit(int shape, void *with);
 
 __attribute__((always_inline)) static inline void follow(const struct tree *tree, ray_test *test,
                                                          leaf_visit *visit, void *with) {
-    int waiting[TREE_LEVELS * TREE_WIDTH];
-    waiting[0] = tree->levels - 1;
+    int waiting[NODES_WAIT];
+    waiting[0] = waiting_node(tree->levels - 1, 0);
     for (int count = 1; count > 0;) {
-        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        int level = level_of(waiting[--count]), node = node_of(waiting[count]);
         const struct spheres *s = &tree->level[level];
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
         for (int entry = node * TREE_WIDTH; entry < end; entry++) {
@@ -67,7 +87,7 @@ __attribute__((always_inline)) static inline void follow(const struct tree *tree
             if (level == 0)
                 visit(tree->shape[entry], with);
             else
-                waiting[count++] = level - 1 + TREE_LEVELS * entry;
+                waiting[count++] = waiting_node(level - 1, entry);
         }
     }
 }

@@ -33,9 +33,13 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
 
 // Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
-// Which of the rays asked for, at t, will have nothing nearer than q·t to the end; of the others, where what is in the
-// way ends.
-mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
-                  const struct convex *work);
+// A packet's rays that are asked at t whether they will have nothing nearer than q·t to the end. until, which is told: where
+// what is in the way ends; less than 0: there is nothing.
+struct asking {
+    const struct rays *rays;
+    real t, q, until;
+    mask asked;
+};
+void crowd_behind(struct asking *asking, int count, const struct convex *work);
 
 #endif

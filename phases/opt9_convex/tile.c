@@ -103,10 +103,15 @@ static size_t nears(const struct model *model) {
     return (size_t)model->shape_count * (model->features.count[SHAPE_MANDELBULB] ? POOLS : 3);
 }
 
+// A list of shapes, and room for a row of lanes behind them (list_those).
+static size_t list_size(size_t shapes) {
+    return whole_lines((shapes + LANES) * sizeof(int));
+}
+
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
     size_t desk = whole_lines(sizeof(struct desk)) + nears(model) * sizeof(struct near) +
-                  (6 + GROUP) * whole_lines(shapes * sizeof(int));
+                  (6 + GROUP) * list_size(shapes);
     return desk > marching ? desk : marching;
 }
 
@@ -126,11 +131,11 @@ void VARIANT(tile)(const struct job *job, int tile, void *own) {
     desk->near = (struct near *)behind;
     behind += nears(&job->prepared->model) * sizeof(struct near);
     desk->list = (int *)behind;
-    desk->shading = (int *)(behind + whole_lines(shapes * sizeof(int)));
-    desk->casters = (int *)(behind + 2 * whole_lines(shapes * sizeof(int)));
-    desk->mirrored = (int *)(behind + 4 * whole_lines(shapes * sizeof(int)));
-    desk->vicinity = (int *)(behind + 5 * whole_lines(shapes * sizeof(int)));
-    desk->cut = (int *)(behind + 6 * whole_lines(shapes * sizeof(int)));
+    desk->shading = (int *)(behind + list_size(shapes));
+    desk->casters = (int *)(behind + 2 * list_size(shapes));
+    desk->mirrored = (int *)(behind + 4 * list_size(shapes));
+    desk->vicinity = (int *)(behind + 5 * list_size(shapes));
+    desk->cut = (int *)(behind + 6 * list_size(shapes));
     empty_desk(desk);
     convex_tile(job, tile, desk);
 }

@@ -1,4 +1,5 @@
 // Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
+#include "beam.h"
 #include "seek.h"
 
 // A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
@@ -19,65 +20,108 @@ static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, re
     real need = mul_sub(square, set(1 - 2e-6f), radius * radius * set(1 + 1e-5f));
     *lean = mul_add(c->q, radius, vec_dot(v, c->to_light));
     *rest = mul_sub(*lean, *lean, c->narrow * need);
-    mask meets = either(less(need, zero), both(greater(*lean, zero), not_less(*rest, zero)));
-    real over = c->ahead - *lean; // it is left at (lean + √rest)/narrow
-    return both(meets, either(less(over, zero), not_less(*rest, over * over)));
+    mask comes = either(less(need, zero), greater(*lean, zero));
+    // Left at (lean + √rest)/narrow; a rest of less than 0 is less than that square, too.
+    real over = most_of(c->ahead - *lean, zero);
+    return both(comes, not_less(*rest, over * over));
 }
 
-static float most_of_those(mask of, real x) {
-    return -least_lane(choose(of, set(0.0f) - x, set(INFINITY)));
-}
-
-// Rays from near the first one's place: how far they are from it at most, and how much they turn from its direction.
-struct sheaf {
-    mask rays;
-    struct vec centre, to_light;
-    float radius, spread;
+// A packet's rays of which it is asked.
+struct cones {
+    struct cone_of_one rays;
+    real t, own;    // own: the shape that they are from, which they do not meet
+    real until;     // where what they meet ends, if anything
+    mask open, now; // not asked yet; in the sheaf that is asked, with nothing met so far
 };
 
-static struct sheaf sheaf_of(const struct cone_of_one *rays, mask of, float near) {
+// Rays from near the first one's place: how far they are from it at most, how much they turn from its direction, the widest
+// cone and the least t.
+struct sheaf {
+    struct vec centre, to_light;
+    float radius, spread, q, from;
+};
+
+// Of those that are open, which are the sheaf's `now`.
+static struct sheaf sheaf_of(struct cones *cones, int count, float near) {
+    int chosen = 0;
+    while (!any(cones[chosen].open))
+        chosen++;
+    ACTIVE(count_of(cones[chosen].open));
     COUNT(sheaf_of, call);
     COUNT(sheaf_of, scalar);
-    int one = __builtin_ctz(bits(of));
-    struct vec centre = vec_of_lane(&rays->point, one), to = vec_of_lane(&rays->to_light, one);
-    struct vec v = {rays->point.x - centre.x, rays->point.y - centre.y, rays->point.z - centre.z};
-    struct vec l = {rays->to_light.x - to.x, rays->to_light.y - to.y, rays->to_light.z - to.z};
-    real away = vec_dot(v, v);
-    mask those = either(lanes_of(1u << one), both(of, less(away, set(near * near))));
-    return (struct sheaf){those, centre, to, sqrtf(most_of_those(those, away)) * (1 + 1e-4f),
-                          sqrtf(most_of_those(those, vec_dot(l, l))) * 1.01f + 1e-4f};
+    const struct cone_of_one *first = &cones[chosen].rays;
+    int one = __builtin_ctz(bits(cones[chosen].open));
+    struct vec centre = vec_of_lane(&first->point, one), to = vec_of_lane(&first->to_light, one);
+    real zero = set(0.0f), away = zero, turned = zero, q = zero, from = set(INFINITY);
+    for (int i = 0; i < count; i++) {
+        struct cones *c = &cones[i];
+        c->now = no_lane(); // of the sheaf before
+        if (!any(c->open))
+            continue;
+        ACTIVE(count_of(c->open));
+        COUNT(sheaf_of, packet);
+        struct vec v = {c->rays.point.x - centre.x, c->rays.point.y - centre.y,
+                        c->rays.point.z - centre.z};
+        struct vec l = {c->rays.to_light.x - to.x, c->rays.to_light.y - to.y,
+                        c->rays.to_light.z - to.z};
+        real square = vec_dot(v, v);
+        mask itself = i == chosen ? lanes_of(1u << one) : no_lane();
+        c->now = either(itself, both(c->open, less(square, set(near * near))));
+        c->open = but_not(c->now, c->open);
+        away = most_of(away, keep(c->now, square));
+        turned = most_of(turned, keep(c->now, vec_dot(l, l)));
+        q = most_of(q, keep(c->now, c->rays.q));
+        from = least_of(from, choose(c->now, c->t, set(INFINITY)));
+    }
+    return (struct sheaf){centre,
+                          to,
+                          sqrtf(most_lane(away)) * (1 + 1e-4f),
+                          sqrtf(most_lane(turned)) * 1.01f + 1e-4f,
+                          most_lane(q),
+                          least_lane(from)};
 }
 
-// Those that do not meet a leaf; for the others, where they leave it. Rays do not meet the shape that they are from, `own`.
-static inline mask passes(const struct tree *tree, int leaf, const struct cone_of_one *rays,
-                          real own, mask open, real *until) {
-    COUNT(passes, call);
+// Which of the rays `now` meet a leaf, and where they leave it. Whether any does, and whether any does not.
+static bool leaf_in_way(const struct tree *tree, int leaf, struct cones *cones, int count,
+                        bool *left) {
+    COUNT(leaf_in_way, call);
     const struct spheres *s = &tree->level[0];
-    real lean, rest;
-    mask meets =
-        both(but_not(same_shape(own, tree->shape[leaf]), open),
-             in_its_way(rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
-                        set(s->radius[leaf]), &lean, &rest));
-    if (any(meets)) {
-        ACTIVE(count_of(meets));
-        COUNT(passes, met);
-        real leaves = (lean + root(most_of(rest, set(0.0f)))) / rays->narrow;
-        *until = choose(meets, leaves, *until);
+    bool met = false;
+    *left = false;
+    for (int i = 0; i < count; i++) {
+        struct cones *c = &cones[i];
+        if (!any(c->now))
+            continue;
+        ACTIVE(count_of(c->now));
+        COUNT(leaf_in_way, packet);
+        real lean, rest;
+        mask meets = both(
+            but_not(same_shape(c->own, tree->shape[leaf]), c->now),
+            in_its_way(&c->rays, (struct vec){set(s->x[leaf]), set(s->y[leaf]), set(s->z[leaf])},
+                       set(s->radius[leaf]), &lean, &rest));
+        if (any(meets)) {
+            ACTIVE(count_of(meets));
+            COUNT(leaf_in_way, met);
+            real leaves = (lean + root(most_of(rest, set(0.0f)))) / c->rays.narrow;
+            c->until = choose(meets, leaves, c->until);
+            c->now = but_not(meets, c->now);
+            met = true;
+        }
+        *left |= any(c->now);
     }
-    return but_not(meets, open);
+    return met;
 }
 
 // The spheres of a node in the lanes, asked for a cone about all rays, and what that meets with the rays in the lanes. Ends
 // when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
 // long.
 static void look_behind(const struct tree *tree, const struct cone_of_one *about, real wider,
-                        const struct cone_of_one *rays, real own, mask open, real *until,
-                        int *leaf) {
+                        struct cones *cones, int packets, int *leaf) {
     COUNT(look_behind, call);
-    int waiting[TREE_LEVELS * TREE_WIDTH]; // level + TREE_LEVELS·node; not zeroed
-    waiting[0] = tree->levels - 1;
+    int waiting[NODES_WAIT]; // not zeroed
+    waiting[0] = waiting_node(tree->levels - 1, 0);
     for (int count = 1; count > 0;) {
-        int level = waiting[--count] % TREE_LEVELS, node = waiting[count] / TREE_LEVELS;
+        int level = level_of(waiting[--count]), node = node_of(waiting[count]);
         const struct spheres *s = &tree->level[level];
         int end = lesser(s->count, (node + 1) * TREE_WIDTH);
         for (int first = node * TREE_WIDTH; first < end; first += LANES) {
@@ -96,71 +140,84 @@ static void look_behind(const struct tree *tree, const struct cone_of_one *about
                 real order = choose(meets, set(0.0f) - lean, set(INFINITY));
                 unsigned last = bits(not_less(set(least_lane(order)), order)) & which;
                 last &= 0u - last;
-                for (which &= ~last; which; which &= which - 1)
-                    waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(which));
-                waiting[count++] = level - 1 + TREE_LEVELS * (first + __builtin_ctz(last));
+                count += let_wait(but_not(lanes_of(last), meets), level, first, waiting + count);
+                waiting[count++] = waiting_node(level - 1, first + __builtin_ctz(last));
                 continue;
             }
             for (; which; which &= which - 1) {
                 int entry = first + __builtin_ctz(which);
-                ACTIVE(count_of(open));
-                mask left = passes(tree, entry, rays, own, open, until);
-                *leaf = bits(left) == bits(open) ? *leaf : entry;
-                open = left;
-                if (!any(open))
+                bool left;
+                *leaf = leaf_in_way(tree, entry, cones, packets, &left) ? entry : *leaf;
+                if (!left)
                     return;
             }
         }
     }
 }
 
-// Of each lane asked, for its own cone: where something that it meets is left, −1 where nothing is met. Asked for all at
-// once that are near to each other.
-static real ways_end(const struct tree *tree, const struct cone_of_one *rays, real t, real own,
-                     mask asked, int *leaf) {
+// Of each ray that is open, for its own cone: where something that it meets is left; `until` stays where nothing is met. Asked
+// for all at once that are near to each other.
+static void ways_end(const struct tree *tree, struct cones *cones, int count, int *leaf) {
     COUNT(ways_end, call);
-    real until = set(-1.0f);
-    mask open = asked;
-    if (*leaf >= 0)
-        open = passes(tree, *leaf, rays, own, open, &until);
-    while (any(open)) {
-        ACTIVE(count_of(open));
-        struct sheaf sheaf = sheaf_of(rays, open, tree->spacing);
-        float q = most_of_those(sheaf.rays, rays->q) + sheaf.spread;
+    bool left = false;
+    for (int i = 0; i < count; i++) {
+        cones[i].now = cones[i].open;
+        left |= any(cones[i].open);
+    }
+    if (!left)
+        return;
+    if (*leaf >= 0) {
+        leaf_in_way(tree, *leaf, cones, count, &left);
+        for (int i = 0; i < count; i++)
+            cones[i].open = cones[i].now;
+    }
+    while (left) {
+        struct sheaf sheaf = sheaf_of(cones, count, tree->spacing);
+        float q = sheaf.q + sheaf.spread;
         if (!(q < 0.995f)) {
-            sheaf = sheaf_of(rays, open, 0.0f);
-            q = most_of_those(sheaf.rays, rays->q) + sheaf.spread;
+            for (int i = 0; i < count; i++)
+                cones[i].open = either(cones[i].open, cones[i].now);
+            sheaf = sheaf_of(cones, count, 0.0f);
+            q = sheaf.q + sheaf.spread;
         }
         COUNT(ways_end, asked);
-        COUNT(ways_end, scalar);
-        float narrow = 1 - q * q, from = least_lane(choose(sheaf.rays, t, set(INFINITY)));
+        float narrow = 1 - q * q;
         struct cone_of_one about = {sheaf.centre, sheaf.to_light, set(q), set(narrow),
-                                    set(narrow * from)};
-        look_behind(tree, &about, set(sheaf.radius), rays, own, sheaf.rays, &until, leaf);
-        open = but_not(sheaf.rays, open);
+                                    set(narrow * sheaf.from)};
+        look_behind(tree, &about, set(sheaf.radius), cones, count, leaf);
+        left = false;
+        for (int i = 0; i < count; i++)
+            left |= any(cones[i].open);
     }
-    return until;
 }
 
-mask crowd_behind(const struct rays *r, real t, real q, mask asked, real *until,
-                  const struct convex *work) {
-    ACTIVE(count_of(asked));
+void crowd_behind(struct asking *asking, int count, const struct convex *work) {
     COUNT(crowd_behind, call);
     const struct prepared *scene = work->scene;
-    q = least_of(q, set(0.99f));
-    mask blocked = no_lane();
-    for (int k = 0; k < scene->plane_count; k++) {
-        const struct placed *s = &scene->placed[scene->planes[k]];
-        COUNT(crowd_behind, plane);
-        real slope = vec_dot(vec_set(s->normal), r->to_light);
-        blocked = either(blocked, less(slope, q));
+    struct cones cones[BEAM];
+    for (int i = 0; i < count; i++) {
+        struct asking *a = &asking[i];
+        ACTIVE(count_of(a->asked));
+        COUNT(crowd_behind, packet);
+        real q = least_of(a->q, set(0.99f));
+        mask blocked = no_lane();
+        for (int k = 0; k < scene->plane_count; k++) {
+            const struct placed *s = &scene->placed[scene->planes[k]];
+            COUNT(crowd_behind, plane);
+            real slope = vec_dot(vec_set(s->normal), a->rays->to_light);
+            blocked = either(blocked, less(slope, q));
+        }
+        real narrow = neg_mul_add(q, q, set(1.0f));
+        cones[i] = (struct cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
+                                  a->t,
+                                  set(-1.0f),
+                                  choose(blocked, set(INFINITY), set(-1.0f)),
+                                  but_not(blocked, a->asked),
+                                  no_lane()};
     }
-    asked = but_not(blocked, asked);
-    real narrow = neg_mul_add(q, q, set(1.0f));
-    struct cone_of_one rays = {r->point, r->to_light, q, narrow, narrow * t};
-    real ends = ways_end(&scene->tree, &rays, t, set(-1.0f), asked, &work->desk->far);
-    *until = choose(blocked, set(INFINITY), ends);
-    return both(asked, less(ends, set(0.0f)));
+    ways_end(&scene->tree, cones, count, &work->desk->far);
+    for (int i = 0; i < count; i++)
+        asking[i].until = cones[i].until;
 }
 
 mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
@@ -191,7 +248,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
         return no_lane();
     COUNT(crowd_clears, asked);
     real zero = set(0.0f);
-    struct cone_of_one cones = {point, to_light, set(q), set(1 - q * q), zero};
-    real ends = ways_end(&scene->tree, &cones, zero, shape, clear, &work->desk->leaf);
-    return both(clear, less(ends, zero));
+    struct cones cones = {
+        {point, to_light, set(q), set(1 - q * q), zero}, zero, shape, set(-1.0f), clear, no_lane()};
+    ways_end(&scene->tree, &cones, 1, &work->desk->leaf);
+    return both(clear, less(cones.until, zero));
 }

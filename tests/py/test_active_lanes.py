@@ -60,8 +60,9 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
         "wake",
         "too_far",
         "sheaf_of",
-        "passes",
+        "leaf_in_way",
         "ask_about",
+        "looks_ahead",
         "look_ahead",
         "keep_answers",
     )

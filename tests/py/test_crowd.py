@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,19 @@ def test_as_the_march_of_all_shapes(
     off = np.abs(images.rgb(mine) - images.rgb(all_asked)).max(axis=-1)
     assert (mine["id"] != all_asked["id"]).sum() <= 3
     assert not ((off > 0.002).sum() > 3) and np.isfinite(off).all()
+
+
+@pytest.mark.parametrize("strength", [1.05, 1.6])
+def test_a_light_near_by_of_little_strength(strength: float, tmp_path: Path) -> None:
+    """Rays of a beam turn apart there, and their cones are next to as wide as any can be: what is ahead of
+    all at once cannot be told, and is of ray by ray. (Such rays were once asked about for ever.)"""
+    data = crowd(40)
+    data["light"] |= {"position": [4.0, 2.0, 24.0], "shadow_strength": strength}
+    all_asked = picture(MARCHED, data, tmp_path, 240)
+    out = tmp_path / "mine.exr"
+    command = [build(PHASE), tmp_path / "scene.json", "-n", "240", "-o", out]
+    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    assert psnr(images.read(out), all_asked) >= 50
 
 
 @pytest.mark.parametrize("steps", [3, 10, 50])
