@@ -15,10 +15,12 @@ static inline struct vec vec_of_lane(const struct vec *v, int lane) {
                         set(lane_of(v->z, lane))};
 }
 
-// A node that waits to be looked into, in one word: no quotient takes it apart.
+// A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
 enum { LEVEL_BITS = 2 };
 _Static_assert(TREE_LEVELS <= 1 << LEVEL_BITS, "room for a level");
-enum { NODES_WAIT = TREE_LEVELS * TREE_WIDTH + LANES }; // at most, and what is written behind them
+enum {
+    NODES_WAIT = TREE_LEVELS * TREE_WIDTH + LANES
+}; // room for all, and for what a row writes behind them
 
 static inline int waiting_node(int level, int node) {
     return node << LEVEL_BITS | level;
@@ -41,7 +43,8 @@ static inline int let_wait(mask those, int level, int first, int waiting[LANES])
 // Which of as many spheres as there are lanes matter.
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 
-// Those go to `list`, in no order, without a branch on which they are; how many. LANES more are written.
+// Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
+// last are overwritten.
 __attribute__((always_inline)) static inline int
 list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
     COUNT(list_those, call);

@@ -21,7 +21,7 @@ static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, re
     *lean = mul_add(c->q, radius, vec_dot(v, c->to_light));
     *rest = mul_sub(*lean, *lean, c->narrow * need);
     mask comes = either(less(need, zero), greater(*lean, zero));
-    // Left at (lean + √rest)/narrow; a rest of less than 0 is less than that square, too.
+    // It is left at (lean + √rest)/narrow, and not before `ahead` if √rest ≥ over; no rest below 0 is as much as that square.
     real over = most_of(c->ahead - *lean, zero);
     return both(comes, not_less(*rest, over * over));
 }
@@ -41,7 +41,7 @@ struct sheaf {
     float radius, spread, q, from;
 };
 
-// Of those that are open, which are the sheaf's `now`.
+// Takes the first ray that is open and those open near to it: they are `now`, and open no longer.
 static struct sheaf sheaf_of(struct cones *cones, int count, float near) {
     int chosen = 0;
     while (!any(cones[chosen].open))
@@ -52,7 +52,8 @@ static struct sheaf sheaf_of(struct cones *cones, int count, float near) {
     const struct cone_of_one *first = &cones[chosen].rays;
     int one = __builtin_ctz(bits(cones[chosen].open));
     struct vec centre = vec_of_lane(&first->point, one), to = vec_of_lane(&first->to_light, one);
-    real zero = set(0.0f), away = zero, turned = zero, q = zero, from = set(INFINITY);
+    real reach = set(near * near), zero = set(0.0f), away = zero, turned = zero, q = zero,
+         from = set(INFINITY);
     for (int i = 0; i < count; i++) {
         struct cones *c = &cones[i];
         c->now = no_lane(); // of the sheaf before
@@ -66,7 +67,7 @@ static struct sheaf sheaf_of(struct cones *cones, int count, float near) {
                         c->rays.to_light.z - to.z};
         real square = vec_dot(v, v);
         mask itself = i == chosen ? lanes_of(1u << one) : no_lane();
-        c->now = either(itself, both(c->open, less(square, set(near * near))));
+        c->now = either(itself, both(c->open, less(square, reach)));
         c->open = but_not(c->now, c->open);
         away = most_of(away, keep(c->now, square));
         turned = most_of(turned, keep(c->now, vec_dot(l, l)));
@@ -174,7 +175,8 @@ static void ways_end(const struct tree *tree, struct cones *cones, int count, in
     while (left) {
         struct sheaf sheaf = sheaf_of(cones, count, tree->spacing);
         float q = sheaf.q + sheaf.spread;
-        if (!(q < 0.995f)) {
+        if (!(q < 0.995f)) { // too wide to tell anything: all but the first are put back
+            COUNT(ways_end, again);
             for (int i = 0; i < count; i++)
                 cones[i].open = either(cones[i].open, cones[i].now);
             sheaf = sheaf_of(cones, count, 0.0f);

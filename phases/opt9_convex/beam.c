@@ -88,22 +88,23 @@ static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order
 }
 
 // What is in the way of a ray need not be looked for again until it is behind, or the slope q that the ray's least term so
-// far allows is less. Which rays of a packet it is to be looked for.
-static mask looks_ahead(const struct walk *w, struct asking *asking, const struct convex *work) {
+// far allows is less. Sets those of a packet's rays that must ask; whether any.
+static bool must_ask(const struct walk *w, struct asking *asking, const struct convex *work) {
     const struct march *m = &w->march;
     ACTIVE(LANES - count_of(m->done));
-    COUNT(looks_ahead, call);
-    COUNT(looks_ahead, scalar);
+    COUNT(must_ask, call);
+    COUNT(must_ask, scalar);
     real q = root(m->square / m->divisor) *
              set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     mask asked = but_not(m->done, not_less(m->previous, q * m->from));
     asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
     *asking = (struct asking){.rays = &w->rays, .t = m->t, .q = q, .asked = asked};
-    return asked;
+    return any(asked);
 }
 
-// Of the first packets of a beam, those rays at once: they are from one place, and what is in their way most often is the same.
+// Of the first packets of a beam, those rays at once: they are from one solid, or from places on planes that follow each other,
+// and what is in their way most often is the same.
 // A ray ends where a cone of its slope meets nothing further on.
 static void look_ahead(struct beam *beam, int packets, const struct convex *work) {
     COUNT(look_ahead, call);
@@ -115,7 +116,7 @@ static void look_ahead(struct beam *beam, int packets, const struct convex *work
         if (all(w->march.done))
             continue;
         of[count] = w;
-        count += any(looks_ahead(w, &asking[count], work));
+        count += must_ask(w, &asking[count], work);
     }
     if (!count)
         return;

@@ -8,6 +8,8 @@
 struct window;
 struct job;
 
+// A `list` has room for LANES more than the scene has shapes (list_those).
+
 // Those that lie across the window, and planes seen through it.
 int crowd_in_window(const struct window *window, const struct job *job, struct desk *desk,
                     int *list);
@@ -33,8 +35,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
 
 // Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
-// A packet's rays that are asked at t whether they will have nothing nearer than q·t to the end. until, which is told: where
-// what is in the way ends; less than 0: there is nothing.
+// Of a packet's rays `asked`: does anything come nearer than q·t, from t to the end? `until` is set to where what is in the way
+// ends, in those lanes alone; less than 0 where nothing is. Of BEAM packets at most.
 struct asking {
     const struct rays *rays;
     real t, q, until;

@@ -50,7 +50,7 @@ TERMS = {
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
         plane_between
-        own_shadow reaches_light crowd_* ways_end in_its_way look_behind leaf_in_way sheaf_of
+        own_shadow reaches_light crowd_* ways_end in_its_way look_behind leaf_in_way sheaf_of must_ask
         shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds begin_walk
         gather_walk sets_out begin_tile waiting
         wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
@@ -58,9 +58,9 @@ TERMS = {
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
-        stay_in advance* step* leap leave_on distance_leaving over take_bulb refill_* retire_* close_first
+        stay_in advance* step* leap leave_on over take_bulb refill_* retire_* close_first
         prepare_close
-        put_pieces put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look*_ahead
+        put_pieces put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
         falls_alone
     """,

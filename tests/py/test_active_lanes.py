@@ -60,10 +60,8 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
         "wake",
         "too_far",
         "sheaf_of",
-        "leaf_in_way",
         "ask_about",
-        "looks_ahead",
-        "look_ahead",
+        "must_ask",
         "keep_answers",
     )
     for name in marching:

@@ -70,7 +70,7 @@ def test_as_the_march_of_all_shapes(
 @pytest.mark.parametrize("strength", [1.05, 1.6])
 def test_a_light_near_by_of_little_strength(strength: float, tmp_path: Path) -> None:
     """Rays of a beam turn apart there, and their cones are next to as wide as any can be: what is ahead of
-    all at once cannot be told, and is of ray by ray. (Such rays were once asked about for ever.)"""
+    all at once cannot be told, so it is asked ray by ray. (Such rays were once asked about for ever.)"""
     data = crowd(40)
     data["light"] |= {"position": [4.0, 2.0, 24.0], "shadow_strength": strength}
     all_asked = picture(MARCHED, data, tmp_path, 240)
