@@ -37,6 +37,7 @@ SPEEDUPS = {
     "opt8_streams": {"scene0": 530.0, "mandelbulb": 80.0},
     "best": {"scene0": 3000.0, "mandelbulb": 130.0},
 }
+OF_ANY_WIDTH = ("opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 TWO_THREADS = 1.9
 RTRM = 14.0  # times CPU-RTRM's own figures
 DIGITS = 0.05  # dB: what is shown equal is taken to be equal
@@ -138,26 +139,50 @@ def of_ladder(data: Data) -> Iterable[Goal]:
 def of_errors(data: Data) -> Iterable[Goal]:
     """scene0: no rung behind baseline, to both truths; Mandelbulb: none behind opt4. The worst is shown."""
     rows = {(r["scene"], r["phase"]): r for r in accuracy.read(data.path)["rows"]}
-    phases = list(registry.ladder())
-    rungs = phases[phases.index("opt4") + 1 :]
     kinds: tuple[tuple[str, str, str, Callable[[Row], float]], ...] = (
         ("scene0", "baseline", "PSNR to truth", lambda r: r["psnr_db"]),
         ("scene0", "baseline", "PSNR to truth with ideal shadows", lambda r: r["psnr_ideal_db"]),
         ("scene0", "baseline", "wrong hits, ppm", _wrong),
         ("mandelbulb", "opt4", "PSNR of 4×4 means to truth", lambda r: r["antialiased"]["psnr_db"]),
+        ("mandelbulb", "opt4", "depths off truth's, ppm", lambda r: _off(r.get("depth_agree_fraction"))),
     )
     for scene, base, name, value in kinds:
-        mine = {p: value(rows[scene, p]) for p in (base, *rungs) if (scene, p) in rows}
-        if base not in mine or len(mine) < 2:
-            continue
-        ppm, limit = "ppm" in name, mine.pop(base)
-        worst = max(mine, key=lambda p: (math.isnan(mine[p]), mine[p] if ppm else -mine[p]))
-        good = mine[worst] <= limit if ppm else mine[worst] >= limit - DIGITS
-        yield Goal(
-            f"{scene}, {name}: no rung beyond opt4 behind {base}" + ("" if ppm else f", to {DIGITS:g} dB"),
-            limit, _exact(mine[worst]), verdicts.MET if good else verdicts.MISSED, worst,
-            "" if ppm else " dB", "" if ppm else _apart(mine[worst], limit), at_most=ppm,
-        )  # fmt: skip
+        mine = {p: value(r) for (s, p), r in rows.items() if s == scene}
+        yield from _worst_rung(scene, base, name, mine)
+
+
+def of_pictures(data: Data) -> Iterable[Goal]:
+    """The Mandelbulb's pictures against baseline's: no rung behind opt4."""
+    scene, base = "mandelbulb", "opt4"
+    of = [p for p in data.pairs if p["scene"] == scene and p["reference"] == "baseline"]
+    kinds: tuple[tuple[str, Callable[[Row], float]], ...] = (
+        ("PSNR of 4×4 means to baseline", lambda p: p["antialiased_psnr_db"]),
+        ("depths off baseline's, ppm", lambda p: _off(p.get("depth_agree_fraction"))),
+    )
+    for name, value in kinds:
+        have = [p for p in of if p.get("antialiased_psnr_db") is not None]
+        yield from _worst_rung(scene, base, name, {p["phase"]: value(p) for p in have})
+
+
+def _worst_rung(scene: str, base: str, name: str, values: dict[str, float]) -> Iterable[Goal]:
+    """The worst of the rungs beyond opt4 (phase → value) against `base`: dB, or ppm where named so."""
+    phases = list(registry.ladder())
+    mine = {p: values[p] for p in phases[phases.index("opt4") + 1 :] if p in values}
+    if base not in values or not mine:
+        return
+    ppm, limit = "ppm" in name, values[base]
+    worst = max(mine, key=lambda p: (math.isnan(mine[p]), mine[p] if ppm else -mine[p]))
+    good = mine[worst] <= limit if ppm else mine[worst] >= limit - DIGITS
+    yield Goal(
+        f"{scene}, {name}: no rung beyond opt4 behind {base}" + ("" if ppm else f", to {DIGITS:g} dB"),
+        limit, _exact(mine[worst]), verdicts.MET if good else verdicts.MISSED, worst,
+        "" if ppm else " dB", "" if ppm else _apart(mine[worst], limit), at_most=ppm,
+    )  # fmt: skip
+
+
+def _off(share: float | None) -> float:
+    """In ppm, of the share that agrees."""
+    return math.nan if share is None else 1e6 * (1 - share)
 
 
 def _apart(value: float, limit: float) -> str:
@@ -237,6 +262,10 @@ def of_growth(data: Data) -> Iterable[Goal]:
         covered = f"coverage {' and '.join(known)}" if known else "coverage not recorded in this run"
         if few > 1:
             covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
+            if row.get("by_medians"):
+                middle = _given(row["by_medians"])
+                ends = {"x": middle.value, "x_low": middle.low, "x_high": middle.high}
+                covered += f"; by medians {show.interval(ends, 'x', 3, '×')}"
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True,
@@ -284,6 +313,7 @@ def of_lattice(data: Data) -> Iterable[Goal]:
 SOURCES: tuple[tuple[str, str, Callable[[Data], Iterable[Goal]]], ...] = (
     ("frames.jsonl", "scripts/sweep.py", of_ladder),
     (accuracy.FILE, "scripts/accuracy.py", of_errors),
+    ("verify.json", "scripts/verify.py", of_pictures),
     (frames.FILE, "scripts/frames.py", of_frames),
     (drjit_measure.FILE, "scripts/drjit.py", of_drjit),
     (scaling.FILE, "scripts/scaling.py", of_growth),

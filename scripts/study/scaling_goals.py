@@ -18,7 +18,7 @@ from study.stats import Interval
 
 FEW, MANY, MOST_TIMES = 16, 4096, 4.0  # shapes, and what the many may cost at most
 MOST_MIB = 64.0  # above the frame
-SIZE_4K, SCENES_4K = (3840, 2160), ("scene0", "scattered")
+SIZE_4K, SCENES_4K = (3840, 2160), ("scene0", "mandelbulb", "scattered")
 CROWD = "crowd"  # the series at the goal's own size
 NEAR = 0.05  # exponents that close are the same
 MET, MISSED, OPEN, UNSURE = "met", "missed", "not measured", "cannot be told apart here"
@@ -147,7 +147,8 @@ def memory(
 ) -> tuple[list[Row], list[Row]]:
     """Peak memory above the frame at 3840×2160, cheapest first, and what was left out.
 
-    Of scene0 and of 4,096 scattered shapes, on one thread and on all; the seconds are foreseen from `rows`.
+    Of scene0, the Mandelbulb and 4,096 scattered shapes, on one thread and on all; the seconds are foreseen
+    from `rows`.
     """
     pixels = SIZE_4K[0] * SIZE_4K[1]
     wanted, left_out = [], []
@@ -176,7 +177,7 @@ def memory(
 
 
 def paces(rows: Sequence[Row], phase: str) -> dict[str, float | None]:
-    """ns per pixel on one thread of the two scenes, None where not measured; the largest picture counts."""
+    """ns per pixel on one thread of SCENES_4K, None where not measured; the largest picture counts."""
 
     def pace(some: list[Row]) -> float | None:
         best = max(some, key=lambda row: row["n"], default=None)
@@ -184,17 +185,17 @@ def paces(rows: Sequence[Row], phase: str) -> dict[str, float | None]:
 
     own = [r for r in rows if r["phase"] == phase and r["threads"] == 1 and r["max_steps"] is None]
     return {
-        "scene0": pace([r for r in own if r["scene"] == "scene0"]),
+        **{name: pace([r for r in own if r["scene"] == name]) for name in ("scene0", "mandelbulb")},
         "scattered": pace([r for r in own if r["series"] in (CROWD, "shapes-scattered") and r["x"] == MANY]),
     }
 
 
 def at_4k(spec: Spec, about: Row, seed: int, folder: Path) -> dict[str, Any]:
     """One frame: peak resident memory right after it, and what of it is above the 12 bytes a pixel."""
-    if about["scene"] == "scene0":
-        scene = registry.find_scene("scene0")
-    else:
+    if about["scene"] == "scattered":
         scene = scaling_scenes.of_shapes("scattered", MANY, seed, folder)
+    else:
+        scene = registry.find_scene(about["scene"])
     width, height = SIZE_4K
     made = run.render(spec, scene.path, height, width, cpu=run.USABLE[-1], threads=about["x"])
     peak = made["frames"][0]["max_rss_kib"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conformance.feature_scenes import scene, shape
+from conformance.feature_scenes import FLOOR, scene, shape
 from study import fixed, packets_rays, registry, rods, store
 from study.moving import environment
 from study.registry import Scene
@@ -83,6 +83,29 @@ def test_they_are_one_sphere_and_the_first(draw, phase):
     for plane in ("R", "G", "B", "Z"):
         assert np.array_equal(many[plane], alone[plane]), plane
         assert np.isfinite(many[plane][there]).all()
+
+
+@pytest.mark.parametrize("kind", ["octahedron", "box", "sphere"])
+@pytest.mark.parametrize("phase", [phase for phase in LADDER if phase not in ("baseline", "opt4")])
+def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Path) -> None:
+    """4,096 of them and one, on a floor that they shade and mirror: the same hits, and as soft a shadow."""
+    needed(phase)
+    made = []
+    for count in (1, COUNT):
+        data = scene(
+            [FLOOR, *[shape(kind, material="mirror")] * count],
+            light={"shadows": "soft"},
+            march={"max_bounces": 2},
+        )
+        path = tmp_path / f"{count}.json"
+        store.write_json(path, data)
+        made.append(rods.picture(phase, "", Scene(path.stem, path, data, False), (32, 18)))
+    one, many = made
+    assert set(np.unique(one["id"])) == {-1.0, 0.0, 1.0}
+    assert np.array_equal(one["id"], many["id"]), "the first of them has it"
+    for plane in "RGB":
+        assert np.abs(one[plane] - many[plane]).max() <= 1e-4, plane
+        assert np.isfinite(many[plane]).all()
 
 
 def test_the_articles_corners_lose_all_of_them(draw):

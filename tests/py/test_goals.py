@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 import started
 
@@ -81,14 +82,48 @@ def test_the_worst_rung_is_held_against_baseline(monkeypatch: pytest.MonkeyPatch
     named = {"baseline": 54.50, "opt4": 40.0, "opt7_tiles": 54.46, "opt9_convex": 96.0}
     rows = [{"scene": "scene0", "phase": p, "psnr_db": db, **right} for p, db in named.items()]
     rows[-1] |= {"wrong_shape_ppm": 2}
+    bulb = {"baseline": (90.0, 1.0), "opt4": (51.4, 0.9998), "opt7_tiles": (51.38, 0.9997)}
+    rows += [
+        {"scene": "mandelbulb", "phase": p, "antialiased": {"psnr_db": db}, "depth_agree_fraction": share}
+        for p, (db, share) in bulb.items()
+    ]
     monkeypatch.setattr(accuracy, "read", lambda path: {"rows": rows})
-    psnr, ideal, wrong = goals.of_errors(SimpleNamespace(path=Path()))
+    psnr, ideal, wrong, means, depth = goals.of_errors(SimpleNamespace(path=Path()))
+    assert (means.asked, means.verdict) == (51.4, "met")
+    assert (depth.asked, depth.verdict) == (pytest.approx(200), "missed")
     assert (psnr.what, psnr.verdict, ideal.verdict) == ("opt7_tiles", "met", "met")  # 0.04 dB are shown equal
     assert (wrong.what, wrong.verdict, goals_page.asked(wrong)) == ("opt9_convex", "missed", "≤ 0")
     rows[2]["psnr_db"] = 54.44
     assert next(iter(goals.of_errors(SimpleNamespace(path=Path())))).verdict == "missed"
     rows[2]["psnr_db"] = math.nan
     assert next(iter(goals.of_errors(SimpleNamespace(path=Path())))).verdict == "missed"
+
+
+def test_the_bulbs_rungs_are_held_against_opt4() -> None:
+    """Both against baseline's picture: 4×4 means, and pixels whose depth is another."""
+    named = {"opt3": (math.inf, 1.0), "opt4": (55.15, 0.9998), "opt8_streams": (63.0, 0.99998)}
+    named |= {"opt9_convex": (55.11, 0.9998), "packets": (1.0, 0.0)}
+
+    def pairs() -> list[dict]:
+        return [
+            {"phase": p, "scene": s, "reference": r, "antialiased_psnr_db": db, "depth_agree_fraction": share}
+            for p, (db, share) in named.items()
+            for s, r in (("mandelbulb", "baseline"), ("scene0", "baseline"), ("mandelbulb", "opt2"))
+        ]
+
+    psnr, depth = goals.of_pictures(SimpleNamespace(pairs=pairs()))
+    assert (psnr.what, psnr.asked, psnr.found.value, psnr.verdict) == ("opt9_convex", 55.15, 55.11, "met")
+    assert (depth.what, depth.verdict) == ("opt9_convex", "met") and goals_page.asked(depth) == "≤ 200"
+    assert depth.found.value == pytest.approx(200)
+    for (db, share), verdicts in {
+        (55.09, 0.9998): ("missed", "met"),
+        (60.0, 0.9997): ("met", "missed"),
+        (math.nan, None): ("missed", "missed"),
+    }.items():
+        named["opt9_convex"] = (db, share)
+        assert tuple(g.verdict for g in goals.of_pictures(SimpleNamespace(pairs=pairs()))) == verdicts
+    named.pop("opt4")
+    assert not list(goals.of_pictures(SimpleNamespace(pairs=pairs())))
 
 
 def test_of_several_runs_of_a_machine_the_newest_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,12 +133,29 @@ def test_of_several_runs_of_a_machine_the_newest_is_shown(monkeypatch: pytest.Mo
 
     def run(cpu: str, time: str, ratio: float) -> SimpleNamespace:
         context = {"cpu": {"microarchitecture": cpu}, "time": time}
-        return SimpleNamespace(context=context, ratio=ratio, path=Path(f"{cpu}-{time}"))
+        frames = pd.DataFrame()
+        return SimpleNamespace(context=context, ratio=ratio, path=Path(f"{cpu}-{time}"), frames=frames)
 
     monkeypatch.setattr(goals, "of_run", of)
     found, used = goals_page.rows([run("A", "2", 3.0), run("A", "1", 2.0), run("B", "1", 1.0)])
     assert found[0]["A"] == "3.00×: **met**; before: 2.00×" and found[0]["B"] == "1.00×: **met**"
     assert (found[0]["asked"], used) == ("≤ 4.00×", {"A": "`A-2`", "B": "`B-1`"})
+
+
+@pytest.mark.parametrize(
+    ("flags", "lanes", "named"),
+    [
+        (["avx2", "avx512f"], {"opt4": 8, "opt6_wide": 16, "opt10_scene": 16}, "Zen 4"),
+        (["avx2", "avx512f"], {"opt4": 8, "opt6_wide": 8, "opt10_scene": 8}, "Zen 4, AVX2 alone"),
+        (["avx2", "avx512f"], {"baseline": 1, "opt4": 8}, "Zen 4"),  # as wide as they ever are
+        (["avx2"], {"opt6_wide": 8}, "Zen 4"),
+        (["avx2", "avx512f"], {}, "Zen 4"),
+    ],
+)
+def test_a_run_of_fewer_lanes_than_the_cpu_has_is_another_column(flags, lanes, named) -> None:
+    frames = pd.DataFrame([{"phase": phase, "lanes": count} for phase, count in lanes.items()])
+    context = {"cpu": {"microarchitecture": "Zen 4", "flags": flags}}
+    assert goals_page.name(SimpleNamespace(context=context, frames=frames)) == named
 
 
 def test_readme_has_what_the_published_runs_say() -> None:

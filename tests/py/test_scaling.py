@@ -556,7 +556,10 @@ def test_the_goals_are_judged_at_their_size_only() -> None:
     assert small[0]["shapes_goal"] == "not measured" and small[0]["ratio"].value == pytest.approx(3.99)
     memory = [
         {"phase": phase, "scene": scene, "threads": 1, "above_frame_mib": mib}
-        for phase, scene, mib in (("a", "scene0", 2.0), ("a", "scattered", 63.9), ("b", "scene0", 64.0))
+        for phase, scene, mib in (
+            *(("a", "scene0", 2.0), ("a", "mandelbulb", 3.0), ("a", "scattered", 63.9)),
+            *(("b", "scene0", 64.0), ("b", "mandelbulb", 1.0)),
+        )
     ] + [{"phase": "d", "scene": "scene0", "threads": 2, "above_frame_mib": 3.0}]
     a, b, c, d = scaling_goals.goals(rows, memory, list("abcd"))
     assert (a["shapes_goal"], b["shapes_goal"], c["shapes_goal"], d["shapes_goal"]) == (
@@ -567,7 +570,7 @@ def test_the_goals_are_judged_at_their_size_only() -> None:
     )
     assert a["ratio"].value == pytest.approx(3.99) and c["shapes"] == 1024 and d["ratio"] is None
     assert (a["memory_goal"], b["memory_goal"], c["memory_goal"]) == ("met", "missed", "not measured")
-    assert d["memory_goal"] == "met, scattered not measured" and a["above_frame_mib"] == 63.9
+    assert d["memory_goal"] == "met, mandelbulb and scattered not measured" and a["above_frame_mib"] == 63.9
     assert scaling_goals.judged(Interval(math.nan, math.nan, math.nan, 0, False), 4) == "not measured"
     assert scaling_goals.judged(Interval(3, 2, 5, 6, True), 4) == "cannot be told apart here"
     assert scaling_goals.judged(Interval(3, math.nan, math.nan, 5, False), 4) == "too few launches"

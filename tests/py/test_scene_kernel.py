@@ -151,6 +151,53 @@ def test_kernel_and_general_code_agree(scene: str, within: float, shop: Workshop
     same(picture, generated)
 
 
+@pytest.mark.parametrize("scene", ["scene0", "mandelbulb", "cubes", "mirrors_facing_6"])
+def test_a_kernel_draws_any_size_by_any_number_of_threads(scene: str, shop: Workshop) -> None:
+    """A pixel, a row, a column, one tile and a pixel more, more threads than pixels: the general code's
+    picture by one thread, and not a bit of it hangs on the threads."""
+    for width, height, threads in [(1, 1, 64), (3, 1, 5), (1, 40, 2), (32, 8, 2), (33, 9, 64), (64, 32, 3)]:
+        size = ("-w", str(width), "-n", str(height))
+        facts, said, alone = shop.run(scene_of(scene, shop), *size)
+        assert facts["generated"] and not said
+        _, _, general = shop.run(scene_of(scene, shop), *size, STEPWISE_CC="none")
+        assert alone["id"].shape == (height, width)
+        same(general, alone, 4e-6)
+        facts, said, several = shop.run(scene_of(scene, shop), *size, "--threads", str(threads))
+        assert facts["cached"] and not said
+        same(several, alone)
+
+
+def by_asan() -> Path:
+    """The driver under AddressSanitizer and UBSan, as conformance has it."""
+    target = f"build/asan/{PHASE}/render"
+    command = ["make", "-s", "-C", str(registry.ROOT), "BUILD=build/asan", "SANITIZE=1", target]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return registry.ROOT / target
+
+
+@pytest.mark.parametrize("scene", ["scene0", "mandelbulb", "cubes", "lattice", "mirrors_facing_6"])
+def test_a_kernel_under_sanitizers_draws_the_same_bits(scene: str, shop: Workshop, tmp_path: Path) -> None:
+    """Compiled with them too: an address out of bounds or undefined behaviour would end the program."""
+    compiler = shop.script(
+        "sanitizing",
+        'exec gcc "$@" -fsanitize=address,undefined -fno-sanitize-recover=all -g1 -O1',
+    )
+    words = {"STEPWISE_CC": str(compiler), "STEPWISE_CACHE": str(tmp_path / "cache")}
+    facts, said, sanitized = shop.run(scene_of(scene, shop), program=by_asan(), **words)
+    assert facts["generated"] and not said
+    assert b"__asan_" in next((tmp_path / "cache").glob("*.so")).read_bytes(), "the kernel was sanitized"
+    same(shop.run(scene_of(scene, shop))[2], sanitized)
+
+
+@pytest.mark.skipif(not shutil.which("clang"), reason="clang would compile kernels")
+@pytest.mark.parametrize("scene", ["scene0", "mandelbulb"])
+def test_clang_makes_kernels_too(scene: str, shop: Workshop, tmp_path: Path) -> None:
+    words = {"STEPWISE_CC": "clang", "STEPWISE_CACHE": str(tmp_path / "cache")}
+    facts, said, by_clang = shop.run(scene_of(scene, shop), **words)
+    assert facts["generated"] and not said, said
+    same(shop.run(scene_of(scene, shop))[2], by_clang, 4e-6)
+
+
 def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
     """Its constants are of one place: an animation is drawn by general code, and its record says so."""
     scene = json.loads(registry.scenes()["scene0"].path.read_text())

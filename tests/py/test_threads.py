@@ -24,6 +24,9 @@ from study.registry import ROOT
 
 PHASE, PARENT = "opt5_threads", "opt4"
 CPUS = sorted(os.sched_getaffinity(0))
+THREADED = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
+# Of what is no rung of the ladder.
+SPHERES_ONLY = ("fixed", "fixed_float", "fixed_simd", "packets", "rods_simd")
 
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
@@ -235,26 +238,40 @@ def refusing(what: str, folder: Path) -> Path:
     return library
 
 
+def drawn_by(phase: str) -> None:
+    if missing := registry.missing_isa(registry.phases()[phase]):
+        pytest.skip(f"the CPU lacks what {phase} needs: {' '.join(missing)}")
+
+
+@pytest.mark.parametrize("phase", THREADED)
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("NO_PINS", "opt5_threads: 4 of 5 threads cannot be pinned"),
-        ("TWO_THREADS", "opt5_threads: 3 of 5 threads could be had (Resource temporarily unavailable)"),
+        ("NO_PINS", "4 of 5 threads cannot be pinned"),
+        ("TWO_THREADS", "3 of 5 threads could be had (Resource temporarily unavailable)"),
     ],
 )
-def test_what_is_refused_is_stated_once_and_drawn_without(what, said, tmp_path) -> None:
-    path, shape = registry.scenes()["trio"].path, ("-w", 97, "-n", 41)
-    parents = picture(build(PARENT), path, tmp_path, *shape)
+def test_what_is_refused_is_stated_once_and_drawn_without(phase, what, said, tmp_path) -> None:
+    """The picture is opt4's; of what draws another, its own on one thread, to which nothing is refused."""
+    drawn_by(phase)
+    path, shape = (
+        registry.scenes()["spheres40" if phase in SPHERES_ONLY else "trio"].path,
+        ("-w", 97, "-n", 41),
+    )
+    alone = picture(build(PARENT if phase == PHASE else phase), path, tmp_path, *shape)
     arguments = (*shape, "--threads", 5, "--reps", 4)
-    mine = picture(build(PHASE), path, tmp_path, *arguments, said=said, preload=refusing(what, tmp_path))
-    check_same(mine, parents, what)
+    library = refusing(what, tmp_path)
+    mine = picture(build(phase), path, tmp_path, *arguments, said=f"{phase}: {said}", preload=library)
+    check_same(mine, alone, what)
 
 
-def test_a_worker_without_memory_ends_it(tmp_path) -> None:
-    arguments = (registry.scenes()["trio"].path, "-n", 9, "--threads", 3)
-    done = call(build(PHASE), *arguments, preload=refusing("NO_MEMORY", tmp_path))
+@pytest.mark.parametrize("phase", THREADED)
+def test_a_worker_without_memory_ends_it(phase, tmp_path) -> None:
+    drawn_by(phase)
+    path = registry.scenes()["spheres40" if phase in SPHERES_ONLY else "trio"].path
+    done = call(build(phase), path, "-n", 9, "--threads", 3, preload=refusing("NO_MEMORY", tmp_path))
     assert (done.returncode, done.stdout) == (5, "")
-    assert done.stderr == "render: out of memory while preparing the scene\n"
+    assert done.stderr.endswith("render: out of memory while preparing the scene\n")
 
 
 # --- data races
@@ -362,9 +379,6 @@ def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
         for tiles in (1, 2, 7, 500, 2999):
             done = call(program, workers, tiles)
             assert (done.returncode, done.stdout) == (0, ""), done.stderr
-
-
-THREADED = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
 
 
 @pytest.mark.parametrize("phase", THREADED)

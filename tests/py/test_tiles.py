@@ -68,7 +68,9 @@ def check_starts(scene: dict, folder: Path, where: str, size=SMALL) -> float:
 
 
 def views(scene: dict) -> dict[str, dict]:
-    """The scene's own view, and three more: from the side, from above and rolled, nearer and narrower."""
+    """The scene's own view, and others: from the side, from above and rolled, nearer and narrower; and two
+    pieces of its picture at 720 rows, whose cones are as narrow as those that are timed.
+    """
     camera = scene["camera"]
     place, at = np.array(camera["position"], float), np.array(camera["look_at"], float)
     ahead = (at - place) / np.linalg.norm(at - place)
@@ -85,6 +87,12 @@ def views(scene: dict) -> dict[str, dict]:
         },
         "near": {"position": place + 0.4 * ahead + 0.05 * side, "vertical_fov_degrees": 0.35 * fov},
     }
+    whole = np.tan(np.radians(fov / 2))
+    piece = {"vertical_fov_degrees": 2 * np.degrees(np.arctan(whole * SMALL[1] / 720))}
+    up = np.array(camera["up"], float) - np.dot(camera["up"], ahead) * ahead
+    for right, above in ((0.45, -0.3), (-0.2, 0.15)):
+        off = whole * (right * np.cross(up, ahead) + above * up) / np.linalg.norm(up)
+        changed[f"own at {right}, {above}"] = piece | {"look_at": place + ahead + off}
     found = {}
     for name, change in changed.items():
         found[name] = copy.deepcopy(scene)
