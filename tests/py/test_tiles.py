@@ -88,7 +88,8 @@ def views(scene: dict) -> dict[str, dict]:
         "near": {"position": place + 0.4 * ahead + 0.05 * side, "vertical_fov_degrees": 0.35 * fov},
     }
     whole = np.tan(np.radians(fov / 2))
-    piece = {"vertical_fov_degrees": 2 * np.degrees(np.arctan(whole * SMALL[1] / 720))}
+    narrow = 2 * np.degrees(np.arctan(whole * SMALL[1] / 720))
+    piece = {"vertical_fov_degrees": max(narrow, 1)}  # no scene may have less
     up = np.array(camera["up"], float) - np.dot(camera["up"], ahead) * ahead
     for right, above in ((0.45, -0.3), (-0.2, 0.15)):
         off = whole * (right * np.cross(up, ahead) + above * up) / np.linalg.norm(up)
