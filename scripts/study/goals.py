@@ -37,7 +37,6 @@ SPEEDUPS = {
     "opt8_streams": {"scene0": 530.0, "mandelbulb": 80.0},
     "best": {"scene0": 3000.0, "mandelbulb": 130.0},
 }
-OF_ANY_WIDTH = ("opt6_wide", "opt7_tiles", "opt8_streams", "opt9_convex", "opt10_scene")
 TWO_THREADS = 1.9
 RTRM = 14.0  # times CPU-RTRM's own figures
 DIGITS = 0.05  # dB: what is shown equal is taken to be equal
@@ -56,6 +55,7 @@ class Goal(NamedTuple):
     beside: str = ""
     at_most: bool = False
     narrow: bool = False  # half of `asked` was asked, see NOTE
+    of_phase: str = ""  # `asked` is what this phase has in the same run
     ours: bool = False  # the interval is of our side alone: the value decides
     scene: str = ""  # of a speed-up over baseline, with `cycles`: baseline's core cycles a pixel there
     cycles: float = math.nan
@@ -137,51 +137,60 @@ def of_ladder(data: Data) -> Iterable[Goal]:
 
 
 def of_errors(data: Data) -> Iterable[Goal]:
-    """scene0: no rung behind baseline, to both truths; Mandelbulb: none behind opt4. The worst is shown."""
-    rows = {(r["scene"], r["phase"]): r for r in accuracy.read(data.path)["rows"]}
+    """Against truth, of the worst rung: scene0's colours and hits no further off than baseline's, the
+    Mandelbulb's 4×4 means and depths no further than opt4's.
+    """
+    every = accuracy.read(data.path)["rows"]
     kinds: tuple[tuple[str, str, str, Callable[[Row], float]], ...] = (
         ("scene0", "baseline", "PSNR to truth", lambda r: r["psnr_db"]),
         ("scene0", "baseline", "PSNR to truth with ideal shadows", lambda r: r["psnr_ideal_db"]),
         ("scene0", "baseline", "wrong hits, ppm", _wrong),
         ("mandelbulb", "opt4", "PSNR of 4×4 means to truth", lambda r: r["antialiased"]["psnr_db"]),
-        ("mandelbulb", "opt4", "depths off truth's, ppm", lambda r: _off(r.get("depth_agree_fraction"))),
+        ("mandelbulb", "opt4", "depth other than truth's, ppm", _other_depth),
     )
     for scene, base, name, value in kinds:
-        mine = {p: value(r) for (s, p), r in rows.items() if s == scene}
-        yield from _worst_rung(scene, base, name, mine)
+        rows = [r for r in every if r["scene"] == scene and r["phase"] in _asked_with(base)]
+        yield from _worst_rung(scene, base, name, {r["phase"]: value(r) for r in rows})
 
 
 def of_pictures(data: Data) -> Iterable[Goal]:
-    """The Mandelbulb's pictures against baseline's: no rung behind opt4."""
+    """The Mandelbulb's pictures against baseline's: 4×4 means and depths no further off than opt4's."""
     scene, base = "mandelbulb", "opt4"
-    of = [p for p in data.pairs if p["scene"] == scene and p["reference"] == "baseline"]
-    kinds: tuple[tuple[str, Callable[[Row], float]], ...] = (
-        ("PSNR of 4×4 means to baseline", lambda p: p["antialiased_psnr_db"]),
-        ("depths off baseline's, ppm", lambda p: _off(p.get("depth_agree_fraction"))),
+    kinds: tuple[tuple[str, str, Callable[[Row], float]], ...] = (
+        ("antialiased_psnr_db", "PSNR of 4×4 means to baseline", lambda p: p["antialiased_psnr_db"]),
+        ("depth_agree_fraction", "depth other than baseline's, ppm", _other_depth),
     )
-    for name, value in kinds:
-        have = [p for p in of if p.get("antialiased_psnr_db") is not None]
-        yield from _worst_rung(scene, base, name, {p["phase"]: value(p) for p in have})
+    for key, name, value in kinds:
+        pairs = [p for p in data.pairs if (p["scene"], p["reference"]) == (scene, "baseline")]
+        pairs = [p for p in pairs if p.get(key) is not None and p["phase"] in _asked_with(base)]
+        yield from _worst_rung(scene, base, name, {p["phase"]: value(p) for p in pairs})
+
+
+def _asked_with(base: str) -> list[str]:
+    """The rungs beyond opt4, and what they are held against."""
+    phases = list(registry.ladder())
+    return [base, *phases[phases.index("opt4") + 1 :]]
 
 
 def _worst_rung(scene: str, base: str, name: str, values: dict[str, float]) -> Iterable[Goal]:
-    """The worst of the rungs beyond opt4 (phase → value) against `base`: dB, or ppm where named so."""
-    phases = list(registry.ladder())
-    mine = {p: values[p] for p in phases[phases.index("opt4") + 1 :] if p in values}
-    if base not in values or not mine:
+    """Of phase → dB, or ppm of the pixels: the worst of the rungs against `base`; of equals the last."""
+    mine = {p: values[p] for p in reversed(_asked_with(base)[1:]) if p in values}
+    if not mine or math.isnan(values.get(base, math.nan)):
         return
-    ppm, limit = "ppm" in name, values[base]
+    ppm, limit = name.endswith("ppm"), values[base]
     worst = max(mine, key=lambda p: (math.isnan(mine[p]), mine[p] if ppm else -mine[p]))
     good = mine[worst] <= limit if ppm else mine[worst] >= limit - DIGITS
+    unit = "" if ppm else " dB"
     yield Goal(
         f"{scene}, {name}: no rung beyond opt4 behind {base}" + ("" if ppm else f", to {DIGITS:g} dB"),
-        limit, _exact(mine[worst]), verdicts.MET if good else verdicts.MISSED, worst,
-        "" if ppm else " dB", "" if ppm else _apart(mine[worst], limit), at_most=ppm,
+        limit, _exact(mine[worst]), verdicts.MET if good else verdicts.MISSED, worst, unit,
+        _apart(mine[worst], limit) or f"{base} {show.number(limit)}{unit}", at_most=ppm, of_phase=base,
     )  # fmt: skip
 
 
-def _off(share: float | None) -> float:
-    """In ppm, of the share that agrees."""
+def _other_depth(row: Row) -> float:
+    """In ppm, from the share of pixels that agree in depth (images.DEPTH_AGREES); NaN: not known."""
+    share = row.get("depth_agree_fraction")
     return math.nan if share is None else 1e6 * (1 - share)
 
 
@@ -262,7 +271,7 @@ def of_growth(data: Data) -> Iterable[Goal]:
         covered = f"coverage {' and '.join(known)}" if known else "coverage not recorded in this run"
         if few > 1:
             covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
-            if row.get("by_medians"):
+            if row.get("by_medians") and row["by_medians"]["value"] is not None:
                 middle = _given(row["by_medians"])
                 ends = {"x": middle.value, "x_low": middle.low, "x_high": middle.high}
                 covered += f"; by medians {show.interval(ends, 'x', 3, '×')}"
@@ -275,7 +284,8 @@ def of_growth(data: Data) -> Iterable[Goal]:
         row = max(most, key=lambda r: r["above_frame_mib"])
         name, mib = "memory above the frame at 3840×2160, MiB", _exact(row["above_frame_mib"])
         limit = scaling_goals.MOST_MIB
-        yield Goal(name, limit, mib, row["memory_goal"], row["phase"], "", at_most=True)
+        verdict = scaling_goals.memory_goal(found["memory"], row["phase"])
+        yield Goal(name, limit, mib, verdict, row["phase"], "", at_most=True)
 
 
 def of_packets(data: Data) -> Iterable[Goal]:

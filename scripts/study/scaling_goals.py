@@ -92,7 +92,7 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
         few, many = mine.get(FEW), mine.get(most if most > FEW else MANY)
         ratio = over(many, few) if few and many else None
         full = most == MANY and many and many["n"] == CROWD_HEIGHT
-        here = {(r["scene"], r["threads"]): r["above_frame_mib"] for r in memory if r["phase"] == phase}
+        here = [r["above_frame_mib"] for r in memory if r["phase"] == phase]
         made.append(
             {
                 "phase": phase,
@@ -103,8 +103,8 @@ def goals(rows: Sequence[Row], memory: Sequence[Row], phases: Sequence[str]) -> 
                 **(by_scenes(many, few) if ratio else {}),
                 "coverage": [covered(own, x) for x in (FEW, most)] if ratio else None,
                 "shapes_goal": judged(ratio, MOST_TIMES) if ratio and full else OPEN,
-                "above_frame_mib": max(here.values(), default=None),
-                "memory_goal": under(here),
+                "above_frame_mib": max(here, default=None),
+                "memory_goal": memory_goal(memory, phase),
             }
         )
     return made
@@ -130,6 +130,12 @@ def covered(rows: Sequence[Row], shapes: int) -> float | None:
     """Share of pixels hit of that many scattered shapes, from whichever picture was kept."""
     some = (r.get("coverage") for r in rows if r["scene"].startswith(f"scattered-{shapes}-"))
     return next((share for share in some if share is not None), None)
+
+
+def memory_goal(memory: Iterable[Row], phase: str) -> str:
+    """The verdict on the program's rows, a file's too, where NaN is null; older files judged fewer scenes."""
+    here = {(r["scene"], r["threads"]): r["above_frame_mib"] for r in memory if r["phase"] == phase}
+    return under({key: math.nan if mib is None else mib for key, mib in here.items()})
 
 
 def under(here: dict[tuple[str, int], float]) -> str:

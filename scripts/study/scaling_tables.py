@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from study import registry, scaling_fit, show
-from study.scaling_goals import MOST_MIB, MOST_TIMES, OPEN
+from study.scaling_goals import MOST_MIB, MOST_TIMES, OPEN, memory_goal
 from study.scaling_page import level
 from study.scaling_series import CROWD_HEIGHT, LAW, Row
 from study.show import Column
@@ -57,7 +57,7 @@ def _mark(name: str) -> Callable[[Row], str]:
 
 
 def _at_its_size(row: Row) -> bool:
-    """Older runs judged the goal's ratio at any size."""
+    """Whether the ratio is of the goal's size, or there is none; older runs judged it at any."""
     return row["n"] in (None, CROWD_HEIGHT)
 
 
@@ -140,9 +140,10 @@ LEFT_OUT = [
 
 def tables(result: dict[str, Any]) -> list[tuple[str, str, list[Row], list[Column], bool]]:
     """Name, caption, rows, columns, and whether it is folded."""
+    goals = [r | {"memory_goal": memory_goal(result["memory"], r["phase"])} for r in result["goals"]]
     return [
         ("scaling", f"Exponents of the time of a frame beside {LAW}", result["fits"], EXPONENTS, False),
-        ("scaling-goals", "Two goals: many shapes, and memory", result["goals"], GOALS, False),
+        ("scaling-goals", "Two goals: many shapes, and memory", goals, GOALS, False),
         ("scaling-memory", "Peak memory at 3840×2160", result["memory"], MEMORY, True),
         ("scaling-points", "Every point", result["rows"], POINTS, True),
         ("scaling-left-out", "Points left out", result["left_out"], LEFT_OUT, True),

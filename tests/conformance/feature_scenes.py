@@ -191,18 +191,22 @@ def _cameras() -> dict[str, dict]:
             [shape("mandelbulb")], camera={"position": [0.1, 0.2, -0.5], "look_at": [0, 0, 3]}
         ),
         "scene_within_a_sphere": scene([*ROOM, shape("sphere", radius=30, position=[0, 0, 5])]),
-        # seen from outside: nothing of the scene but what encloses it
+        # seen from outside: what encloses them hides the others
         "scene_within_a_box": scene(
             [shape("sphere", radius=1, material="blue"), shape("torus"), shape("box", half_size=[2, 1.5, 2])],
             light={"shadows": "soft"},
         ),
         "bulb_within_a_sphere": scene([shape("mandelbulb"), shape("sphere", radius=1.6), FLOOR]),
-        # a crowd's shapes stand in a tree of bounding spheres: the eye is within one shape, and within all
+        # a crowd's shapes stand in a tree of bounding spheres: the eye is within one shape, within the
+        # bounding sphere of one alone, and within the one about all
         "camera_within_one_of_a_crowd": scene(
             [*crowd, shape("torus", position=[-0.8, 1.1, -5])], light={"shadows": "soft"}
         ),
-        "camera_beside_the_torus_of_a_crowd": scene(
+        "camera_in_the_hole_of_a_crowds_torus": scene(
             [*crowd, shape("torus", position=[0.4, 1.1, -5])], light={"shadows": "soft"}
+        ),
+        "camera_within_a_sphere_of_a_crowd": scene(
+            [*crowd, shape("sphere", radius=0.8, position=[0.3, 1, -5])], light={"shadows": "hard"}
         ),
         "crowd_within_a_box": scene(
             [*crowd, shape("box", half_size=[9, 9, 9])], camera={"position": [0.2, 0.3, -1.2]}

@@ -1,4 +1,4 @@
-"""Where 16 lanes run: by AVX-512, or emulated (tests/emulate) on a CPU without it."""
+"""Programs of builds beside the usual one; where 16 lanes run: by AVX-512, or emulated (tests/emulate)."""
 
 from __future__ import annotations
 
@@ -36,11 +36,16 @@ def sixteen(phase: str, target: str = "render") -> Path:
 
 @cache
 def emulated(phase: str, target: str) -> Path:
-    path = ROOT / "build" / "emulated" / phase / target
+    return made_in("emulated", phase, "EMULATE=1", target)
+
+
+def made_in(folder: str, phase: str, word: str, target: str = "render") -> Path:
+    """A program of a build in a folder of its own, with that word for make."""
+    path = ROOT / "build" / folder / phase / target
     path.parent.mkdir(parents=True, exist_ok=True)
     with (path.parents[1] / ".making").open("w") as lock:  # of all phases: what they share is made once
         fcntl.flock(lock, fcntl.LOCK_EX)
-        words = ["make", "-s", "-C", ROOT, "BUILD=build/emulated", "EMULATE=1", path.relative_to(ROOT)]
+        words = ["make", "-s", "-C", ROOT, f"BUILD=build/{folder}", word, path.relative_to(ROOT)]
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
     return path

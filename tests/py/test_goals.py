@@ -90,9 +90,13 @@ def test_the_worst_rung_is_held_against_baseline(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(accuracy, "read", lambda path: {"rows": rows})
     psnr, ideal, wrong, means, depth = goals.of_errors(SimpleNamespace(path=Path()))
     assert (means.asked, means.verdict) == (51.4, "met")
-    assert (depth.asked, depth.verdict) == (pytest.approx(200), "missed")
+    assert (depth.asked, depth.verdict, depth.what) == (pytest.approx(200), "missed", "opt7_tiles")
     assert (psnr.what, psnr.verdict, ideal.verdict) == ("opt7_tiles", "met", "met")  # 0.04 dB are shown equal
-    assert (wrong.what, wrong.verdict, goals_page.asked(wrong)) == ("opt9_convex", "missed", "≤ 0")
+    assert (wrong.what, wrong.verdict, goals_page.asked(wrong)) == (
+        "opt9_convex",
+        "missed",
+        "≤ baseline's",
+    )
     rows[2]["psnr_db"] = 54.44
     assert next(iter(goals.of_errors(SimpleNamespace(path=Path())))).verdict == "missed"
     rows[2]["psnr_db"] = math.nan
@@ -105,23 +109,28 @@ def test_the_bulbs_rungs_are_held_against_opt4() -> None:
     named |= {"opt9_convex": (55.11, 0.9998), "packets": (1.0, 0.0)}
 
     def pairs() -> list[dict]:
-        return [
-            {"phase": p, "scene": s, "reference": r, "antialiased_psnr_db": db, "depth_agree_fraction": share}
-            for p, (db, share) in named.items()
-            for s, r in (("mandelbulb", "baseline"), ("scene0", "baseline"), ("mandelbulb", "opt2"))
+        keys = ("phase", "scene", "reference", "antialiased_psnr_db", "depth_agree_fraction")
+        right = [(phase, "mandelbulb", "baseline", *values) for phase, values in named.items()]
+        wrong = [
+            ("opt8_streams", "scene0", "baseline", 1.0, 0.0),
+            ("opt8_streams", "mandelbulb", "opt2", 1.0, 0.0),
         ]
+        return [dict(zip(keys, one, strict=True)) for one in right + wrong]
 
     psnr, depth = goals.of_pictures(SimpleNamespace(pairs=pairs()))
     assert (psnr.what, psnr.asked, psnr.found.value, psnr.verdict) == ("opt9_convex", 55.15, 55.11, "met")
-    assert (depth.what, depth.verdict) == ("opt9_convex", "met") and goals_page.asked(depth) == "≤ 200"
-    assert depth.found.value == pytest.approx(200)
-    for (db, share), verdicts in {
+    assert (depth.what, depth.verdict, goals_page.asked(depth)) == ("opt9_convex", "met", "≤ opt4's")
+    assert depth.found.value == pytest.approx(200) and depth.beside == "opt4 200"
+    for found, verdicts in {
         (55.09, 0.9998): ("missed", "met"),
         (60.0, 0.9997): ("met", "missed"),
-        (math.nan, None): ("missed", "missed"),
+        (math.nan, math.nan): ("missed", "missed"),
     }.items():
-        named["opt9_convex"] = (db, share)
+        named["opt9_convex"] = found
         assert tuple(g.verdict for g in goals.of_pictures(SimpleNamespace(pairs=pairs()))) == verdicts
+    named["opt4"] = (55.15, None)  # an older file
+    (psnr,) = goals.of_pictures(SimpleNamespace(pairs=pairs()))
+    assert "4×4" in psnr.name
     named.pop("opt4")
     assert not list(goals.of_pictures(SimpleNamespace(pairs=pairs())))
 
@@ -145,17 +154,19 @@ def test_of_several_runs_of_a_machine_the_newest_is_shown(monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("flags", "lanes", "named"),
     [
-        (["avx2", "avx512f"], {"opt4": 8, "opt6_wide": 16, "opt10_scene": 16}, "Zen 4"),
-        (["avx2", "avx512f"], {"opt4": 8, "opt6_wide": 8, "opt10_scene": 8}, "Zen 4, AVX2 alone"),
-        (["avx2", "avx512f"], {"baseline": 1, "opt4": 8}, "Zen 4"),  # as wide as they ever are
-        (["avx2"], {"opt6_wide": 8}, "Zen 4"),
-        (["avx2", "avx512f"], {}, "Zen 4"),
+        (["avx2", "avx512f", "avx512dq"], {"opt4": 8, "opt6_wide": 16, "opt10_scene": 16}, "Zen 4"),
+        (["avx2", "avx512f", "avx512dq"], {"opt4": 8, "opt6_wide": 8}, "Zen 4, AVX2 alone"),
+        (["avx2", "avx512f", "avx512dq"], {"baseline": 1, "opt4": 8}, "Zen 4"),  # as wide as they ever are
+        (["avx2", "avx512f"], {"opt6_wide": 8}, "Zen 4"),  # 16 lanes need avx512dq, too
+        (["avx2", "avx512f", "avx512dq"], {}, "Zen 4"),
     ],
 )
 def test_a_run_of_fewer_lanes_than_the_cpu_has_is_another_column(flags, lanes, named) -> None:
     frames = pd.DataFrame([{"phase": phase, "lanes": count} for phase, count in lanes.items()])
     context = {"cpu": {"microarchitecture": "Zen 4", "flags": flags}}
     assert goals_page.name(SimpleNamespace(context=context, frames=frames)) == named
+    frames = frames.drop(columns="lanes", errors="ignore")  # an older run
+    assert goals_page.name(SimpleNamespace(context=context, frames=frames)) == "Zen 4"
 
 
 def test_readme_has_what_the_published_runs_say() -> None:
@@ -264,6 +275,12 @@ def test_coverage_is_told_or_said_to_be_unknown(monkeypatch: pytest.MonkeyPatch)
     (found,) = goals.of_growth(data)
     assert found.beside == "48 and 40 scenes; coverage made to be 0.4"
     assert found.name.endswith("mean over scenes")
+    row["by_medians"] = given(3.9, 3.6, 4.1)
+    (found,) = goals.of_growth(data)
+    assert found.beside.endswith("made to be 0.4; by medians 3.90× [3.60,\u00a04.10]")
+    row["by_medians"] = given(None, None, None)  # NaN is null in a file
+    (found,) = goals.of_growth(data)
+    assert found.beside.endswith("made to be 0.4")
     row["n"] = 90  # small pictures are not what was asked
     assert not list(goals.of_growth(data))
 
@@ -277,9 +294,15 @@ def test_the_most_memory_and_the_best_growth_are_shown(monkeypatch: pytest.Monke
         row | {"phase": phase, "ratio": given(*ratio), "above_frame_mib": mib}
         for phase, (*ratio, mib) in phases.items()
     ]
-    growth, memory = goals.of_growth(run_of(monkeypatch, goals.scaling, {"goals": rows}))
+    held = [
+        {"phase": phase, "scene": "scene0", "threads": 1, "above_frame_mib": mib}
+        for phase, (*_, mib) in phases.items()
+    ]
+    data = run_of(monkeypatch, goals.scaling, {"goals": rows, "memory": held})
+    growth, memory = goals.of_growth(data)
     assert (growth.what, growth.found.value) == ("opt9_convex", 3.0)
     assert (memory.what, memory.found.value) == ("opt9_convex", 63.0)
+    assert memory.verdict == "met, mandelbulb and scattered not measured"  # whatever the file says
     rows[1]["ratio"] = given(3.0, 2.9, 3.5)
     growth, _ = goals.of_growth(SimpleNamespace(path=Path()))
     assert growth.what == "opt10_scene"
@@ -317,5 +340,17 @@ def test_the_other_machines_cycles_turn_a_verdict() -> None:
     )
     assert both.endswith(said) and both.index("(scene0) times V's") < both.index("none would turn")
     assert "by W's cycles these verdicts would turn" in both
+    two = goals_page.by_other_cycles(
+        [
+            {
+                "over_baseline": {
+                    "N": goal(True, 149_600),
+                    "W, AVX2 alone": goal(True, 81_300),
+                    "W": goal(False, 81_300),
+                }
+            }
+        ]
+    )
+    assert two == said  # the other one is W itself
     same = goals_page.by_other_cycles([{"over_baseline": {"N": goal(True, 1.0), "W": goal(False, 1.0)}}])
     assert "none would turn" in same and goals_page.by_other_cycles([{}]) == ""

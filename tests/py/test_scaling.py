@@ -576,6 +576,30 @@ def test_the_goals_are_judged_at_their_size_only() -> None:
     assert scaling_goals.judged(Interval(3, math.nan, math.nan, 5, False), 4) == "too few launches"
 
 
+def test_memory_at_4k_is_foreseen_of_each_scene(monkeypatch, tmp_path: Path) -> None:
+    """By its largest picture; a scene without one is left out, and what takes too long."""
+    bulb = [
+        row("opt9_convex", n, ns, "n-mandelbulb", n=n, scene="mandelbulb")
+        for n, ns in ((90, 9.0), (180, 5.0))
+    ]
+    rows = [row("opt9_convex", 90, 1.0, "n-scene0", scene="scene0"), *bulb]
+    assert scaling_goals.paces(rows, "opt9_convex") == {"scene0": 1.0, "mandelbulb": 5.0, "scattered": None}
+    drawn: list[str] = []
+
+    def at_4k(spec: Spec, about: dict, seed: int, folder: Path) -> dict:
+        drawn.append(about["scene"])
+        return {"above_frame_mib": 1.0}
+
+    monkeypatch.setattr(scaling_goals, "at_4k", at_4k)
+    spec = Spec("opt9_convex", "opt9_convex")
+    made, left = scaling_goals.memory([spec], rows, 1e9, 1, tmp_path)
+    assert {one["scene"] for one in made} == {"scene0", "mandelbulb"}
+    assert drawn[0] == "scene0" and {one["scene"] for one in left} == {"scattered"}
+    pixels = 3840 * 2160
+    made, left = scaling_goals.memory([spec], rows, 3e-9 * pixels, 1, tmp_path)
+    assert "mandelbulb" in {one["scene"] for one in left if "a frame would take" in one["reason"]}
+
+
 def test_a_crowds_scenes_are_summarized_by_their_means() -> None:
     # Means 100 and 390; the median of the few is 60, which would make it 6.5 times.
     few = [60.0] * 8 + [260.0] * 2

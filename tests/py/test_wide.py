@@ -133,8 +133,8 @@ def test_it_draws_its_parents_picture(name, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("phase", [PHASE, "opt7_tiles", "opt8_streams"])
-def test_the_idea_is_in_the_lanes_and_not_in_the_threads(phase: str) -> None:
-    """Word by word opt5_threads's, whose pins, sleep and races are tested; names and lines' ends differ."""
+def test_the_threads_are_opt5s(phase: str) -> None:
+    """Word by word opt5_threads's, whose pins, sleep and races are tested; names and line breaks differ."""
     for name in ("threads.h", "threads.c"):
         mine, parents = (
             re.sub(r"OPT\d(_THREADS)+_H", "GUARD", (ROOT / "phases" / one / name).read_text())
