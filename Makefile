@@ -17,7 +17,7 @@ LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_st
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
 
-study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (29 minutes on 2 quiet cores, 40 on busy ones; FULL=1: the paper's sweep, hours)
+study: setup ## install what is needed, build, sweep, verify, count, write report/out/index.html (30 minutes on 2 quiet cores, 40 on busy ones; FULL=1: the paper's sweep, hours)
 	@$(PY) scripts/run_study.py $(if $(FULL),--full) $(ARGS)
 
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)

@@ -56,6 +56,7 @@ class Goal(NamedTuple):
     at_most: bool = False
     narrow: bool = False  # half of `asked` was asked, see NOTE
     of_phase: str = ""  # `asked` is what this phase has in the same run
+    scenes: int = 0  # drawn at random, that it is a mean over
     ours: bool = False  # the interval is of our side alone: the value decides
     scene: str = ""  # of a speed-up over baseline, with `cycles`: baseline's core cycles a pixel there
     cycles: float = math.nan
@@ -277,7 +278,7 @@ def of_growth(data: Data) -> Iterable[Goal]:
                 covered += f"; by medians {show.interval(ends, 'x', 3, '×')}"
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
-            beside=covered, at_most=True,
+            beside=covered, at_most=True, scenes=few if few > 1 else 0,
         )  # fmt: skip
     most = [r for r in found.get("goals", []) if r["above_frame_mib"] is not None]
     if most:

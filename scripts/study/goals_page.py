@@ -68,7 +68,9 @@ def name(data: Data) -> str:
 
 
 def rows(runs: Sequence[Data]) -> tuple[list[Row], dict[str, str]]:
-    """A row per goal, a cell per machine: of its newest run that has a figure. And machine → its runs."""
+    """A row per goal, a cell per machine: of its newest run that has a figure (of drawn scenes, of the newest
+    of those with the most). And machine → its runs.
+    """
     made: dict[str, Row] = {}
     told = [
         (data, goals.of_run(data)) for data in sorted(runs, key=lambda data: data.context.get("time") or "")
@@ -81,9 +83,11 @@ def rows(runs: Sequence[Data]) -> tuple[list[Row], dict[str, str]]:
         here = name(data)
         for _, goal in several:
             row = made.setdefault(goal.name, {"goal": goal.name, "from": {}, "last": {}, "before": {}})
-            before = row["before"].setdefault(here, [])
-            if here in row["last"] and not goal.of_phase:  # else another run's limit is another
-                before.append(_short(row["last"][here]))
+            before, last = row["before"].setdefault(here, []), row["last"].get(here)
+            if last and last.scenes > goal.scenes:  # a few of a study's own say less than a run's of its own
+                continue
+            if last and not goal.of_phase:  # else another run's limit is another
+                before.append(_short(last))
             now = _short(goal)
             told = [text for text in dict.fromkeys(before) if text != now]
             row |= {"asked": asked(goal), here: cell(goal) + (f"; before: {', '.join(told)}" if told else "")}

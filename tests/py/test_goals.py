@@ -138,17 +138,20 @@ def test_the_bulbs_rungs_are_held_against_opt4() -> None:
 def test_of_several_runs_of_a_machine_the_newest_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     def of(run: SimpleNamespace) -> list:
         found = Interval(run.ratio, run.ratio, run.ratio, 6, True)
-        return [(0, goals.Goal("a goal", 4.0, found, "met", at_most=True))]
+        return [(0, goals.Goal("a goal", 4.0, found, "met", at_most=True, scenes=run.scenes))]
 
-    def run(cpu: str, time: str, ratio: float) -> SimpleNamespace:
+    def run(cpu: str, time: str, ratio: float, scenes: int = 0) -> SimpleNamespace:
         context = {"cpu": {"microarchitecture": cpu}, "time": time}
         frames = pd.DataFrame()
-        return SimpleNamespace(context=context, ratio=ratio, path=Path(f"{cpu}-{time}"), frames=frames)
+        path = Path(f"{cpu}-{time}")
+        return SimpleNamespace(context=context, ratio=ratio, path=path, frames=frames, scenes=scenes)
 
     monkeypatch.setattr(goals, "of_run", of)
     found, used = goals_page.rows([run("A", "2", 3.0), run("A", "1", 2.0), run("B", "1", 1.0)])
     assert found[0]["A"] == "3.00×: **met**; before: 2.00×" and found[0]["B"] == "1.00×: **met**"
     assert (found[0]["asked"], used) == ("≤ 4.00×", {"A": "`A-2`", "B": "`B-1`"})
+    found, used = goals_page.rows([run("A", "1", 3.0, 96), run("A", "2", 2.0, 150), run("A", "3", 1.0, 6)])
+    assert (found[0]["A"], used) == ("2.00×: **met**; before: 3.00×", {"A": "`A-2`"})
 
 
 @pytest.mark.parametrize(
