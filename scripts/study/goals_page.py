@@ -31,9 +31,8 @@ Row = dict[str, Any]
 
 def cell(goal: Goal) -> str:
     """`opt9_convex 104× [95, 115] of 65: met; 61.0 dB (4×4)`."""
-    row = {"x": goal.found.value, "x_low": goal.found.low, "x_high": goal.found.high}
     exact = goal.found.low == goal.found.high
-    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else show.interval(row, "x", 3, goal.unit)
+    text = f"{show.number(goal.found.value)}{goal.unit}" if exact else goals.spread(goal.found, goal.unit)
     if goal.ours and not exact:
         text = text.replace(" [", " (ours alone [", 1) + ")"
     half = f" of {show.number(goal.asked / 2)}{goal.unit}" if goal.narrow else ""

@@ -6,9 +6,10 @@ import json
 import subprocess
 from pathlib import Path
 
+import needs
 import pytest
 
-from study import registry, scaling_scenes
+from study import scaling_scenes
 from study.build import build
 
 ROOT = Path(__file__).parents[2]
@@ -38,8 +39,7 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
     """A picture so small that a crowd's shadow rays fill no packet: what is asked of every ray has as many
     lanes in all, the rest no more at any call; between them the spheres of a node are in the lanes, 8 or 16.
     """
-    if lacking := registry.missing_isa(registry.phases()[phase]):
-        pytest.skip(f"this CPU lacks {', '.join(lacking)}, which {phase} needs")
+    needs.cpu_for(phase)
     scene = scaling_scenes.data("scattered", 256, 3)
     scene["light"]["shadows"] = "soft"
     path = tmp_path / "crowd.json"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 
+import needs
 import numpy as np
 import pytest
 
@@ -33,8 +34,7 @@ def scenes(light: str = "none") -> tuple[dict, dict]:
 
 @pytest.mark.parametrize("phase", list(registry.phases()))
 def test_a_frame_is_the_still_picture_of_its_place(phase: str, monkeypatch) -> None:
-    if lacking := registry.missing_isa(registry.phases()[phase]):
-        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
+    needs.cpu_for(phase)
     monkeypatch.setenv("STEPWISE_CC", "none")
     monkeypatch.setenv("STEPWISE_FIXED", "clear=safe")  # phase fixed's own clears this picture's only block
     moving, still = (keep(f"moving_{i}_{phase}", one) for i, one in enumerate(scenes("hard")))

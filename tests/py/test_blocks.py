@@ -14,6 +14,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
@@ -55,11 +56,6 @@ def make(compiler: str, *targets: str) -> Path:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return ROOT / folder
-
-
-def needs_cpu(phase: str) -> None:
-    if lacking := registry.missing_isa(find_phase(phase)):
-        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
 
 
 # --- known work
@@ -204,7 +200,7 @@ def drawn(program: Path, scene: str, folder: Path) -> bytes:
 
 @pytest.mark.parametrize(("variant", "compiler", "phase"), COUNTING)
 def test_the_picture_is_the_timing_builds(tmp_path_factory, phase, variant, compiler):
-    needs_cpu(phase)
+    needs.cpu_for(phase)
     counting = blocks.TARGETS[variant]
     folder = make(compiler, f"{phase}/render", f"{phase}/{counting}") / phase
     for scene in ("scene0", "trio", "mandelbulb", "cubes"):
@@ -219,7 +215,7 @@ def test_the_picture_is_the_timing_builds(tmp_path_factory, phase, variant, comp
 
 @pytest.fixture(scope="module", params=PHASES)
 def measured(request) -> dict[str, Measured]:
-    needs_cpu(request.param)
+    needs.cpu_for(request.param)
     scene = find_scene("trio").path
     return {variant: blocks.measure(request.param, scene, 30, 54, variant=variant) for variant in VARIANTS}
 
@@ -330,7 +326,7 @@ def test_a_measurement_survives_json(measured):
 @pytest.mark.parametrize("phase", PHASES)
 def test_an_emulator_counts_the_same(phase, monkeypatch):
     """QEMU runs the timing build itself and counts by another mechanism: every number of every function."""
-    needs_cpu(phase)
+    needs.cpu_for(phase)
     monkeypatch.setenv("STEPWISE_ISA_LIMIT", "avx2")  # it has no AVX-512
     scene = find_scene("trio").path
     own, other = blocks.measure(phase, scene, 12), qemu.measure(phase, scene, 12)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 
 from conformance.feature_scenes import FLOOR, scene, shape
-from study import fixed, packets_rays, registry, rods, store
+from study import fixed, packets_rays, rods, store
 from study.moving import environment
 from study.registry import Scene
 
@@ -67,14 +68,9 @@ def draw(tmp_path_factory):
     return one
 
 
-def needed(phase: str) -> None:
-    if lacking := registry.missing_isa(registry.phases()[phase]):
-        pytest.skip(f"the CPU lacks {', '.join(lacking)}")
-
-
 @pytest.mark.parametrize("phase", [*AWAKE, *LADDER])
 def test_they_are_one_sphere_and_the_first(draw, phase):
-    needed(phase)
+    needs.cpu_for(phase)
     there = expected()
     assert there.sum() == 8
     many, alone = (draw(phase, count, *AWAKE.get(phase, ("", ""))) for count in (COUNT, 1))
@@ -90,7 +86,7 @@ def test_they_are_one_sphere_and_the_first(draw, phase):
 def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Path) -> None:
     """4,095 of them and one, over a floor that has their shadow and that they mirror: the same hits and
     colours. (opt5_threads is opt4's code; baseline would take minutes.)"""
-    needed(phase)
+    needs.cpu_for(phase)
 
     def draw(count: int, shadows: str) -> dict[str, np.ndarray]:
         shapes = [FLOOR, *[shape(kind, material="mirror")] * count]
@@ -104,7 +100,7 @@ def test_mirrors_in_one_place_in_soft_light(phase: str, kind: str, tmp_path: Pat
     assert ((one["id"] == 0) & (unshadowed["R"] - one["R"] > 1 / 255)).any(), "the floor has a shadow"
     assert np.array_equal(one["id"], many["id"]), "the first of them has it"
     hit = one["id"] >= 0
-    assert (np.abs(one["Z"] - many["Z"])[hit] <= 2e-6 * one["Z"][hit]).all()
+    assert (np.abs(one["Z"][hit] - many["Z"][hit]) <= 2e-6 * one["Z"][hit]).all()
     for plane in ("R", "G", "B", "N.x", "N.y", "N.z"):
         assert (np.abs(one[plane] - many[plane]) <= 1e-4).all(), plane
 

@@ -14,6 +14,7 @@ import subprocess
 import time
 from pathlib import Path
 
+import needs
 import numpy as np
 import pytest
 from emulated import made_in
@@ -239,8 +240,7 @@ def refusing(what: str, folder: Path) -> Path:
 
 def any_scene(phase: str) -> Path:
     """trio, or spheres alone where the phase has no closed form of its torus. Skips what the CPU lacks."""
-    if missing := registry.missing_isa(registry.phases()[phase]):
-        pytest.skip(f"the CPU lacks what {phase} needs: {' '.join(missing)}")
+    needs.cpu_for(phase)
     found = registry.scenes()["trio"].path
     refused = call(build(phase), found, "-w", 2, "-n", 1).returncode == 4
     return registry.scenes()["spheres40"].path if refused else found
@@ -311,8 +311,7 @@ def test_no_data_race(tmp_path) -> None:
 )
 def test_no_data_race_in_a_picture_of(phase, name, compiler, tmp_path, monkeypatch) -> None:
     """The same, of what else has threads: a tiny picture, to the bit one thread's of the plain build."""
-    if missing := registry.missing_isa(registry.phases()[phase]):
-        pytest.skip(f"the CPU lacks what {phase} needs: {' '.join(missing)}")
+    needs.cpu_for(phase)
     program, path, shape = sanitized(phase, tmp_path), scene(name, tmp_path), ("-w", 97, "-n", 41)
     monkeypatch.setenv("STEPWISE_CACHE", str(tmp_path / "plain"))
     monkeypatch.setenv("STEPWISE_CC", compiler or "none")
