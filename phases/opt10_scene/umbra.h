@@ -40,11 +40,28 @@ enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is lea
 SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
                   const struct convex *work, struct march *m);
 
+// Which of the rays are on no surface, where the nearest shape is at distance h.
+static inline mask on_none(const struct march *m, real h, real hit_distance) {
+    COUNT(on_none, call);
+    return but_less(not_in(m->done), h, most_of(hit_distance, m->t * set(0x1p-24f)));
+}
+
+// On by that distance: those that live.
+static inline void go_on_by(struct march *m, real h, mask live) {
+    COUNT(go_on_by, call);
+    m->previous = h;
+    live = but_greater(live, m->from, m->end); // the step to here began behind it
+    m->from = m->t;
+    m->t = m->t + keep(live, h);
+    live = but_greater(live, mul_add(m->t, m->t + m->linear, m->constant), set(0.0f));
+    m->done = not_in(live);
+}
+
 __attribute__((always_inline)) static inline void step(struct march *m, real h, real strength,
                                                        real hit_distance, float dark) {
     ACTIVE(LANES - count_of(m->done));
     COUNT(step, call);
-    mask live = but_less(not_in(m->done), h, most_of(hit_distance, m->t * set(0x1p-24f)));
+    mask live = on_none(m, h, hit_distance);
     // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
     // distances from underflow.
     real twice = m->previous + m->previous, unit = power_per(twice);
@@ -57,16 +74,11 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     mask darker = less_in(sound, term * m->divisor, m->square * divisor);
     m->square = choose(darker, term, m->square);
     m->divisor = choose(darker, divisor, m->divisor);
-    m->previous = h;
     if (dark > 0.0f) {
         COUNT(step, dark);
         live = but_less(live, m->square, m->divisor * set(dark));
     }
-    live = but_greater(live, m->from, m->end); // the step to here began behind it
-    m->from = m->t;
-    m->t = m->t + keep(live, h);
-    live = but_greater(live, mul_add(m->t, m->t + m->linear, m->constant), set(0.0f));
-    m->done = not_in(live);
+    go_on_by(m, h, live);
 }
 // Marches all shadow rays that wait, of a crowd.
 void cast_crowd(const struct convex *work);

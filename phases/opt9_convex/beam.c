@@ -57,27 +57,22 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
     sort_by(desk->code, 8, count, desk->order[1], desk->order[0]);
 }
 
-static real gathered(const float *field, const unsigned short *order, int count) {
-    float lanes[LANES];
-    for (int i = 0; i < LANES; i++)
-        lanes[i] = field[order[i < count ? i : 0]];
-    return load(lanes);
+static struct vec load_vec_from(float field[][QUEUE_ROOM], packing places) {
+    return (struct vec){load_from(field[0], places), load_from(field[1], places),
+                        load_from(field[2], places)};
 }
 
-static struct vec gathered_vec(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
-    return (struct vec){gathered(field[0], order, count), gathered(field[1], order, count),
-                        gathered(field[2], order, count)};
-}
-
-// The same of rays that have been sorted; in lanes that have none, the packet's first ray.
+// Rays that have been sorted; in lanes that have none, the packet's first ray.
 static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
     COUNT(sorted, call);
-    return (struct rays){.active = first_lanes(count),
-                         .point = gathered_vec(field + S_POINT, order, count),
-                         .local = gathered_vec(field + S_LOCAL, order, count),
-                         .to_light = gathered_vec(field + S_TO_LIGHT, order, count),
-                         .facing = gathered(field[S_FACING], order, count),
-                         .shape = gathered(field[S_SHAPE], order, count),
+    mask active = first_lanes(count);
+    packing at = places_of(active, order);
+    return (struct rays){.active = active,
+                         .point = load_vec_from(field + S_POINT, at),
+                         .local = load_vec_from(field + S_LOCAL, at),
+                         .to_light = load_vec_from(field + S_TO_LIGHT, at),
+                         .facing = load_from(field[S_FACING], at),
+                         .shape = load_from(field[S_SHAPE], at),
                          .end = set(0.0f),
                          .alone = set(INFINITY),
                          .on_plane = no_lane(),
@@ -99,7 +94,11 @@ static bool must_ask(const struct walk *w, struct asking *asking, const struct c
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     mask asked = but_not(m->done, not_less(m->previous, q * m->from));
     asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
-    *asking = (struct asking){.rays = &w->rays, .t = m->t, .q = q, .asked = asked};
+    // The ratio of a convex solid's distance to t never falls along a ray from it, and was q or more where that step began.
+    bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
+    real own =
+        choose(greater(m->from, set(0.0f)), set(convex ? (float)w->solid : -1.0f), set(-1.0f));
+    *asking = (struct asking){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
     return any(asked);
 }
 
@@ -239,11 +238,15 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     return true;
 }
 
-// One step of all rays but those that stand still.
-static inline void step_but(struct march *m, mask still, real h, real strength, real hit) {
+// One step of all rays but those that stand still. `told`: no term of it can be the least.
+static inline void step_but(struct march *m, mask still, real h, real strength, real hit,
+                            bool told) {
     real previous = m->previous, from = m->from;
     m->done = still;
-    step(m, h, strength, hit, 0.0f);
+    if (told)
+        go_on_by(m, h, on_none(m, h, hit));
+    else
+        step(m, h, strength, hit, 0.0f);
     m->previous = choose(still, previous, m->previous);
     m->from = choose(still, from, m->from);
 }
@@ -262,24 +265,26 @@ struct leaving {
     const struct placed *solid;
     real alone;
     mask still, done;
-    int left; // steps
+    bool told; // no term from here on can be the least
 };
 
-// Whether they are from a solid, and any is to be marched.
-static bool sets_out(struct walk *w, struct leaving *l, const struct convex *work) {
+// Whether they are from a solid, and any is to be marched. `begun`: they have taken two steps. From what is convex the first
+// two have the least of all terms (NOTES.md, 2.).
+static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct convex *work) {
     COUNT(sets_out, call);
     const struct prepared *scene = work->scene;
-    if (w->solid < 0 || all(w->march.done))
+    if (w->solid < 0 || all(stands_still(w)))
         return false;
-    ACTIVE(LANES - count_of(w->march.done));
+    ACTIVE(LANES - count_of(stands_still(w)));
     COUNT(sets_out, solid);
     const struct placed *s = &scene->placed[w->solid];
     w->local_to = turned(s, w->rays.to_light);
     see_along(&w->rays, w->solid, &l->near, work);
     l->solid = s;
     l->alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
-    l->still = l->done = w->march.done;
-    l->left = scene->model.march.max_steps;
+    l->still = stands_still(w);
+    l->done = w->march.done;
+    l->told = begun && s->convex && scene->plane_count == 0;
     return true;
 }
 
@@ -299,7 +304,7 @@ static inline real distance_leaving(const struct leaving *l, real t, real *squar
     return distance_at(p, l->solid, no_lane());
 }
 
-// One step; whether there is another.
+// One step, if any can be taken.
 static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
                      const struct prepared *scene) {
     ACTIVE(LANES - count_of(l->still));
@@ -314,28 +319,45 @@ static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
         COUNT(leave_on, plane);
         h = least_of(h, height_along(&scene->placed[scene->planes[k]], no_lane(), w));
     }
-    step_but(m, still, h, strength, hit);
+    step_but(m, still, h, strength, hit, l->told);
     l->done = either(l->done, but_not(still, m->done));
     l->still = either(still, m->done);
-    return --l->left > 0;
+    return true;
 }
 
-// Of all packets by turns: a step waits for its root, and for the one before it.
-static void leave_solids(struct beam *beam, real strength, real hit, const struct convex *work) {
+// So many steps at most, of all packets by turns: a step waits for its root, and for the one before it. Whether any ray could
+// take more; the others wait.
+static bool leave_by(struct beam *beam, int steps, bool begun, real strength, real hit,
+                     const struct convex *work) {
     struct leaving packets[BEAM];
-    unsigned open = 0;
-    for (int i = 0; i < beam->count; i++)
-        open |= (unsigned)sets_out(&beam->walk[i], &packets[i], work) << i;
-    while (open)
+    unsigned out = 0;
+    for (int i = 0; i < beam->moving; i++)
+        out |= (unsigned)sets_out(&beam->walk[i], &packets[i], begun, work) << i;
+    unsigned open = out;
+    for (; open && steps > 0; steps--)
         for (unsigned rest = open; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest);
-            struct walk *w = &beam->walk[i];
-            struct leaving *l = &packets[i];
-            if (leave_on(w, l, strength, hit, work->scene))
-                continue;
-            w->march.done = l->done;
-            open &= ~(1u << i);
+            if (!leave_on(&beam->walk[i], &packets[i], strength, hit, work->scene))
+                open &= ~(1u << i);
         }
+    for (unsigned rest = out; rest; rest &= rest - 1) {
+        int i = __builtin_ctz(rest);
+        beam->walk[i].waits = open >> i & 1 ? packets[i].still : all_lanes();
+        beam->walk[i].march.done = packets[i].done;
+    }
+    return open;
+}
+
+// Rays that graze a round solid take hundreds of steps to leave it, a few rays of each packet: those that nothing further on
+// can darken any more end before that, and the others are brought together.
+static void leave_solids(struct beam *beam, real strength, real hit, const struct convex *work) {
+    int most = work->scene->model.march.max_steps;
+    beam->moving = beam->count;
+    if (!leave_by(beam, lesser(most, LOOK), false, strength, hit, work))
+        return;
+    look_ahead(beam, beam->count, work);
+    close_ranks(beam, work->desk);
+    leave_by(beam, most - LOOK, true, strength, hit, work);
 }
 
 // A step of all rays in the vicinity; whether there are any.
@@ -356,7 +378,7 @@ static bool walk_on(struct beam *beam, real strength, real hit) {
         real room = set(beam->near.within) - w->least;
         w->waits = either(w->waits, not_in(not_less(room * absolute(room), vec_dot(off, off))));
         mask still = stands_still(w), done = m->done;
-        step_but(m, still, w->least, strength, hit);
+        step_but(m, still, w->least, strength, hit, false);
         m->done = either(done, but_not(still, m->done));
     }
     return moves;
@@ -371,7 +393,7 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
     COUNT(gather_walk, call);
     // What is not set here is before it is read.
     w->rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES);
-    w->waits = all_lanes();
+    w->waits = no_lane();
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     w->until = set(work->scene->tree.spacing);
     w->asked = set(work->scene->lit_slope);
@@ -398,10 +420,11 @@ static void add_answers(int first, int end, struct desk *desk) {
         int left = end - at, count = left < LANES ? left : LANES;
         ACTIVE(count);
         COUNT(add_answers, packet);
-        add_light(first_lanes(count),
-                  vec_scale(gathered_vec(desk->shadow + S_LIGHT, order, count),
-                            gathered(desk->shadow[S_LIT], order, count)),
-                  gathered(desk->shadow[S_PIXEL], order, count), desk);
+        mask active = first_lanes(count);
+        packing in = places_of(active, order);
+        real lit = load_from(desk->shadow[S_LIT], in);
+        add_light(active, vec_scale(load_vec_from(desk->shadow + S_LIGHT, in), lit),
+                  load_from(desk->shadow[S_PIXEL], in), desk);
     }
 }
 

@@ -40,6 +40,7 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
 struct asking {
     const struct rays *rays;
     real t, q, until;
+    real own; // a solid that comes no nearer than that any more, −1: none is known
     mask asked;
 };
 void crowd_behind(struct asking *asking, int count, const struct convex *work);

@@ -275,6 +275,17 @@ static inline void pack_numbers(mask m, int first, int shift, int to[LANES]) {
     _mm512_storeu_si512(to, _mm512_add_epi32(numbers, _mm512_set1_epi32(first)));
 }
 
+// Numbers of places in the lanes of m, the first of them in the others; LANES are read.
+static inline packing places_of(mask m, const unsigned short from[LANES]) {
+    __m512i numbers = _mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)from));
+    return _mm512_mask_mov_epi32(_mm512_set1_epi32(from[0]), m.all, numbers);
+}
+
+// What is there. A lane at a time it goes by way of memory, which waits for all of it.
+static inline real load_from(const float *from, packing places) {
+    return _mm512_i32gather_ps(places, from, sizeof *from);
+}
+
 // Which lane of two registers each lane is to hold: its own of the first, or, in the lanes `there`, one of the second:
 // those of `here`, in their order.
 static inline __m512i lanes_taken(unsigned there, unsigned here) {

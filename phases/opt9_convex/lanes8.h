@@ -286,6 +286,17 @@ static inline void pack_numbers(mask m, int first, int shift, int to[LANES]) {
     _mm256_storeu_si256((__m256i *)to, _mm256_add_epi32(numbers, _mm256_set1_epi32(first)));
 }
 
+// Numbers of places in the lanes of m, the first of them in the others; LANES are read.
+static inline packing places_of(mask m, const unsigned short from[LANES]) {
+    __m256i numbers = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)from));
+    return _mm256_blendv_epi8(_mm256_set1_epi32(from[0]), numbers, _mm256_castps_si256(m.all));
+}
+
+// What is there. A lane at a time it goes by way of memory, which waits for all of it.
+static inline real load_from(const float *from, packing places) {
+    return _mm256_i32gather_ps(from, places, sizeof *from);
+}
+
 // The other way round, for many: floats in rows `stride` apart into the lanes of each of `to`.
 static inline void expand_rows(real *to, int count, unsigned lanes, const float *from, int stride) {
     for (; lanes; lanes &= lanes - 1, from++) {

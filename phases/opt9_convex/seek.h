@@ -43,30 +43,36 @@ static inline int let_wait(mask those, int level, int first, int waiting[LANES])
 // Which of as many spheres as there are lanes matter.
 typedef mask sphere_test(struct vec centre, real radius, const void *with);
 
+enum { NODES = TREE_WIDTH * TREE_WIDTH }; // of the level that has the most
+_Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
+
 // Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
-// last are overwritten.
+// last are overwritten. Level by level: no node's test waits for that of another.
 __attribute__((always_inline)) static inline int
 list_those(const struct tree *tree, sphere_test *test, const void *with, int *list) {
     COUNT(list_those, call);
-    int listed = 0;
-    int waiting[NODES_WAIT]; // not zeroed
-    waiting[0] = waiting_node(tree->levels - 1, 0);
-    for (int count = 1; count > 0;) {
-        int level = level_of(waiting[--count]), node = node_of(waiting[count]);
+    int nodes[2][NODES + LANES]; // not zeroed
+    int listed = 1;
+    nodes[~tree->levels & 1][0] = 0;
+    for (int level = tree->levels - 1; level >= 0; level--) {
         const struct spheres *s = &tree->level[level];
-        int end = lesser(s->count, (node + 1) * TREE_WIDTH);
-        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
-            ACTIVE(lesser(LANES, end - first));
-            COUNT(list_those, spheres);
-            struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
-            mask matter =
-                both(test(centre, load(s->radius + first), with), first_lanes(end - first));
-            if (level > 0) {
-                count += let_wait(matter, level, first, waiting + count);
-                continue;
+        const int *from = nodes[level & 1];
+        int *to = level > 0 ? nodes[~level & 1] : list, count = listed;
+        listed = 0;
+        for (int i = 0; i < count; i++) {
+            int end = lesser(s->count, (from[i] + 1) * TREE_WIDTH);
+            for (int first = from[i] * TREE_WIDTH; first < end; first += LANES) {
+                ACTIVE(lesser(LANES, end - first));
+                COUNT(list_those, spheres);
+                struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
+                mask matter =
+                    both(test(centre, load(s->radius + first), with), first_lanes(end - first));
+                if (level > 0)
+                    pack_numbers(matter, first, 0, to + listed);
+                else
+                    pack_whole(matter, tree->shape + first, to + listed);
+                listed += __builtin_popcount(bits(matter));
             }
-            pack_whole(matter, tree->shape + first, list + listed);
-            listed += __builtin_popcount(bits(matter));
         }
     }
     return listed;

@@ -142,7 +142,12 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     if ((int)s->index == w->solid)
         return own_distance(w, s);
     COUNT(distance_to, solid);
-    return distance_at(turned(s, from_centre(c, w->at)), s, no_lane());
+    struct vec p = turned(s, from_centre(c, w->at));
+    // Spheres (of no size but their radius) and boxes (of radius 0) by one formula: a branch on which it is is foretold by
+    // nothing.
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
+        return sdf_rounded_box(p, s);
+    return distance_at(p, s, no_lane());
 }
 
 // c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
@@ -150,22 +155,21 @@ static inline void ask_about(const struct close_by *c, int k, struct walk *w, st
     COUNT(ask_about, call);
     real h = distance_to(c, w);
     *below = (struct below){(h + w->march.t) * set(1.0f - 0x1p-18f), set(-1.0f)};
-    w->recent = any(less(h, w->least)) ? k : w->recent;
+    int kept = any(less(h, w->least)) - 1; // no branch: it would wait for the root
+    w->recent = (w->recent & kept) | (k & ~kept);
     w->least = least_of(h, w->least);
 }
 
-// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known. Told by squares, for a branch
-// waits for it: without a root, and what is known then is worked out behind it.
+// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
+// root; and what is known of it then.
 static inline bool too_far(const struct close_by *c, const struct walk *w, struct below *below) {
     COUNT(too_far, call);
     struct vec from = from_centre(c, w->at);
     real square = vec_dot(from, from);
     real reach = mul_add(w->march.t, set(0x1p-18f), w->least + set(c->bound));
-    reach = most_of(reach, set(0.0f));                            // 0 of rays that stand still
-    if (any(not_less(reach * reach, square * set(1 - 0x1p-16f)))) // so it is of planes
-        return false;
+    reach = most_of(reach, set(0.0f)); // 0 of rays that stand still
     surely_off(c, w, from, square, below);
-    return true;
+    return !any(not_less(reach * reach, square * set(1 - 0x1p-16f))); // so it is of no plane
 }
 
 enum { AT_ONCE = 64 }; // shapes, of each a bit
@@ -191,33 +195,65 @@ static inline unsigned long long wake(const struct below *below, int count, cons
     return count < AT_ONCE ? awake & ((1ull << count) - 1) : awake;
 }
 
-// The shape that was the nearest is asked first: what sleeps beside that is told for all at once, for a branch on each
-// one's distance waits for its root.
+// A packet and a shape of the vicinity, in one word.
+enum { NUMBER_BITS = 6 };
+_Static_assert(AT_ONCE == 1 << NUMBER_BITS && AT_ONCE % LANES == 0, "room for a shape's number");
+
+// Of `count` bits those that are set, to `list`, without a branch on which they are; how many. LANES behind the last are
+// overwritten.
+static inline int list_awake(unsigned long long awake, int count, int packet, int *list) {
+    int listed = 0;
+    for (int k = 0; k < count; k += LANES) {
+        unsigned which = (unsigned)(awake >> k) & ((1u << LANES) - 1);
+        pack_numbers(lanes_of(which), packet << NUMBER_BITS | k, 0, list + listed);
+        listed += __builtin_popcount(which);
+    }
+    return listed;
+}
+
+// The shape that was the nearest is asked first. Then each thing is done for all packets at once: which shapes may be nearer,
+// which of those their bounding spheres leave, and what those are: branches on one shape's distance would wait for it, and are
+// foretold by nothing.
 void vicinity_nearest(struct beam *beam) {
     COUNT(vicinity_nearest, call);
     const struct vicinity *v = &beam->near;
     const struct close_by *shapes = v->shapes; // what is stored may not change it
+    int list[BEAM * AT_ONCE + LANES], walking[BEAM], packets = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
-        struct below *below = v->below + i;
         if (all(stands_still(w)))
             continue;
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_nearest, packet);
+        walking[packets++] = i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = beginning(w);
         if (v->count > 0)
-            ask_about(&shapes[w->recent], w->recent, w, &below[w->recent * BEAM]);
-        for (int first = 0, asked = w->recent; first < v->count; first += AT_ONCE) {
-            unsigned long long rest =
-                wake(&below[first * BEAM], lesser(v->count - first, AT_ONCE), w);
-            if (asked >= first && asked < first + AT_ONCE)
-                rest &= ~(1ull << (asked - first));
-            for (; rest; rest &= rest - 1) {
-                int k = first + __builtin_ctzll(rest);
-                if (!too_far(&shapes[k], w, &below[k * BEAM]))
-                    ask_about(&shapes[k], k, w, &below[k * BEAM]);
-            }
+            ask_about(&shapes[w->recent], w->recent, w, &v->below[w->recent * BEAM + i]);
+    }
+    for (int first = 0; first < v->count; first += AT_ONCE) {
+        int awake = 0, near = 0, count = lesser(v->count - first, AT_ONCE);
+        for (int k = 0; k < packets; k++) {
+            int i = walking[k];
+            const struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - count_of(stands_still(w)));
+            unsigned long long which = wake(&v->below[first * BEAM + i], count, w);
+            unsigned asked = (unsigned)(w->recent - first);
+            which &= ~(asked < AT_ONCE ? 1ull << asked : 0);
+            awake += list_awake(which, count, i, list + awake);
+        }
+        for (int at = 0; at < awake; at++) {
+            int i = list[at] >> NUMBER_BITS, k = first + (list[at] & (AT_ONCE - 1));
+            const struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - count_of(stands_still(w)));
+            list[near] = list[at];
+            near += !too_far(&shapes[k], w, &v->below[k * BEAM + i]);
+        }
+        for (int at = 0; at < near; at++) {
+            int i = list[at] >> NUMBER_BITS, k = first + (list[at] & (AT_ONCE - 1));
+            struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - count_of(stands_still(w)));
+            ask_about(&shapes[k], k, w, &v->below[k * BEAM + i]);
         }
     }
 }

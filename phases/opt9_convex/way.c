@@ -29,7 +29,7 @@ static inline mask in_its_way(const struct cone_of_one *c, struct vec centre, re
 // A packet's rays of which it is asked.
 struct cones {
     struct cone_of_one rays;
-    real t, own;    // own: the shape that they are from, which they do not meet
+    real t, own;    // own: a shape that they do not meet
     real until;     // where what they meet ends, if anything
     mask open, now; // not asked yet; in the sheaf that is asked, with nothing met so far
 };
@@ -212,7 +212,7 @@ void crowd_behind(struct asking *asking, int count, const struct convex *work) {
         real narrow = neg_mul_add(q, q, set(1.0f));
         cones[i] = (struct cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
                                   a->t,
-                                  set(-1.0f),
+                                  a->own,
                                   choose(blocked, set(INFINITY), set(-1.0f)),
                                   but_not(blocked, a->asked),
                                   no_lane()};
