@@ -195,65 +195,57 @@ static inline unsigned long long wake(const struct below *below, int count, cons
     return count < AT_ONCE ? awake & ((1ull << count) - 1) : awake;
 }
 
-// A packet and a shape of the vicinity, in one word.
-enum { NUMBER_BITS = 6 };
-_Static_assert(AT_ONCE == 1 << NUMBER_BITS && AT_ONCE % LANES == 0, "room for a shape's number");
-
-// Of `count` bits those that are set, to `list`, without a branch on which they are; how many. LANES behind the last are
-// overwritten.
-static inline int list_awake(unsigned long long awake, int count, int packet, int *list) {
-    int listed = 0;
-    for (int k = 0; k < count; k += LANES) {
-        unsigned which = (unsigned)(awake >> k) & ((1u << LANES) - 1);
-        pack_numbers(lanes_of(which), packet << NUMBER_BITS | k, 0, list + listed);
-        listed += __builtin_popcount(which);
-    }
-    return listed;
-}
-
-// The shape that was the nearest is asked first. Then each thing is done for all packets at once: which shapes may be nearer,
-// which of those their bounding spheres leave, and what those are: branches on one shape's distance would wait for it, and are
-// foretold by nothing.
+// The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes may
+// be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would wait for
+// it, and is foretold by nothing.
 void vicinity_nearest(struct beam *beam) {
     COUNT(vicinity_nearest, call);
     const struct vicinity *v = &beam->near;
     const struct close_by *shapes = v->shapes; // what is stored may not change it
-    int list[BEAM * AT_ONCE + LANES], walking[BEAM], packets = 0;
+    unsigned long long which[BEAM];            // of AT_ONCE shapes
+    unsigned walking = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
         if (all(stands_still(w)))
             continue;
         ACTIVE(LANES - count_of(stands_still(w)));
         COUNT(vicinity_nearest, packet);
-        walking[packets++] = i;
+        walking |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = beginning(w);
         if (v->count > 0)
             ask_about(&shapes[w->recent], w->recent, w, &v->below[w->recent * BEAM + i]);
     }
     for (int first = 0; first < v->count; first += AT_ONCE) {
-        int awake = 0, near = 0, count = lesser(v->count - first, AT_ONCE);
-        for (int k = 0; k < packets; k++) {
-            int i = walking[k];
+        const struct close_by *these = &shapes[first];
+        struct below *below = &v->below[first * BEAM];
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
             const struct walk *w = &beam->walk[i];
             ACTIVE(LANES - count_of(stands_still(w)));
-            unsigned long long which = wake(&v->below[first * BEAM + i], count, w);
             unsigned asked = (unsigned)(w->recent - first);
-            which &= ~(asked < AT_ONCE ? 1ull << asked : 0);
-            awake += list_awake(which, count, i, list + awake);
+            which[i] = wake(&below[i], lesser(v->count - first, AT_ONCE), w);
+            which[i] &= ~(asked < AT_ONCE ? 1ull << asked : 0);
         }
-        for (int at = 0; at < awake; at++) {
-            int i = list[at] >> NUMBER_BITS, k = first + (list[at] & (AT_ONCE - 1));
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
             const struct walk *w = &beam->walk[i];
             ACTIVE(LANES - count_of(stands_still(w)));
-            list[near] = list[at];
-            near += !too_far(&shapes[k], w, &v->below[k * BEAM + i]);
+            unsigned long long near = 0;
+            for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
+                int k = __builtin_ctzll(rest);
+                near |= (unsigned long long)!too_far(&these[k], w, &below[k * BEAM + i]) << k;
+            }
+            which[i] = near;
         }
-        for (int at = 0; at < near; at++) {
-            int i = list[at] >> NUMBER_BITS, k = first + (list[at] & (AT_ONCE - 1));
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
             struct walk *w = &beam->walk[i];
             ACTIVE(LANES - count_of(stands_still(w)));
-            ask_about(&shapes[k], k, w, &v->below[k * BEAM + i]);
+            for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
+                int k = __builtin_ctzll(rest);
+                ask_about(&these[k], first + k, w, &below[k * BEAM + i]);
+            }
         }
     }
 }
