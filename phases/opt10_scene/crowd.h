@@ -42,8 +42,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
 
 // Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
-// Of a packet's rays `asked`: does anything come nearer than q·t, from t to the end? `until` is set to where what is in the way
-// ends, in those lanes alone; less than 0 where nothing is. Of BEAM packets at most.
+// Of a packet's rays `asked`: does anything but `own` come nearer than q·t, from t to the end? `until` is set to where what is
+// in the way ends, in those lanes alone; less than 0 where nothing is. Of BEAM packets at most.
 struct asking {
     const struct rays *rays;
     real t, q, until;

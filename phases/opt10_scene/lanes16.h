@@ -282,8 +282,12 @@ static inline void pack_numbers(mask m, int first, int shift, int to[LANES]) {
 
 // Numbers of places in the lanes of m, the first of them in the others; LANES are read.
 static inline packing places_of(mask m, const unsigned short from[LANES]) {
-    __m512i numbers = _mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i *)from));
-    return _mm512_mask_mov_epi32(_mm512_set1_epi32(from[0]), m.all, numbers);
+    __m256i low = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)from));
+    __m256i high = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)from + 1));
+    real numbers = _mm512_insertf32x8(_mm512_castps256_ps512(_mm256_castsi256_ps(low)),
+                                      _mm256_castsi256_ps(high), 1);
+    real first = _mm512_castsi512_ps(_mm512_set1_epi32(from[0]));
+    return _mm512_castps_si512(choose(m, numbers, first));
 }
 
 // What is there. A lane at a time it goes by way of memory, which waits for all of it.

@@ -2,7 +2,9 @@
 #include "beam.h"
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
-enum { LOOK = 6 }; // steps in a vicinity until it is asked which rays have ended
+// Steps in a vicinity, or out of a solid, until it is asked which rays have ended.
+enum { LOOK = 6 };
+_Static_assert(LOOK >= 2, "sets_out: no term behind the second is the least");
 // A slope that much less than when it was asked what is in the way: asked again.
 #define LESS_SLOPE 0.75f
 
@@ -94,7 +96,8 @@ static bool must_ask(const struct walk *w, struct asking *asking, const struct c
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     mask asked = but_not(m->done, not_less(m->previous, q * m->from));
     asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
-    // The ratio of a convex solid's distance to t never falls along a ray from it, and was q or more where that step began.
+    // The ratio of a convex solid's distance to t never falls along a ray from it, and was q or more where that step began; of
+    // a ray that has taken none (`from` is 0) nothing is known.
     bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
     real own =
         choose(greater(m->from, set(0.0f)), set(convex ? (float)w->solid : -1.0f), set(-1.0f));
@@ -243,6 +246,7 @@ static inline void step_but(struct march *m, mask still, real h, real strength, 
                             bool told) {
     real previous = m->previous, from = m->from;
     m->done = still;
+    ACTIVE(LANES - count_of(still));
     if (told)
         go_on_by(m, h, on_none(m, h, hit));
     else
@@ -268,7 +272,7 @@ struct leaving {
     bool told; // no term from here on can be the least
 };
 
-// Whether they are from a solid, and any is to be marched. `begun`: they have taken two steps. From what is convex the first
+// Whether they are from a solid, and any is to be marched. `begun`: they have taken LOOK steps. From what is convex the first
 // two have the least of all terms (NOTES.md, 2.).
 static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct convex *work) {
     COUNT(sets_out, call);
@@ -304,7 +308,7 @@ static inline real distance_leaving(const struct leaving *l, real t, real *squar
     return distance_at(p, l->solid, no_lane());
 }
 
-// One step, if any can be taken.
+// One step, if any ray can take it: whether one did.
 static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
                      const struct prepared *scene) {
     ACTIVE(LANES - count_of(l->still));
@@ -325,8 +329,8 @@ static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
     return true;
 }
 
-// So many steps at most, of all packets by turns: a step waits for its root, and for the one before it. Whether any ray could
-// take more; the others wait.
+// So many steps at most, of all packets by turns: a step waits for its root, and for the one before it. Whether any packet
+// took the last of them; rays that cannot go on wait.
 static bool leave_by(struct beam *beam, int steps, bool begun, real strength, real hit,
                      const struct convex *work) {
     struct leaving packets[BEAM];

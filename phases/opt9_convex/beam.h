@@ -48,7 +48,7 @@ struct vicinity {
 
 struct beam {
     struct walk walk[BEAM];
-    int count, moving; // packets; the first ones have rays in the vicinity
+    int count, moving; // packets; the first ones have rays that do not wait
     float place[3];    // what is near is told from here, so that float has digits for it
     struct vicinity near;
 };

@@ -195,14 +195,15 @@ static inline unsigned long long wake(const struct below *below, int count, cons
     return count < AT_ONCE ? awake & ((1ull << count) - 1) : awake;
 }
 
-// The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes may
-// be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would wait for
-// it, and is foretold by nothing.
+// The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes
+// may be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would
+// wait for it, and is foretold by nothing.
 void vicinity_nearest(struct beam *beam) {
     COUNT(vicinity_nearest, call);
     const struct vicinity *v = &beam->near;
     const struct close_by *shapes = v->shapes; // what is stored may not change it
     unsigned long long which[BEAM];            // of AT_ONCE shapes
+    int asked[BEAM];
     unsigned walking = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
@@ -213,6 +214,7 @@ void vicinity_nearest(struct beam *beam) {
         walking |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = beginning(w);
+        asked[i] = w->recent;
         if (v->count > 0)
             ask_about(&shapes[w->recent], w->recent, w, &v->below[w->recent * BEAM + i]);
     }
@@ -223,9 +225,9 @@ void vicinity_nearest(struct beam *beam) {
             int i = __builtin_ctz(packets);
             const struct walk *w = &beam->walk[i];
             ACTIVE(LANES - count_of(stands_still(w)));
-            unsigned asked = (unsigned)(w->recent - first);
+            unsigned once = (unsigned)(asked[i] - first); // more than there are, of another row
             which[i] = wake(&below[i], lesser(v->count - first, AT_ONCE), w);
-            which[i] &= ~(asked < AT_ONCE ? 1ull << asked : 0);
+            which[i] &= ~(once < AT_ONCE ? 1ull << once : 0);
         }
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);

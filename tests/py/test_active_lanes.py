@@ -62,6 +62,8 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
         "sheaf_of",
         "ask_about",
         "must_ask",
+        "on_none",
+        "go_on_by",
         "keep_answers",
     )
     for name in marching:
