@@ -78,13 +78,15 @@ static inline real small_root(real a, bool exact) {
     return exact ? rough_inverse_root(a) : root_guess(a);
 }
 
-// With A = ρ² − y²: (ρ + iy)⁴ has 2·A² − m² for its real part, and (ρ + iy)⁸ twice that one's square less m⁴, and
-// 8·ρ·y·A·that beside it. (x + iz)²/ρ² and ⁴ are halved and in eighths, K is 128 times what they turn.
+// With A = ρ² − y² the real part of (ρ + iy)⁴ is k1 = 2·A² − m², and k2 = 4·ρ·y·A is the other: k1² − k2² is (ρ + iy)⁸'s, and
+// 2·k1·k2, twice k, beside it. (x + iz)²/ρ² and ⁴ are doubled, so that their product needs no factor. Doubled by sums, and
+// z and m² scaled by their exponents, for products are what bounds an iteration: 27 products and fused sums where there
+// were 32, with the same number of instructions.
 static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, bool exact,
                              real bailout) {
     ACTIVE(count_of(b->on));
     COUNT(bulb_step, call);
-    real x = b->x, y = b->y, z = b->z, m = b->m, square = m * m, r, per;
+    real x = b->x, y = b->y, z = b->z, m = b->m, square = m * m;
     if (i == 0) {
         COUNT(bulb_step, first);
         b->product = m;
@@ -98,43 +100,45 @@ static inline void bulb_step(struct bulb *b, struct vec p, int i, int first, boo
             COUNT(bulb_step, product);
             b->product = mul_add_where(b->on, b->product, m, set(0.0f));
         }
-        b->slope = mul_add_where(b->on, b->slope, square * set(8.0f) * m,
+        b->slope = mul_add_where(b->on, b->slope, scaled(square, set(3.0f)) * m,
                                  small_root(b->product, exact && i <= 1));
     }
-    real a = neg_mul_add(y, y, b->flat), k1 = mul_sub(set(2.0f), a * a, square);
-    real k = (a * k1) * (y * root_and_inverse(b->flat, 1024.0f, &r, &per));
-    real z1 = (z * r) * per, sin2 = x * z1, cos2 = neg_mul_add(z, z1, set(0.5f));
-    real cos4 = neg_mul_add(sin2, sin2, set(0.125f)), sin4 = sin2 * cos2, k_sin4 = k * sin4;
+    struct rooted rho = rooted(b->flat);
+    real a = neg_mul_add(y, y, b->flat), k1 = mul_sub(a + a, a, square);
+    real half = a * twice_root_times(&rho, y), k2 = half + half, k = k1 * k2;
+    real z1 = divided_by(scaled(z, set(2.0f)), &rho), sin2 = x * z1;
+    real cos2 = neg_mul_add(z, z1, set(2.0f)), cos4 = neg_mul_add(sin2, sin2, set(2.0f));
+    real sin4 = sin2 * cos2, k_sin4 = k * sin4;
     b->x = mul_add(k_sin4, cos4, p.x);
-    b->z = mul_add(k_sin4, sin4, neg_mul_add(k, set(1.0f / 128.0f), p.z));
-    b->y = mul_add(set(2.0f), k1 * k1, neg_mul_add(square, square, p.y));
+    b->z = mul_add(k_sin4, sin4, p.z - (k + k));
+    b->y = mul_add(k1, k1, neg_mul_add(k2, k2, p.y));
     bulb_grow(b, bailout);
 }
 
-// ¼·ln a to 5e-7: what it errs by at a = 1 is, over the derivative, of the surface's place.
+// ⅛·ln a to 3e-7: what it errs by at a = 1 is, over the derivative, of the surface's place.
 static inline real rough_log(real a) {
     COUNT(rough_log, call);
     real e, f = mantissa_near_1(a, &e) - set(1.0f);
-    real p = mul_add(f, set(0.25f * -0.10063060373067856f), set(0.25f * 0.202902689576149f));
-    p = mul_add(f, p, set(0.25f * -0.25720563530921936f));
-    p = mul_add(f, p, set(0.25f * 0.33385127782821655f));
-    p = mul_add(f, p, set(0.25f * -0.4998246431350708f));
-    p = mul_add(f, p, set(0.25f * 0.999990701675415f));
-    return mul_add(f, p, e * set(0.25f * 0.69314718056f));
+    real p = mul_add(f, set(0.125f * -0.10063060373067856f), set(0.125f * 0.202902689576149f));
+    p = mul_add(f, p, set(0.125f * -0.25720563530921936f));
+    p = mul_add(f, p, set(0.125f * 0.33385127782821655f));
+    p = mul_add(f, p, set(0.125f * -0.4998246431350708f));
+    p = mul_add(f, p, set(0.125f * 0.999990701675415f));
+    return mul_add(f, p, e * set(0.125f * 0.69314718056f));
 }
 
-// `tiny`: to tell differences near the centre, too, where the product of both is below all floats; else it is 0 there.
+// ¼·√m/dz·ln m, with √m/√product = m/√(m·product). `tiny`: to tell differences near the centre, too, where the
+// product of both is below all floats; else it is 0 there.
 static inline real bulb_end(const struct bulb *b, struct vec p, bool tiny) {
     COUNT(bulb_end, call);
-    real all = b->m * b->product, root_of_both; // ¼·√m/dz·ln m, √m/√product = m/√all
+    real all = b->product, times = b->m;
     if (tiny) {
         COUNT(bulb_end, tiny);
-        root_of_both = rough_inverse_root(b->m) * rough_inverse_root(b->product);
-        all = b->product;
+        times = times * rough_inverse_root(b->m);
     } else {
-        root_of_both = rough_inverse_root(all);
+        all = b->m * all;
     }
-    real distance = b->m * root_of_both * rough_inverse(b->slope) * rough_log(b->m);
+    real distance = twice_over_root(times * rough_log(b->m), all, b->slope);
     distance = keep(greater(all, set(0x1p-124f)), distance); // 0/0 at the centre, which is inside
     if (any(b->far)) {
         COUNT(bulb_end, far);

@@ -177,28 +177,48 @@ static inline mask but_not_less(mask m, real a, real b) {
     return (mask){_mm512_mask_cmp_ps_mask(m.all, a, b, _CMP_NGE_UQ)};
 }
 
-// 1/√a and 1/a from 14 bits by one step, for normal a > 0.
+// 1/√a from 14 bits by one step, for normal a > 0.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
     real r = _mm512_rsqrt14_ps(a);
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
-static inline real rough_inverse(real a) {
-    COUNT(rough_inverse, call);
-    real r = _mm512_rcp14_ps(a);
-    return r * _mm512_fnmadd_ps(a, r, set(2.0f));
+// 2·times/(√a·b) for normal a > 0 and b: a guess of 14 bits each, whose errors are taken off together.
+static inline real twice_over_root(real times, real a, real b) {
+    COUNT(twice_over_root, call);
+    COUNT(twice_over_root, sixteen);
+    real r = _mm512_rsqrt14_ps(a), per = _mm512_rcp14_ps(b), part = (r * per) * times;
+    real off = _mm512_fnmadd_ps(a * r, r, set(1.0f)), off_b = _mm512_fnmadd_ps(b, per, set(1.0f));
+    return _mm512_fmadd_ps(part, off + (off_b + off_b), part + part);
 }
 
-// scale·√a for normal a > 0, to an ulp or two, and two factors of 1/a, whose product may be below what is normal: all
-// by one step from the same 14 bits.
-static inline real root_and_inverse(real a, float scale, real *one, real *other) {
-    COUNT(root_and_inverse, call);
-    COUNT(root_and_inverse, sixteen);
-    real r = _mm512_rsqrt14_ps(a), h = a * r, error = _mm512_fnmadd_ps(h, r, set(1.0f));
-    *one = r;
-    *other = _mm512_fmadd_ps(r, error, r);
-    return h * _mm512_fmadd_ps(error, set(0.5f * scale), set(scale));
+// √a of a normal a > 0: both to 14 bits, and what 1 − a·inverse² is, for one step of Newton's.
+struct rooted {
+    real inverse, root, off;
+};
+
+static inline struct rooted rooted(real a) {
+    COUNT(rooted, call);
+    COUNT(rooted, sixteen);
+    real r = _mm512_rsqrt14_ps(a), h = a * r;
+    return (struct rooted){r, h, _mm512_fnmadd_ps(h, r, set(1.0f))};
+}
+
+// 2·b·√a to an ulp or two. Sums in place of products where both will do: Zen has units for either.
+static inline real twice_root_times(const struct rooted *a, real b) {
+    COUNT(twice_root_times, call);
+    COUNT(twice_root_times, sixteen);
+    real part = b * a->root;
+    return _mm512_fmadd_ps(part, a->off, part + part);
+}
+
+// b/a to an ulp or two; 1/a itself may be below what is normal.
+static inline real divided_by(real b, const struct rooted *a) {
+    COUNT(divided_by, call);
+    COUNT(divided_by, sixteen);
+    real part = b * a->inverse * a->inverse;
+    return _mm512_fmadd_ps(part, a->off, part);
 }
 
 // a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.

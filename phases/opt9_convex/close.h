@@ -20,13 +20,14 @@
 #define CLOSE_LEAVES 1e-2f // at the end of its piece: until such a step
 #define CLOSE_PIECE 0.02f  // half length of a piece, at most
 #define CLOSE_LEAST 0x1p-20f
-#define CLOSE_SHARE 0.03125f              // of ρ
-enum { CLOSE_TERMS = 6, CLOSE_TOLD = 4 }; // x, y, z and the derivative
+#define CLOSE_SHARE 0.03125f                               // of ρ
+enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_TOLD = 4 }; // x, y, z and the derivative
 
 // What a lane knows; all from the middle of its piece.
 enum close_field {
-    N_TERM, // the constants of all that is told, then the factors of t …
-    N_PLACE = CLOSE_TOLD * CLOSE_TERMS,
+    N_TERM, // the constants of x, y and z, then the factors of t …
+    N_SLOPE_TERM = 3 * CLOSE_TERMS,
+    N_PLACE = N_SLOPE_TERM + SLOPE_TERMS,
     N_DIRECTION = N_PLACE + 3,
     N_T = N_DIRECTION + 3,
     N_END, // of the piece, or of the ray
@@ -50,7 +51,7 @@ struct pieces {
     int next, count;
 };
 
-enum { REFILL = LANES * LANES / 32, REFILL_CLOSE = LANES / 2 }; // ended lanes
+enum { REFILL = LANES * LANES / 32, REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes
 // Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
 #define STEPS_COUNTED 0x1p23f
 
@@ -120,7 +121,29 @@ static inline void put_terms(const wide sum[3], const wide difference[3],
         real factor = narrow(term);
         if (k > 0)
             factor = factor * power[k];
-        unload(factor, to->field[N_TERM + CLOSE_TOLD * k + axis]);
+        unload(factor, to->field[N_TERM + 3 * k + axis]);
+    }
+}
+
+// The derivative's: the first of the Chebyshev polynomials through its values. It scales the estimate alone, whose scale
+// has 14 bits: off by less than 2^-19 of itself.
+static inline void put_slope(const wide sum[3], const wide difference[3],
+                             const real power[CLOSE_TERMS], struct pieces *to) {
+    static const double slope[SLOPE_TERMS][3] = {
+        {-0.12200846792814626, 0.16666666666666657, 0.45534180126147961},
+        {-0.38513150575685806, 0.94280904158206325, 0.79337979622072108},
+        {0.57735026918962584, 0.0, -0.57735026918962584},
+        {0.94280904158206325, -0.94280904158206325, -0.94280904158206325}};
+    COUNT(put_slope, call);
+    for (int k = 0; k < SLOPE_TERMS; k++) {
+        const wide *value = k % 2 ? difference : sum;
+        wide term =
+            wide_mul_add(value[0], slope[k][0],
+                         wide_mul_add(value[1], slope[k][1], wide_mul(value[2], slope[k][2])));
+        real factor = narrow(term);
+        if (k > 0)
+            factor = factor * power[k];
+        unload(factor, to->field[N_SLOPE_TERM + k]);
     }
 }
 
@@ -141,8 +164,9 @@ static void put_pieces(struct wide_vec o, struct wide_vec d, wide middle, real e
     real power[CLOSE_TERMS] = {set(1.0f), per_end};
     for (int k = 2; k < CLOSE_TERMS; k++)
         power[k] = power[k - 1] * per_end;
-    for (int axis = 0; axis < CLOSE_TOLD; axis++)
+    for (int axis = 0; axis < 3; axis++)
         put_terms(sum[axis], difference[axis], power, axis, to);
+    put_slope(sum[3], difference[3], power, to);
 }
 
 // The pieces on which the first rays that wait are to go on.
@@ -224,15 +248,17 @@ struct close_packet {
 static inline struct bulb close_first(const struct close_lanes *lanes, real t, mask done) {
     ACTIVE(LANES);
     COUNT(close_first, call);
-    const real *term = lanes->field + N_TERM + CLOSE_TOLD * (CLOSE_TERMS - 1);
-    real x = term[0], y = term[1], z = term[2], slope = term[3];
+    const real *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
+    const real *of_slope = lanes->field + N_SLOPE_TERM;
+    real x = term[0], y = term[1], z = term[2], slope = of_slope[SLOPE_TERMS - 1];
     for (int k = 1; k < CLOSE_TERMS; k++) {
-        term -= CLOSE_TOLD;
+        term -= 3;
         x = mul_add(x, t, term[0]);
         y = mul_add(y, t, term[1]);
         z = mul_add(z, t, term[2]);
-        slope = mul_add(slope, t, term[3]);
     }
+    for (int k = SLOPE_TERMS - 2; k >= 0; k--)
+        slope = mul_add(slope, t, of_slope[k]);
     real flat = mul_add(x, x, mul_add(z, z, set(1e-30f)));
     real m = mul_add(y, y, flat);
     return (struct bulb){x, y, z, flat, m, slope, set(1.0f), not_in(done), no_lane()};
@@ -252,14 +278,16 @@ static inline void advance_close(struct close_packet *p, const real field[N_FIEL
     p->done = not_in(but_not_less(live, oldest, field[N_BORN]));
 }
 
-// A step of all packets. How many lanes have ended.
-static inline int step_close(const struct placed *s, const struct close_lanes *lanes,
-                             struct close_packet *p, real hit_distance, real oldest) {
+// A step of the first `count` packets. How many of their lanes have ended.
+__attribute__((always_inline)) static inline int step_close(const struct placed *s, int count,
+                                                            const struct close_lanes *lanes,
+                                                            struct close_packet *p,
+                                                            real hit_distance, real oldest) {
     struct bulb b[ABREAST];
-    struct vec at[ABREAST];
+    struct vec at[ABREAST] = {0};
     real h[ABREAST];
     COUNT(step_close, call);
-    for (int k = 0; k < ABREAST; k++) {
+    for (int k = 0; k < count; k++) {
         const real *field = lanes[k].field;
         ACTIVE(LANES - count_of(p[k].done));
         COUNT(step_close, packet);
@@ -270,9 +298,9 @@ static inline int step_close(const struct placed *s, const struct close_lanes *l
         b[k] = close_first(&lanes[k], p[k].t, p[k].done);
         b[k].on = but_greater(b[k].on, b[k].m, set(s->bailout));
     }
-    bulbs_end(s, 1, false, true, false, ABREAST, b, at, h);
+    bulbs_end(s, 1, false, true, false, count, b, at, h);
     int ended = 0;
-    for (int k = 0; k < ABREAST; k++) {
+    for (int k = 0; k < count; k++) {
         advance_close(&p[k], lanes[k].field, h[k], hit_distance, oldest);
         ended += count_of(p[k].done);
     }
@@ -347,6 +375,19 @@ static void retire_close(struct close_packet *p, struct close_lanes *from, float
     wait_close(but_not(open, on), from->field[N_RAY], far, rest, taken, desk);
 }
 
+// Few are left: all of them in the first packet.
+static void join_close(struct close_lanes lanes[ABREAST]) {
+    COUNT(join_close, call);
+    for (int k = 1; k < ABREAST; k++) {
+        unsigned here = lanes[k].live, there = ~lanes[0].live & ((1u << LANES) - 1);
+        while (__builtin_popcount(there) > __builtin_popcount(here))
+            there &= there - 1;
+        move_lanes((float *)lanes[0].field, there, (const float *)lanes[k].field, here, N_FIELDS);
+        lanes[0].live |= there;
+        lanes[k].live = 0;
+    }
+}
+
 // Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
 static void march_close(const struct placed *s, const struct limits *limits,
                         struct close_lanes lanes[ABREAST], struct pieces *pieces, float *steps,
@@ -356,22 +397,34 @@ static void march_close(const struct placed *s, const struct limits *limits,
     real hit_distance = set(hit > 0x1p-24f ? hit : 0x1p-24f);
     for (;;) {
         struct close_packet p[ABREAST];
-        int ended = 0;
+        int live = 0;
         for (int k = 0; k < ABREAST; k++) {
             refill_close(&lanes[k], pieces, *steps, desk);
+            live += __builtin_popcount(lanes[k].live);
+        }
+        bool one = live <= LANES; // a tile's last rays, some of which take a thousand steps
+        if (one)
+            join_close(lanes);
+        for (int k = 0; k < ABREAST; k++) {
             COUNT(march_close, packet);
             p[k] = (struct close_packet){lanes[k].field[N_T], set(0.0f), lanes_of(~lanes[k].live),
                                          no_lane(), no_lane()};
-            ended += count_of(p[k].done);
         }
+        int ended = ABREAST * LANES - live;
         bool more = pieces->next < pieces->count || desk->close_first < desk->closes;
         if (ended == ABREAST * LANES || (!more && ended >= REFILL_CLOSE && desk->opens > 0))
             return;
-        int enough = more || desk->opens > 0 ? ended + REFILL_CLOSE : ABREAST * LANES;
+        int enough = one ? ABREAST * LANES : (ABREAST - 1) * LANES;
+        if (more || desk->opens > 0)
+            enough = ended + REFILL_CLOSE;
         while (ended < enough && ended < ABREAST * LANES && *steps < STEPS_COUNTED) {
             COUNT(march_close, step);
             *steps += 1.0f;
-            ended = step_close(s, lanes, p, hit_distance, set(*steps - most));
+            real oldest = set(*steps - most);
+            if (one)
+                ended = (ABREAST - 1) * LANES + step_close(s, 1, lanes, p, hit_distance, oldest);
+            else
+                ended = step_close(s, ABREAST, lanes, p, hit_distance, oldest);
         }
         for (int k = 0; k < ABREAST; k++)
             retire_close(&p[k], &lanes[k], *steps, most, desk);

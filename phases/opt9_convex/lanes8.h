@@ -170,7 +170,7 @@ static inline mask but_not_less(mask m, real a, real b) {
     return (mask){_mm256_and_ps(m.all, _mm256_cmp_ps(a, b, _CMP_NGE_UQ))};
 }
 
-// 1/√a and 1/a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
+// 1/√a to 14 bits and better, for normal a > 0: 12 bits and once Newton's step.
 static inline real rough_inverse_root(real a) {
     COUNT(rough_inverse_root, call);
     real r = _mm256_rsqrt_ps(a);
@@ -183,19 +183,39 @@ static inline real root_guess(real a) {
     return _mm256_rsqrt_ps(a);
 }
 
-static inline real rough_inverse(real a) {
-    COUNT(rough_inverse, call);
-    real r = _mm256_rcp_ps(a);
-    return r * _mm256_fnmadd_ps(a, r, set(2.0f));
+// 2·times/(√a·b) for normal a > 0 and b: a step of Newton's for each.
+static inline real twice_over_root(real times, real a, real b) {
+    COUNT(twice_over_root, call);
+    COUNT(twice_over_root, eight);
+    real per = _mm256_rcp_ps(b);
+    per = per * _mm256_fnmadd_ps(b, per, set(2.0f));
+    return (times + times) * rough_inverse_root(a) * per;
 }
 
-// scale·√a for normal a > 0, to a few ulp, and two factors of 1/a, whose product may be below what is normal.
-static inline real root_and_inverse(real a, float scale, real *one, real *other) {
-    COUNT(root_and_inverse, call);
-    COUNT(root_and_inverse, eight);
+// √a of a normal a > 0, to a few ulp: 12 bits would need two steps, so that no third value is kept as with 16 lanes.
+struct rooted {
+    real inverse, root;
+};
+
+static inline struct rooted rooted(real a) {
+    COUNT(rooted, call);
+    COUNT(rooted, eight);
     real r = rough_inverse_root(a);
-    *one = *other = r;
-    return (a * r) * set(scale);
+    return (struct rooted){r, a * r};
+}
+
+// 2·b·√a
+static inline real twice_root_times(const struct rooted *a, real b) {
+    COUNT(twice_root_times, call);
+    COUNT(twice_root_times, eight);
+    return (b + b) * a->root;
+}
+
+// b/a; 1/a itself may be below what is normal.
+static inline real divided_by(real b, const struct rooted *a) {
+    COUNT(divided_by, call);
+    COUNT(divided_by, eight);
+    return b * a->inverse * a->inverse;
 }
 
 // a = mantissa·2^exponent, 3/4 ≤ mantissa < 3/2.

@@ -16,7 +16,8 @@ TERMS = {
         stay_in place_at place_sub wide_* places places_along lane_place
     """,
     "vector library": """
-        vec_* new_vector root_* rough_* inverse_root inverses_of known_inverses least_lane most_lane
+        vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses
+        least_lane most_lane
     """,
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
@@ -59,8 +60,8 @@ TERMS = {
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
         stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill_* retire_* close_first
-        prepare_close
-        put_pieces put_terms wait_close gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
+        prepare_close join_close put_pieces put_terms put_slope wait_close
+        gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
         falls_alone
     """,
