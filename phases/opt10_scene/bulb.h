@@ -152,6 +152,7 @@ enum {
     ABREAST = 3,
     POOLS = 2 * ABREAST + 1
 }; // packets; of shadow rays: in work, on their way out, the next
+enum { REFILL = LANES * LANES / 32 }; // so many lanes that have ended are filled again
 
 // From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
 __attribute__((always_inline)) static inline void bulbs_end(const struct placed *s, int first,

@@ -51,7 +51,7 @@ struct pieces {
     int next, count;
 };
 
-enum { REFILL = LANES * LANES / 32, REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes
+enum { REFILL_CLOSE = 3 * LANES / 4 }; // as REFILL, where more is moved for each
 // Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
 #define STEPS_COUNTED 0x1p23f
 

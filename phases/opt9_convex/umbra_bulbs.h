@@ -134,7 +134,7 @@ static int refill(struct pool *to, struct pool *ready, int next, int steps,
 // the next.
 #define DARK 0x1p-10f
 #define LAST 0.94f // 1.05 in the mean, times √(1 − 0.45²)
-enum { LOOK_EVERY = 4 };
+enum { LOOK_EVERY = 6 };
 
 static void answer(const struct pool *from, unsigned which, const struct convex *work) {
     COUNT(answer, call);
@@ -289,7 +289,7 @@ static void cast_streams(const struct convex *work) {
         if (!live)
             break;
         bool more = next < desk->shadows || pools.ready->live;
-        int enough = more ? ended + LANES / 4 : ABREAST * LANES;
+        int enough = more ? ended + REFILL : ABREAST * LANES;
         while (ended < enough)
             ended = step_all(m, pools.work, ++steps, work);
         for (int k = 0; k < ABREAST; k++) {
