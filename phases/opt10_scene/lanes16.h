@@ -184,11 +184,12 @@ static inline real rough_inverse_root(real a) {
     return r * _mm512_fnmadd_ps(a * r, r * set(0.5f), set(1.5f));
 }
 
-// 2·times/(√a·b) for normal a > 0 and b: a guess of 14 bits each, whose errors are taken off together.
+// 2·times/(√a·b) for normal a > 0 and b: a guess of 14 bits each, whose errors are taken off together. 1/(√a·b) alone may
+// be below what is normal.
 static inline real twice_over_root(real times, real a, real b) {
     COUNT(twice_over_root, call);
     COUNT(twice_over_root, sixteen);
-    real r = _mm512_rsqrt14_ps(a), per = _mm512_rcp14_ps(b), part = (r * per) * times;
+    real r = _mm512_rsqrt14_ps(a), per = _mm512_rcp14_ps(b), part = times * r * per;
     real off = _mm512_fnmadd_ps(a * r, r, set(1.0f)), off_b = _mm512_fnmadd_ps(b, per, set(1.0f));
     return _mm512_fmadd_ps(part, off + (off_b + off_b), part + part);
 }

@@ -60,6 +60,7 @@ static inline struct packet packet_of(const struct lanes *from) {
 static inline void advance(struct packet *p, real h, real hit_distance, real oldest, real close) {
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance, call);
+    p->born = choose(p->done, p->born + set(1.0f), p->born); // waiting for others is no step
     real height = mul_add(p->t, p->slope, p->height), least = least_of(h, height);
     mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
     real step = keep(live, least + p->rest), t = p->t + step;
@@ -86,6 +87,7 @@ static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
     unload(from->field[B_SLOT], slots);
     from->field[B_T] = p->t;
     from->field[B_MORE] = p->rest;
+    from->field[B_BORN] = p->born;
     unsigned ended = bits(p->done) & from->live;
     for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), slot = (int)slots[lane];

@@ -192,7 +192,7 @@ static inline real twice_over_root(real times, real a, real b) {
     return (times + times) * rough_inverse_root(a) * per;
 }
 
-// √a of a normal a > 0, to a few ulp: 12 bits would need two steps, so that no third value is kept as with 16 lanes.
+// √a of a normal a > 0, to a few ulp. No third value is kept as with 16 lanes: there are 16 registers.
 struct rooted {
     real inverse, root;
 };

@@ -1,0 +1,213 @@
+// A Mandelbulb's operations of opt9_convex (opt10_scene has the same files) against doubles: test_bulb_8.c and
+// test_bulb_16.c, each for one number of lanes.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#pragma GCC diagnostic ignored "-Wunused-function" // of what is included
+#include "../../phases/opt9_convex/close.h"
+
+enum { ROUNDS = 20000 };
+static uint32_t seed = 1;
+
+static double random_from(double least, double most) { // after xorshift32 (G. Marsaglia, 2003)
+    seed ^= seed << 13;
+    seed ^= seed >> 17;
+    seed ^= seed << 5;
+    return least + (most - least) * (seed * 0x1p-32);
+}
+
+static float some_power(double least, double most) {
+    return (float)pow(10.0, random_from(least, most));
+}
+
+static void assert_near(double found, double expected, double most) {
+    if (!(fabs(found - expected) <= most))
+        fail_msg("%.9g in place of %.9g, off by %.3g of at most %.3g", found, expected,
+                 fabs(found - expected), most);
+}
+
+// 2^-20: some ulp of a float, where a guess alone has 2^-14 and 2^-11.
+static void test_roots_and_quotients_are_to_some_ulp(void **state) {
+    (void)state;
+    float a[LANES], b[LANES], m[LANES], product[LANES], slope[LANES], found[3][LANES];
+    for (int round = 0; round < ROUNDS / LANES; round++) {
+        for (int lane = 0; lane < LANES; lane++) {
+            a[lane] = some_power(-30, 37);
+            b[lane] = some_power(-18, 18) * (lane % 2 ? -1.0f : 1.0f);
+            // As the estimate has them, up to a bailout of 10,000: |w|² and the product of all before, the derivative.
+            m[lane] = some_power(-6, 33);
+            product[lane] = some_power(-6, 4);
+            slope[lane] = some_power(0, 24);
+        }
+        struct rooted rho = rooted(load(a));
+        unload(twice_root_times(&rho, load(b)), found[0]);
+        unload(divided_by(load(b), &rho), found[1]);
+        unload(twice_over_root(load(m), load(m) * load(product), load(slope)), found[2]);
+        for (int lane = 0; lane < LANES; lane++) {
+            double twice = 2.0 * b[lane] * sqrt(a[lane]), over = (double)b[lane] / a[lane];
+            double all = (double)(m[lane] * product[lane]),
+                   both = 2.0 * m[lane] / (sqrt(all) * slope[lane]);
+            assert_near(found[0][lane], twice, 0x1p-20 * fabs(twice));
+            if (fabs(over) > 1e-36 && fabs(over) < 1e38)
+                assert_near(found[1][lane], over, 0x1p-20 * fabs(over));
+            if (both > 1e-36)
+                assert_near(found[2][lane], both, 0x1p-20 * both);
+        }
+    }
+}
+
+// The map of baseline's sdf_mandelbulb, once: w becomes w⁸ + p.
+static void map(double w[3], const double p[3]) {
+    double x = w[0], y = w[1], z = w[2], x2 = x * x, y2 = y * y, z2 = z * z, k3 = x2 + z2;
+    double k2 = k3 > 0 ? 1 / sqrt(pow(k3, 7)) : 0, k4 = x2 - y2 + z2;
+    double k1 = x2 * x2 + y2 * y2 + z2 * z2 - 6 * y2 * z2 - 6 * x2 * y2 + 2 * z2 * x2;
+    w[0] = p[0] + 64 * x * y * z * (x2 - z2) * k4 * (x2 * x2 - 6 * x2 * z2 + z2 * z2) * k1 * k2;
+    w[1] = p[1] - 16 * y2 * k3 * k4 * k4 + k1 * k1;
+    w[2] = p[2] - 8 * y * k4 *
+                      (x2 * x2 * x2 * x2 - 28 * x2 * x2 * x2 * z2 + 70 * x2 * x2 * z2 * z2 -
+                       28 * x2 * z2 * z2 * z2 + z2 * z2 * z2 * z2) *
+                      k1 * k2;
+}
+
+// Its estimate; NaN where a float may escape an iteration sooner or later.
+static double estimate(const double p[3], double bailout) {
+    double w[3] = {p[0], p[1], p[2]}, m = p[0] * p[0] + p[1] * p[1] + p[2] * p[2], slope = 1.5;
+    for (int i = 0; i < 4; i++) {
+        slope = 8 * pow(m, 3.5) * slope + 1;
+        map(w, p);
+        m = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
+        if (fabs(m - bailout) < 1e-2 * bailout)
+            return NAN;
+        if (m > bailout)
+            break;
+    }
+    return m > 0 ? 0.25 * log(m) * sqrt(m) / slope : 0;
+}
+
+static void random_point(int which, float p[3]) {
+    double far = which % 4 ? random_from(0.3, 1.3) : random_from(1, 8), square = 0, way[3];
+    for (int i = 0; i < 3; i++) {
+        way[i] = random_from(-1, 1);
+        square += way[i] * way[i];
+    }
+    for (int i = 0; i < 3; i++)
+        p[i] = (float)(far * way[i] / sqrt(square));
+    if (which % 16 == 1)
+        p[2] = which % 32 == 1 ? 0.0f : -0.0f;
+    if (which % 16 == 2) { // on the axis, not at the centre: nearer than 1e-3 the estimate is 0
+        p[0] = p[2] = 0.0f;
+        p[1] = (float)(which % 32 == 2 ? far : -far);
+    }
+    if (which % 64 == 3)
+        p[0] = p[1] = p[2] = 0.0f;
+}
+
+// A float's rounding of the point and of the first iteration moves the surface by some 1e-7 of the point; the
+// derivative's small summand has 14 and 11 bits.
+static void test_the_estimate_is_the_map_of_baseline(void **state) {
+    (void)state;
+    static const float bailouts[] = {256.0f, 10000.0f};
+    const double rough = LANES == 16 ? 0x1p-13 : 0x1p-11;
+    for (int exact = 0; exact < 2; exact++)
+        for (int which = 0; which < 2; which++) {
+            struct placed s = {.iterations = 4, .bailout = bailouts[which]};
+            int asked = 0;
+            for (int round = 0; round < ROUNDS / LANES / ABREAST; round++) {
+                float at[ABREAST][3][LANES], found[LANES];
+                struct vec p[ABREAST];
+                mask done[ABREAST];
+                real h[ABREAST];
+                for (int k = 0; k < ABREAST; k++) {
+                    for (int lane = 0; lane < LANES; lane++) {
+                        float point[3];
+                        random_point((round * ABREAST + k) * LANES + lane, point);
+                        for (int i = 0; i < 3; i++)
+                            at[k][i][lane] = point[i];
+                    }
+                    p[k] = (struct vec){load(at[k][0]), load(at[k][1]), load(at[k][2])};
+                    done[k] = no_lane();
+                }
+                bulbs(&s, p, done, false, exact, h);
+                for (int k = 0; k < ABREAST; k++) {
+                    unload(h[k], found);
+                    for (int lane = 0; lane < LANES; lane++) {
+                        double point[3] = {at[k][0][lane], at[k][1][lane], at[k][2][lane]};
+                        double expected = estimate(point, (double)bailouts[which]);
+                        if (isnan(expected))
+                            continue;
+                        asked++;
+                        assert_near(found[lane], expected, 1e-6 + rough * fabs(expected));
+                    }
+                }
+            }
+            assert_true(asked > ROUNDS * 9 / 10);
+        }
+}
+
+// What close.h tells of the first iteration on a piece of a ray, from what put_pieces() wrote.
+static void test_pieces_are_the_first_iteration(void **state) {
+    (void)state;
+    for (int round = 0; round < 400; round++) {
+        struct pieces pieces;
+        struct close_lanes lanes;
+        float middle[3][LANES], way[3][LANES], end[LANES], per[LANES], t[LANES];
+        for (int lane = 0; lane < LANES; lane++) {
+            double square = 0;
+            do { // not so near to the axis that a piece is longer than its share
+                for (int i = 0; i < 3; i++)
+                    middle[i][lane] = (float)random_from(-0.7, 0.7);
+            } while (hypot(middle[0][lane], middle[2][lane]) < 1e-3);
+            for (int i = 0; i < 3; i++) {
+                way[i][lane] = (float)random_from(-1, 1);
+                square += (double)way[i][lane] * way[i][lane];
+            }
+            for (int i = 0; i < 3; i++)
+                way[i][lane] = (float)(way[i][lane] / sqrt(square));
+            double rho = hypot(middle[0][lane], middle[2][lane]) /
+                         1.04; // where the piece begins it may be less
+            end[lane] = fminf((float)rho * CLOSE_SHARE, CLOSE_PIECE);
+            per[lane] = 1.0f / end[lane];
+            t[lane] = end[lane] * (float)random_from(-1, 1);
+        }
+        real zero = set(0.0f);
+        struct wide_vec o = {wide_sum(load(middle[0]), zero), wide_sum(load(middle[1]), zero),
+                             wide_sum(load(middle[2]), zero)};
+        struct wide_vec d = {wide_sum(load(way[0]), zero), wide_sum(load(way[1]), zero),
+                             wide_sum(load(way[2]), zero)};
+        put_pieces(o, d, wide_sum(zero, zero), load(end), load(per), &pieces);
+        for (int i = 0; i < N_PLACE; i++)
+            lanes.field[i] = load(pieces.field[i]);
+        struct bulb told = close_first(&lanes, load(t), no_lane());
+        float found[4][LANES];
+        unload(told.x, found[0]);
+        unload(told.y, found[1]);
+        unload(told.z, found[2]);
+        unload(told.slope, found[3]);
+        for (int lane = 0; lane < LANES; lane++) {
+            double p[3], w[3], square = 0;
+            for (int i = 0; i < 3; i++) {
+                w[i] = p[i] = middle[i][lane] + (double)way[i][lane] * (double)t[lane];
+                square += p[i] * p[i];
+            }
+            double slope = 12 * pow(square, 3.5) + 1;
+            map(w, p);
+            for (int i = 0; i < 3;
+                 i++) // a float's rounding of each term, and what the polynomial leaves
+                assert_near(found[i][lane], w[i], 0x1p-22 * fmax(1, fabs(w[i])));
+            assert_near(found[3][lane], slope, 0x1p-19 * slope);
+        }
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_roots_and_quotients_are_to_some_ulp),
+        cmocka_unit_test(test_the_estimate_is_the_map_of_baseline),
+        cmocka_unit_test(test_pieces_are_the_first_iteration),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

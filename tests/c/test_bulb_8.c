@@ -1,0 +1,2 @@
+// flags: -DLANES=8 -mavx2 -mfma -ffp-contract=off
+#include "bulb_lanes.h"
