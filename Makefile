@@ -23,7 +23,7 @@ study: setup ## install what is needed, build, sweep, verify, count, write repor
 demo: setup ## one picture by baseline and by opt4, the time and the error between them (60 s)
 	@$(PY) scripts/demo.py $(ARGS)
 
-test: setup-test ## install what is needed and run every test (12 to 17 minutes on 2 quiet cores, up to 25 on busy ones)
+test: setup-test ## install what is needed and run every test (12 to 18 minutes on 2 quiet cores, up to 25 on busy ones)
 	@$(MAKE) --no-print-directory check
 
 phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: phase%: ## build the paper's baseline (phase0) … opt4 (phase4), and what stands for its opt5
