@@ -9,16 +9,9 @@
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
 #include "../../phases/opt9_convex/close.h"
+#include "random_from.h"
 
 enum { ROUNDS = 20000 };
-static uint32_t seed = 1;
-
-static double random_from(double least, double most) { // after xorshift32 (G. Marsaglia, 2003)
-    seed ^= seed << 13;
-    seed ^= seed >> 17;
-    seed ^= seed << 5;
-    return least + (most - least) * (seed * 0x1p-32);
-}
 
 static float some_power(double least, double most) {
     return (float)pow(10.0, random_from(least, most));

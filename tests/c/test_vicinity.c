@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "../../phases/opt9_convex/vicinity.c"
+#include "random_from.h"
 
 // Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
 // grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t. Or they pass it, up to
@@ -20,15 +21,6 @@ struct meeting {
     double centre[3], along[3]; // centre as a float
     float t;
 };
-
-static uint32_t seed = 1;
-
-static double random_from(double least, double most) { // after xorshift32 (G. Marsaglia, 2003)
-    seed ^= seed << 13;
-    seed ^= seed >> 17;
-    seed ^= seed << 5;
-    return least + (most - least) * (seed * 0x1p-32);
-}
 
 static struct meeting meeting_at(double least, double most, double beside) {
     struct meeting m;
