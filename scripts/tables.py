@@ -17,7 +17,7 @@ from study.cli import StudyError
 from study.readme import between
 from study.registry import ROOT
 
-README = ROOT / "README.md"
+README, SYSTEMS = ROOT / "README.md", ROOT / "results" / "reference" / "systems.md"
 BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
 SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
 
@@ -89,19 +89,19 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     at = columns.truth_height(rows.to_dict("records"))
     truth = f", or to truth where the head says so: of pictures{at} (4×4: their means)" if at else ""
     note = (
-        f"Measured on {machine_line(data)}. Median over process launches with its 95 % interval, of a launch "
-        "that of its timed frames (as many as stand beside: a long one is timed alone, unwarmed); "
-        "speed-ups are ratios of medians of one interleaved run on one thread; errors are in linear RGB, "
-        f"against baseline{truth}. 4×4 averaged: means of scripts/verify.py's larger pictures (360 rows), "
-        f"against baseline. > {show.MOST_DB} dB: below a float's rounding. "
-        "The paper's program: its speed-up over its own baseline on another machine, and its PSNR.\n"
+        f"Measured on {machine_line(data)}. Median over process launches with its 95\u00a0% interval, of a "
+        "launch that of its timed frames (as many as stand beside: a long one is timed alone, unwarmed); "
+        "speed-ups are ratios of medians of one interleaved run on one thread. Errors are in linear RGB, "
+        f"against baseline{truth}. > {show.MOST_DB} dB: below a float's rounding. The paper's program: its "
+        "speed-up over its own baseline on another machine, and its PSNR of display values. Every column, "
+        f"with speed-ups over opt2 and errors of 4×4 means: `{data.path.name}/tables/ladder.md`.\n"
     )
     block = "\n".join([*parts, note])
     return between(text, BEGIN, END, block)
 
 
-def readme_systems(text: str, data: Data) -> str:
-    """README's text with the table of systems made anew from a run that has them: of each figure that an
+def systems_page(text: str, data: Data) -> str:
+    """Its text with the table of systems made anew from a run that has them: of each figure that an
     article states, and of the others one. Raises StudyError without markers or systems.
     """
     rows = systems.few(systems.rows_of(data.path))
@@ -127,7 +127,7 @@ def run() -> int:
         "--readme", action="store_true", help="rewrite the ladder between the marks in README.md"
     )
     parser.add_argument(
-        "--readme-systems", action="store_true", help="rewrite the systems between the marks in README.md"
+        "--systems", action="store_true", help="rewrite the table of results/reference/systems.md"
     )
     args = parser.parse_args()
     data = analysis.load(args.run)
@@ -136,14 +136,14 @@ def run() -> int:
         raise StudyError(f"{data.path}: nothing was measured at n = {args.n}")
     made = make(data, rows)
     paths = write(made, args.out or data.path / "tables")
-    if args.readme or args.readme_systems:
+    rewritten = {README: lambda text: readme(text, data, rows)} if args.readme else {}
+    rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
+    for page, made_anew in rewritten.items():
         try:
-            text = README.read_text(encoding="utf-8")
-            text = readme(text, data, rows) if args.readme else text
-            store.write_text(README, readme_systems(text, data) if args.readme_systems else text)
+            store.write_text(page, made_anew(page.read_text(encoding="utf-8")))
         except OSError as error:
-            raise StudyError(f"{README}: {error.strerror}") from None
-        paths.append(README)
+            raise StudyError(f"{page}: {error.strerror}") from None
+        paths.append(page)
     for note in data.notes:
         cli.say(note)
     if args.json:

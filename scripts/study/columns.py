@@ -129,18 +129,13 @@ LADDER = [
 ]
 README = [
     Column("", "phase", _phase),
-    Column("", "precision", word("precision")),
     Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
     Column("", "frames a launch", _frames),
-    Column("", "ns/pixel", plain("ns_per_pixel", 4)),
     Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
-    Column("", "× opt2, same flags", speedup("speedup_same_flags", "same_flags_base")),
     Column("", "the paper's program (PSNR display)", rerun),
     Column("", "PSNR to truth, dB", _truth_psnr("truth_psnr_db")),
     Column("", "PSNR to baseline, dB", lambda r: psnr(r, "psnr_db")),
-    Column("", "4×4 averaged, dB", lambda r: psnr(r, "antialiased_psnr_db")),
     Column("", "pixels off > 1/255", lambda r: percent(r.get("fraction_over_1_255"))),
-    Column("", "of display values", lambda r: percent(r.get("fraction_over_1_255_display"))),
     Column("", "tolerance", gate, gate_mark),
 ]
 BESIDE = [

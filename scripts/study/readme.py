@@ -1,4 +1,4 @@
-"""Blocks of README.md that scripts write, between marks."""
+"""Blocks of pages written by hand that scripts write, between marks."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ def between(text: str, begin: str, end: str, block: str) -> str:
     before, found, rest = text.partition(begin)
     _, closed, after = rest.partition(end)
     if not (found and closed):
-        raise StudyError(f"README.md: lacks the lines {begin} and {end}, between which a table goes")
+        raise StudyError(f"the page lacks the lines {begin} and {end}, between which a table goes")
     return f"{before}{begin}\n{block}{end}{after}"

@@ -13,7 +13,7 @@ import pytest
 import started
 
 import goals as script
-from study import accuracy, analysis, goals, goals_page, show
+from study import accuracy, analysis, goals, goals_page
 from study.cli import StudyError
 from study.registry import ROOT
 from study.stats import Interval
@@ -175,11 +175,29 @@ def test_a_run_of_fewer_lanes_than_the_cpu_has_is_another_column(flags, lanes, n
 def test_readme_has_what_the_published_runs_say() -> None:
     folders = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))
     found, used = goals_page.rows([analysis.load(folder, strict=False) for folder in folders])
-    table = show.markdown(show.table(found, goals_page.columns(list(used))))
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert script.readme(text, table, script.note(used, found)) == text
+    pages = script.pages(found, used)
+    assert [page.name for page in pages] == ["README.md", "goals.md"]
+    for page, block in pages.items():
+        text = page.read_text(encoding="utf-8")
+        assert script.marked(text, *block) == text
     with pytest.raises(StudyError, match="goals:begin"):
-        script.readme("no marks", table, "")
+        script.marked("no marks", "", "")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "beside", "said"),
+    [
+        ("met", "61.0 dB to truth, 4×4", "3.00× [2.00, 4.00], 61.0 dB ✓"),
+        ("missed", "74.9 dB to opt3; Dr.Jit by 100 steps: 58.4 dB", "3.00× [2.00, 4.00], 74.9 dB to opt3 ✗"),
+        ("cannot be told apart here", "coverage 0.400 and 0.400", "3.00× [2.00, 4.00] ~"),
+        ("met, mandelbulb not measured", "", "3.00× [2.00, 4.00] ✓"),
+        ("", "baseline 54.5 dB", "3.00× [2.00, 4.00]"),
+    ],
+)
+def test_readme_s_short_form_keeps_interval_error_and_verdict(verdict, beside, said) -> None:
+    found = goals.Interval(3.0, 2.0, 4.0, 6, True)
+    text = goals_page.brief(goals.Goal("g", 2.5, found, verdict, beside=beside))
+    assert text.replace("\u00a0", " ") == said
 
 
 def test_a_run_without_any_figure_is_told_in_one_line(tmp_path: Path) -> None:

@@ -58,11 +58,11 @@ def test_each_file_s_own_commit_and_hour_are_said(mixed):
     assert said.endswith("; and on AMD EPYC (Zen 3); clang 19; da3dd80826 (packets 2026-11-22T22:00)")
 
 
-def test_the_readme_s_block_has_them_and_not_the_run_s_own(mixed):
+def test_the_page_s_block_has_them_and_not_the_run_s_own(mixed):
     tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=mixed, context=json.loads((mixed / "context.json").read_text()))
-    text = tables["readme_systems"](f"{begin}\n{end}\n", data)
+    text = tables["systems_page"](f"{begin}\n{end}\n", data)
     assert "(rods 2026-11-22T20:24); da3dd80826 (fixed 2026-11-22T21:24); all rows:" in text
     assert "19:34" not in text and "Rows of one process have no interval" in text
 
@@ -86,14 +86,14 @@ def test_how_quiet_the_machine_was_by_hand(mixed):
     assert provenance.disturbed(mixed / "none", systems.FILES) == ""
 
 
-def test_readme_s_block_is_what_the_run_that_it_names_makes():
+def test_the_page_s_block_is_what_the_run_that_it_names_makes():
     """And not what an older script made, or a hand."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "results" / "reference" / "systems.md").read_text(encoding="utf-8")
     tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     block = text.partition(tables["SYSTEMS_BEGIN"])[2].partition(tables["SYSTEMS_END"])[0]
     path = ROOT / "results" / "reference" / re.search(r"all rows: `([\w.-]+)/tables/`", block)[1]
     data = types.SimpleNamespace(path=path, context=json.loads((path / "context.json").read_text()))
-    assert tables["readme_systems"](text, data) == text
+    assert tables["systems_page"](text, data) == text
 
 
 @pytest.mark.parametrize(

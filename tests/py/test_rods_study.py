@@ -306,15 +306,15 @@ def test_the_readme_s_table_of_systems(monkeypatch, tmp_path):
     tables = runpy.run_path(str(ROOT / "scripts" / "tables.py"))
     begin, end = tables["SYSTEMS_BEGIN"], tables["SYSTEMS_END"]
     data = types.SimpleNamespace(path=tmp_path, context={})
-    monkeypatch.setitem(tables["readme_systems"].__globals__, "machine_line", lambda _: "a CPU")
-    text = tables["readme_systems"](f"before\n{begin}\nold\n{end}\nbehind\n", data)
+    monkeypatch.setitem(tables["systems_page"].__globals__, "machine_line", lambda _: "a CPU")
+    text = tables["systems_page"](f"before\n{begin}\nold\n{end}\nbehind\n", data)
     assert text.startswith(f"before\n{begin}\n| system |") and text.endswith(f"{end}\nbehind\n")
     assert "old" not in text and text.count("rod marching (P4)") == len(made) and "a CPU" in text
-    assert tables["readme_systems"](text, data) == text
+    assert tables["systems_page"](text, data) == text
     with pytest.raises(StudyError, match="lacks the lines"):
-        tables["readme_systems"]("no marks", data)
+        tables["systems_page"]("no marks", data)
     with pytest.raises(StudyError, match="has no systems"):
-        tables["readme_systems"](text, types.SimpleNamespace(path=tmp_path / "none"))
+        tables["systems_page"](text, types.SimpleNamespace(path=tmp_path / "none"))
 
 
 def test_the_sheet_of_all_systems(monkeypatch, tmp_path):
