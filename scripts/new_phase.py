@@ -74,8 +74,10 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
     temporary = None
     try:
         temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
-        ablations = shutil.ignore_patterns("ablations")  # patches of the parent's own steps
-        shutil.copytree(base.path, temporary, symlinks=True, dirs_exist_ok=True, ignore=ablations)
+        own = shutil.ignore_patterns(
+            "ablations", "HISTORY.md"
+        )  # patches of the parent's own steps, its diary
+        shutil.copytree(base.path, temporary, symlinks=True, dirs_exist_ok=True, ignore=own)
         text = json.dumps(described, indent=4, ensure_ascii=False)
         (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")
         (temporary / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")

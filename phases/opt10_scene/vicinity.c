@@ -3,7 +3,7 @@
 #include "seek.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
-// no further than. NOTES.md has what others cost.
+// no further than. opt9_convex's HISTORY.md has what others cost.
 #define VICINITY 0.4f
 #define WIDER 1.2f
 // How much of that distance a ray leaves to the vicinity's edge, at least: it has room for a step.

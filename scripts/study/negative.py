@@ -1,5 +1,5 @@
 """What did not pay: single steps that gain nothing or cost too much of the picture, measured in this run, and
-what each phase's NOTES.md says of what was tried."""
+what each phase's NOTES.md and HISTORY.md say of what was tried."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ ABOUT = (
     "beyond that, and what a phase's notes say of the same step stands. PSNR is "
     "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
 )
+FILES = ("NOTES.md", "HISTORY.md")
 NOTES = (
-    "The rest is quoted from the phases' NOTES.md: measured when they were written, on the machine and at "
-    "the size that is said there, and not again in this run."
+    "The rest is quoted from the phases' NOTES.md and, where a phase has one, HISTORY.md: measured when they "
+    "were written, on the machine and at the size that is said there, and not again in this run."
 )
 Row = dict[str, Any]
 
@@ -124,7 +125,7 @@ def draw(rows: Sequence[Row]) -> Figure:
 
 
 def quoted(text: str) -> str | None:
-    """What a NOTES.md says that did not pay, a heading first: its part of that heading, and below it the
+    """What a phase's notes say that did not pay, a heading first: its part of that heading, and below it the
     paragraphs of other sections that begin with those words, each under its section's. None without any."""
     found = HEADING.search(text)
     part, others = "", text
@@ -158,12 +159,13 @@ def _aside(text: str) -> list[str]:
 
 
 def notes(phases: Mapping[str, registry.Phase]) -> dict[str, str]:
-    """Phase → that part of its NOTES.md, of those that have one."""
+    """Phase → that part of its NOTES.md and HISTORY.md, of those that have one."""
     found = {}
     for name, phase in phases.items():
-        file = phase.path / "NOTES.md"
-        if file.is_file() and (text := quoted(file.read_text(encoding="utf-8"))):
-            found[name] = text
+        files = [phase.path / file for file in FILES]
+        text = "\n\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+        if said := quoted(text):
+            found[name] = said
     return found
 
 

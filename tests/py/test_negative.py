@@ -97,6 +97,10 @@ def test_the_notes_of_the_phases_are_found(tmp_path: Path) -> None:
     assert negative.notes({"opt1": phase}) == {}
     (tmp_path / "NOTES.md").write_text(TEXT)
     assert negative.notes({"opt1": phase}) == {"opt1": negative.quoted(TEXT)}
+    (tmp_path / "HISTORY.md").write_text("# h\n\n## Later\n\nDid not pay: *more*.\n")
+    assert negative.notes({"opt1": phase})["opt1"].endswith("*In “Later”:*\n\nDid not pay: *more*.\n")
+    (tmp_path / "NOTES.md").unlink()
+    assert negative.notes({"opt1": phase})["opt1"].startswith("## What did not pay\n\n*In “Later”:*")
 
 
 def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:

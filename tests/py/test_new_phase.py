@@ -53,7 +53,10 @@ def test_phase_json_is_filled(root):
 
 def test_notes_are_a_fresh_skeleton(root):
     (root / "phases/opt2/NOTES.md").write_text("# opt2\nwhat was measured there\n")
-    notes = (new_phase.create("x", "opt2", root) / "NOTES.md").read_text()
+    (root / "phases/opt2/HISTORY.md").write_text("# opt2: how it came there\n")
+    made = new_phase.create("x", "opt2", root)
+    assert not (made / "HISTORY.md").exists()
+    notes = (made / "NOTES.md").read_text()
     assert "what was measured there" not in notes
     headings = [line for line in notes.splitlines() if line.startswith("#")]
     assert headings == ["# x", "## Bottleneck of opt2, measured", "## Change", "## Prediction", "## Outcome"]
