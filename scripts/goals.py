@@ -25,7 +25,7 @@ def marked(text: str, table: str, note: str) -> str:
 
 def pages(found: Sequence[goals_page.Row], used: Mapping[str, str]) -> dict[Path, tuple[str, str]]:
     """Page -> its table and the note below: README's verdicts, and the page that has all of it."""
-    short = show.markdown(show.table(found, goals_page.brief_columns(list(used))))
+    short = show.markdown(show.table(goals_page.briefly(found), goals_page.brief_columns(list(used))))
     whole = show.markdown(show.table(found, goals_page.columns(list(used))))
     return {README: (short, goals_page.BRIEF_NOTE), WHOLE: (whole, note(used, found))}
 

@@ -79,6 +79,14 @@ def machine_line(data: Data) -> str:
     return f"{provenance.place(context)}; {provenance.commit(context)}; {context.get('time') or ''}"
 
 
+def _ladder_of(path: Path) -> str:
+    """Where a run's whole ladder is; a link where it is published."""
+    file = (path / "tables" / "ladder.md").resolve()
+    if file.is_relative_to(SYSTEMS.parent):
+        return f"[ladder.md]({file.relative_to(ROOT)})"
+    return f"`{path.name}/tables/ladder.md`"
+
+
 def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     """README's text with the block between the markers made anew. Raises StudyError without markers."""
     parts = []
@@ -94,7 +102,7 @@ def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
         "speed-ups are ratios of medians of one interleaved run on one thread. Errors are in linear RGB, "
         f"against baseline{truth}. > {show.MOST_DB} dB: below a float's rounding. The paper's program: its "
         "speed-up over its own baseline on another machine, and its PSNR of display values. Every column, "
-        f"with speed-ups over opt2 and errors of 4×4 means: `{data.path.name}/tables/ladder.md`.\n"
+        f"with speed-ups over opt2 and errors of 4×4 means: {_ladder_of(data.path)}.\n"
     )
     block = "\n".join([*parts, note])
     return between(text, BEGIN, END, block)

@@ -273,7 +273,7 @@ struct leaving {
 };
 
 // Whether they are from a solid, and any is to be marched. `begun`: they have taken LOOK steps. From what is convex the first
-// two have the least of all terms (NOTES.md, 2.).
+// two have the least of all terms (opt9_convex's NOTES.md, 2.).
 static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct convex *work) {
     COUNT(sets_out, call);
     const struct prepared *scene = work->scene;
@@ -515,7 +515,7 @@ static void cast_beam(int first, int end, const struct convex *work) {
 }
 
 // Where the beam ends that begins there. Rays from one solid stay as close as it is wide; with the next one's some would wait
-// wherever the others are marched (NOTES.md). walk.solid rests on it.
+// wherever the others are marched (opt9_convex's HISTORY.md). walk.solid rests on it.
 static int beam_end(const struct desk *desk, int first) {
     const unsigned short *order = desk->order[0];
     int end = first + 1, most = lesser(desk->shadows, first + BEAM_RAYS);

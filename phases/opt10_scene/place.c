@@ -184,7 +184,7 @@ static void place_solid(struct placed *p, const struct shape *shape, const struc
 }
 
 // The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// 1, whatever its steps (opt9_convex's NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
 static float lit_slope(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {

@@ -515,7 +515,7 @@ static void cast_beam(int first, int end, const struct convex *work) {
 }
 
 // Where the beam ends that begins there. Rays from one solid stay as close as it is wide; with the next one's some would wait
-// wherever the others are marched (NOTES.md). walk.solid rests on it.
+// wherever the others are marched (HISTORY.md). walk.solid rests on it.
 static int beam_end(const struct desk *desk, int first) {
     const unsigned short *order = desk->order[0];
     int end = first + 1, most = lesser(desk->shadows, first + BEAM_RAYS);

@@ -126,7 +126,7 @@ static inline void put_terms(const wide sum[3], const wide difference[3],
 }
 
 // The derivative's: the first of the Chebyshev polynomials through its values. It scales the estimate alone: a step's
-// length errs by less than 2^-19 of itself, and no pixel was seen to need more (NOTES, "Fewer products").
+// length errs by less than 2^-19 of itself, and no pixel was seen to need more (HISTORY, "Fewer products").
 static inline void put_slope(const wide sum[3], const wide difference[3],
                              const real power[CLOSE_TERMS], struct pieces *to) {
     static const double slope[SLOPE_TERMS][3] = {

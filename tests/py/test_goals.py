@@ -188,7 +188,7 @@ def test_readme_has_what_the_published_runs_say() -> None:
     ("verdict", "beside", "said"),
     [
         ("met", "61.0 dB to truth, 4×4", "3.00× [2.00, 4.00], 61.0 dB ✓"),
-        ("missed", "74.9 dB to opt3; Dr.Jit by 100 steps: 58.4 dB", "3.00× [2.00, 4.00], 74.9 dB to opt3 ✗"),
+        ("missed", "74.9 dB to opt3; Dr.Jit by 100 steps: 58.4 dB", "3.00× [2.00, 4.00], 74.9 dB ✗"),
         ("cannot be told apart here", "coverage 0.400 and 0.400", "3.00× [2.00, 4.00] ~"),
         ("met, mandelbulb not measured", "", "3.00× [2.00, 4.00] ✓"),
         ("", "baseline 54.5 dB", "3.00× [2.00, 4.00]"),
@@ -198,6 +198,38 @@ def test_readme_s_short_form_keeps_interval_error_and_verdict(verdict, beside, s
     found = goals.Interval(3.0, 2.0, 4.0, 6, True)
     text = goals_page.brief(goals.Goal("g", 2.5, found, verdict, beside=beside))
     assert text.replace("\u00a0", " ") == said
+
+
+def test_the_short_form_names_a_phase_that_is_not_the_last_rung_and_half_of_what_was_asked() -> None:
+    found = goals.Interval(3.0, 2.0, 4.0, 6, True)
+    goal = goals.Goal("opt6_wide on scene0 over baseline", 5.0, found, "met", "opt6_wide", narrow=True)
+    assert goals_page.brief(goal).replace("\u00a0", " ") == "3.00× [2.00, 4.00] of 2.50× ✓"
+    for what, said in (("opt9_convex", "opt9_convex 3.00×"), ("opt10_scene", "3.00×")):
+        assert goals_page.brief(goal._replace(name="best on scene0", what=what)).startswith(said)
+
+
+def test_the_short_form_has_one_row_of_all_measures_of_accuracy() -> None:
+    def row(goal: str, brief: str, of_phase: str = "", asked: str = "≥ 1") -> dict:
+        return {"goal": goal, "asked": asked, "brief": {"Zen": brief}, "of_phase": of_phase}
+
+    several = [
+        row("best on scene0 over baseline", "3 ✓"),
+        row("PSNR", "54.5 dB ✓", "baseline"),
+        row("wrong hits", "7 ✗", "baseline"),
+        row("frames", "60 ✓"),
+        row("shapes", "3 ✓"),
+        row("rays to the light", "0.6", asked=goals_page.show.NOTHING),
+    ]
+    made = goals_page.briefly(several)
+    assert [each["goal"].split(",")[0].split(":")[0] for each in made] == [
+        "best on scene0 over baseline",
+        "accuracy",
+        "frames",
+        "shapes",
+    ]
+    assert made[1]["brief"] == {"Zen": "1 of 2 ✗"} and made[3]["brief"] == {"Zen": "3 ✓"}
+    several[2] = row("wrong hits", "0 ✓", "baseline")
+    assert goals_page.briefly(several)[1]["brief"] == {"Zen": "2 of 2 ✓"}
 
 
 def test_a_run_without_any_figure_is_told_in_one_line(tmp_path: Path) -> None:
