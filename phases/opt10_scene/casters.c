@@ -51,9 +51,7 @@ INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
     mask own_bulge = both(own, bulges(s, r->local, r->facing, KNOWN(work->scene)));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
-    real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
-    real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
-    r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->end = choose(met, most_of(cone_leaves(c, q), r->end), r->end);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)),
@@ -137,10 +135,7 @@ INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct
     COUNT(look_from_plane, met);
     r->many = either(r->many, s->convex ? both(r->some, met) : met);
     r->some = either(r->some, met);
-    float wide = 1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f;
-    real leaves =
-        (c.lean + root(most_of(mul_sub(c.lean, c.lean, set(wide) * c.need), zero))) / set(wide);
-    r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->end = choose(met, most_of(cone_leaves(c, q), r->end), r->end);
     struct vec at, d = turned(s, r->to_light);
     real t;
     mask behind, in = enter(in_frame(s, r->point), d, s, met, &t, &at, &behind);

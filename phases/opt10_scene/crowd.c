@@ -212,6 +212,10 @@ static void end_behind_all(struct rays *r, const struct prepared *scene) {
     real square = mul_sub(lean, lean, wide * need);
     mask met = either(less(need, zero), both(greater(lean, zero), not_less(square, zero)));
     real leaves = (lean + root(most_of(square, zero))) / wide;
+    if (!(q < 1.0f)) { // as in look_at_solid()
+        met = all_lanes();
+        leaves = set(INFINITY);
+    }
     r->end = choose(met, most_of(leaves, r->end), r->end);
 }
 

@@ -71,8 +71,7 @@ INLINE void shade_from(int i, const struct ball *ball, const struct convex *work
     const struct prepared *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
     float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
-    if (s->type == SHAPE_MANDELBULB)
-        q /= BULB_SHARE;
+    q = slope_to(s, q);
     if (!ball || s->way == LINEAR || REPEATED(s) || !ball_clears(ball, s, q))
         put_in(&work->desk->shading, i);
 }

@@ -76,6 +76,8 @@ struct pool {
     struct near *nears;
     float ray[LANES];  // which of the queue
     float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
+    float previous[LANES],
+        from[LANES]; // of rays that leave: the march's, which steps of the others write over
     unsigned live, leaving;
 };
 
@@ -167,26 +169,29 @@ struct pools {
     int leaving; // lanes of `out` in use
 };
 
-// From |p| = e² on a Mandelbulb's estimate, |p|·ln|p|/3, grows faster than |p|: h passes 2·previous, where the
-// estimator's circles of radius h and `previous` only touch, and a term may be anything. That is why rays on which
-// no surface can bring a term below what they have still take the steps to there, in packets of such rays: one
-// iteration each. `over`: beyond, where it is above 2·previous for good, or where a plane is nearer for good.
+// A Mandelbulb's estimate, |p|·ln|p|/3 far out, is less than the distance at first, and from |p| = e² on it grows faster than
+// |p|: h comes near to 2·previous and passes it, where the estimator's circles of radius h and `previous` only touch, and a
+// term may be anything. That is why rays on which no surface can bring a term below what they have still take their steps,
+// in packets of such rays: one iteration each. `over`: where a plane is nearer for good, and was at the step before, too,
+// so that the next term is of its distances alone. For good: at 3 and beyond the estimate is above 0.33·|p|·ln|p|, whose slope
+// along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
 INLINE void over_bulb(int i, const struct march *m, const struct prepared *scene, mask *over) {
     const struct near *near = &m->nears[i];
     if (scene->placed[i].type != SHAPE_MANDELBULB)
         return;
     COUNT(over, bulb);
-    struct vec p = vec_along(near->origin, near->direction, m->t);
-    real square = vec_dot(p, p);
-    mask beyond = greater(square, set(100.0f));
-    if (scene->plane >= 0) {
-        COUNT(over, plane);
-        const struct near *plane = &m->nears[scene->plane];
-        real r = root(square), height = mul_add(m->t, plane->direction.x, plane->origin.x);
-        real least = r * log_of(r) * set(0.33f); // from 3 on its slope is 0.7
-        mask under = both(less(height, least), less(plane->direction.x, set(0.69f)));
-        beyond = either(beyond, both(under, greater(square, set(9.0f))));
+    if (scene->plane < 0) {
+        *over = no_lane();
+        return;
     }
+    const struct near *plane = &m->nears[scene->plane];
+    struct vec p = vec_along(near->origin, near->direction, m->from);
+    real square = vec_dot(p, p), r = root(square), grown = log_of(r);
+    real slope = plane->direction.x, height = mul_add(m->from, slope, plane->origin.x);
+    mask under = less(height, r * grown * set(0.33f));
+    mask stays =
+        not_less(mul_add(grown, set(0.33f), set(0.33f)) * vec_dot(p, near->direction), slope * r);
+    mask beyond = both(greater(square, set(9.0f)), both(under, stays));
     *over = both(*over, beyond);
 }
 
@@ -235,6 +240,11 @@ static void retire_shadows(struct pool *from, struct pools *pools, const struct 
     answer(from, ended & ~leaving, work);
     from->live &= ~ended;
     from->leaving &= ~ended;
+    if (leaving) {
+        mask which = lanes_of(leaving);
+        from->march.previous = choose(which, load(from->previous), from->march.previous);
+        from->march.from = choose(which, load(from->from), from->march.from);
+    }
     while (leaving) {
         struct pool *to = &pools->out[pools->leaving / LANES];
         unsigned room = ~to->live & ((1u << LANES) - 1);
@@ -270,6 +280,8 @@ static inline int step_all(struct march *m, struct pool *pool, int steps,
             COUNT(step_all, behind);
             real born = load(pool[k].born);
             unload(choose(behind, born - set((float)steps), born), pool[k].born);
+            unload(choose(behind, m[k].previous, load(pool[k].previous)), pool[k].previous);
+            unload(choose(behind, m[k].from, load(pool[k].from)), pool[k].from);
             pool[k].leaving |= bits(behind);
             m[k].done = either(m[k].done, behind);
         }

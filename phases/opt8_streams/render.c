@@ -212,8 +212,10 @@ static float hard_slope(const struct limits *limits) {
 }
 
 // Outside of its ball a Mandelbulb's estimate is at least half of the distance to that.
-static void place_cone(struct placed *p, float q) {
-    p->slope_lit = p->type == SHAPE_MANDELBULB ? fminf(2 * q, 1) : q;
+// None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
+// step's length, or to nearly 2·previous with no surface where the proof (NOTES.md) has one.
+static void place_cone(struct placed *p, float q, bool soft) {
+    p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
     p->lean = p->slope_lit * p->bound;
     p->wide = 1 - p->slope_lit * p->slope_lit;
 }
@@ -251,7 +253,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
         struct placed *p = &prepared->placed[i];
         *p = place_shape(i, &model->shapes[i], &model->march);
         place_solid(p, &model->shapes[i], model);
-        place_cone(p, prepared->lit_slope);
+        place_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
         prepared->told = prepared->told && !p->repeated && p->way != POWER;
     }
     prepared->lone = stands_alone(prepared);

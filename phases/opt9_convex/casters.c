@@ -52,9 +52,7 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
     mask own_bulge = both(own, bulges(s, r->local, r->facing, work->scene));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
-    real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
-    real leaves = (c.lean + root(most_of(mul_sub(c.lean, c.lean, wide * c.need), zero))) / wide;
-    r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->end = choose(met, most_of(cone_leaves(c, q), r->end), r->end);
     r->many = either(r->many, s->convex ? both(r->some, met) : met);
     r->some = either(r->some, met);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.

@@ -20,6 +20,16 @@ static inline mask cone_misses(struct cone c, float q) {
     return less(lean * lean, set(1.0f - q * q) * c.need);
 }
 
+// Where those that meet it have left it. Of slope 1 or more none does: with a strength of 1 or less a term may come below 1
+// anywhere.
+static inline real cone_leaves(struct cone c, float q) {
+    if (!(q < 1.0f))
+        return set(INFINITY);
+    real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
+    real square = mul_sub(c.lean, c.lean, wide * c.need);
+    return (c.lean + root(most_of(square, set(0.0f)))) / wide;
+}
+
 static inline struct vec to_centre(const struct placed *s, struct vec p) {
     return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y,
                         set(s->position[2]) - p.z};
@@ -60,6 +70,8 @@ static inline mask plane_between(struct vec to, struct vec l, const struct place
     COUNT(plane_between, call);
     COUNT(plane_between, scalar);
     float lean = q * (1 + 0x1p-12f);
+    if (!(lean < 1))
+        return no_lane();
     real along = vec_dot(to, l);
     struct vec away = {mul_sub(l.x, along, to.x), mul_sub(l.y, along, to.y),
                        mul_sub(l.z, along, to.z)};
@@ -70,11 +82,10 @@ static inline mask plane_between(struct vec to, struct vec l, const struct place
     return greater((height - set(1e-5f * s->bound)) * beside, reach_of(turned(s, n), beside, s));
 }
 
-// The slope that the cone to a shape needs.
+// The slope that the cone to a shape needs. None clears a Mandelbulb: its estimate is less than the distance, so that h may
+// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (NOTES.md, 1.) has one.
 static inline float slope_to(const struct placed *s, float q) {
-    if (s->type != SHAPE_MANDELBULB)
-        return q;
-    return q < BULB_SHARE ? q / BULB_SHARE : 1.0f;
+    return s->type == SHAPE_MANDELBULB ? 1.0f : q;
 }
 
 // Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:

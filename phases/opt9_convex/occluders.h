@@ -82,8 +82,7 @@ static void choose_shading(const struct stage *stage, int count, const struct co
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *s = &scene->placed[i];
         float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
-        if (s->type == SHAPE_MANDELBULB)
-            q /= BULB_SHARE;
+        q = slope_to(s, q);
         if (!known || s->way == LINEAR || s->repeated || !ball_clears(&ball, s, q))
             desk->shading[desk->shadings++] = i;
     }
