@@ -69,6 +69,8 @@ def _light() -> dict[str, dict]:
     beneath = {"position": [0.1, -4, 0.3], "shadows": "soft"}
     lit |= {
         "shadow_strength": scene(ROOM, light=soft),
+        "shadow_strength_1": scene(ROOM, light=soft | {"shadow_strength": 1}),
+        "shadow_strength_0.4": scene(ROOM, light=soft | {"shadow_strength": 0.4}),
         "fog": scene(ROOM, fog=0.002),
         "fog_thick": scene(ROOM, fog=10),
         "background": scene([shape("sphere")], background=[0.2, 0.5, 0.8]),

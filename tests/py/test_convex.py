@@ -480,7 +480,7 @@ def test_weak_shadows_are_truths(strength: float, phase: str, tmp_path: Path) ->
         assert np.abs(images.rgb(mine) - images.rgb(exact))[same].max() < 1e-3
 
 
-# Walls about and behind a Mandelbulb: far from it its estimate grows as fast as a step, and a term may be any.
+# Walls about and behind a Mandelbulb: far from it its estimate grows as steps do, and a term may be anything.
 @pytest.mark.parametrize("phase", WIDTHS)
 @pytest.mark.parametrize("wall", [-4, -5, -6, -7, -8, -9])
 def test_shadows_past_a_mandelbulb_take_its_steps(wall: float, phase: str, tmp_path: Path) -> None:
