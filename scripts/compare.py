@@ -11,7 +11,7 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import stats, summary
+from study import provenance, stats, summary
 from study.cli import StudyError
 from study.store import Run
 
@@ -89,6 +89,9 @@ def main() -> int:
     runs = [Run.open(path) for path in (options.a, options.b)]
     frames = [run.frames() for run in runs]
     for run, each in zip(runs, frames, strict=True):
+        if run.context is None:
+            raise StudyError(f"{run.path / 'context.json'}: should be a JSON object")
+        provenance.check(run.context, run.path / "context.json")
         if each.empty or each["warmup"].all():
             raise StudyError(f"{run}: no timed frame; measure with scripts/sweep.py --run {run}")
     found = rows(*frames)

@@ -91,6 +91,10 @@ def main(run: Callable[[], int | None]) -> None:
         # The reader has gone (head, less): that is no error, and the flush at exit must not say so.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = OK
+    except OSError as error:  # of files the scripts speak themselves: a full disk behind standard output
+        print(f"{name}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = BAD_INPUT
     sys.exit(status)
 
 

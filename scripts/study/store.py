@@ -9,6 +9,7 @@ import fcntl
 import functools
 import gzip
 import json
+import math
 import os
 import subprocess
 import tempfile
@@ -99,6 +100,8 @@ def read_json(path: Path) -> Any:
         return json.loads(data.decode("utf-8"))
     except json.JSONDecodeError as error:
         raise StudyError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    except RecursionError:
+        raise StudyError(f"{path}: nested too deep") from None
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
 
@@ -261,14 +264,38 @@ class Run:
         for number, line in enumerate(data[:whole].splitlines(), 1):
             try:
                 row = json.loads(line)
+                odd = _odd(row) if isinstance(row, dict) else "not an object"
+                if odd:
+                    raise StudyError(f"{self.frames_path}:{number}: {odd}")
                 row["spec"] = row["phase"] + (
                     "" if row["phase"] == row["flags_from"] else f"@{row['flags_from']}"
                 )
-            except (ValueError, TypeError, KeyError) as error:
+            except (ValueError, TypeError, KeyError, RecursionError) as error:
                 what = f"no {error}" if isinstance(error, KeyError) else "not a whole JSON object"
                 raise StudyError(f"{self.frames_path}:{number}: {what}") from None
             rows.append(row)
         return pd.DataFrame(rows)
+
+
+# What a frame's figures are, where a line has them: kind, and the least.
+WHOLE_NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
+WORDS = ("phase", "flags_from", "scene", "scene_hash", "config", "flags", "compiler", "libc")
+
+
+def _odd(row: dict[str, Any]) -> str | None:
+    """What is wrong with a line of frames.jsonl: its first entry that is not the number or the word it should
+    be. None if nothing is."""
+    for name, least in WHOLE_NUMBERS.items():
+        value = row.get(name, least)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not (number and least <= value < math.inf):
+            return f"{name} is {value!r}; should be a number of {least} or more"
+    for name in WORDS:
+        if not isinstance(row.get(name, ""), str):
+            return f"{name} is {row[name]!r}; should be text"
+    if not isinstance(row.get("warmup", False), bool):
+        return f"warmup is {row['warmup']!r}; should be true or false"
+    return None
 
 
 def whole_lines(data: bytes) -> int:

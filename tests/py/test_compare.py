@@ -131,3 +131,41 @@ def test_nothing_to_compare_is_an_error(two, tmp_path):
     assert done.returncode == 2
     assert f"no timed frame; measure with scripts/sweep.py --run {empty.path}" in done.stderr
     assert "not a run" in run(two[0].path, tmp_path).stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"ns": -5}, "ns is -5; should be a number of 1 or more"),
+        ({"ns": "x"}, "ns is 'x'; should be a number"),
+        ({"ns": True}, "ns is True; should be a number"),
+        ({"width": 0}, "width is 0; should be a number of 1 or more"),
+        ({"launch": None}, "launch is None; should be a number of 0 or more"),
+        ({"flags": []}, "flags is []; should be text"),
+        ({"scene_hash": None}, "scene_hash is None; should be text"),
+        ({"warmup": "no"}, "warmup is 'no'; should be true or false"),
+    ],
+)
+def test_a_damaged_figure_is_told_by_file_and_line(two, change, said):
+    whole = two[0].frames_path.read_text().splitlines()
+    whole[2] = json.dumps(json.loads(whole[2]) | change)
+    two[0].frames_path.write_text("\n".join(whole) + "\n")
+    done = run(two[0].path, two[1].path)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert f"frames.jsonl:3: {said}" in done.stderr
+
+
+@pytest.mark.parametrize("content", ["null", "[]", "3", '{"cpu": 7}', '{"git": "x"}', "[" * 100_000])
+def test_a_damaged_context_is_told_in_one_line(two, content):
+    (two[1].path / "context.json").write_text(content)
+    done = run(two[0].path, two[1].path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    assert "context.json: " in done.stderr
+
+
+def test_a_full_disk_behind_the_output_is_told_in_one_line(two):
+    command = [sys.executable, ROOT / "scripts" / "compare.py", two[0].path, two[1].path]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.strip() == "compare.py: standard output: No space left on device"
