@@ -185,6 +185,9 @@ int main(int argc, char **argv) {
     int status = driver_parse(argc, argv, &s.options);
     if (status != OK)
         return status < 0 ? driver_flush() : status;
+    if (!variant_limit_known())
+        return driver_complain(BAD_INPUT, "STEPWISE_ISA_LIMIT is %s: avx2 or none is required",
+                               getenv("STEPWISE_ISA_LIMIT"));
     const char *missing = variant_missing();
     if (missing)
         return driver_complain(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);

@@ -18,6 +18,11 @@ static bool lacks(const char *feature, bool supported) {
 
 #define LACKS(feature) lacks(feature, __builtin_cpu_supports(feature))
 
+bool variant_limit_known(void) {
+    const char *limit = getenv("STEPWISE_ISA_LIMIT");
+    return !limit || !*limit || strcmp(limit, "avx2") == 0 || strcmp(limit, "none") == 0;
+}
+
 const char *variant_missing(void) {
     __builtin_cpu_init();
 #define NEED(feature)                                                                              \

@@ -5,6 +5,8 @@
 #ifndef STEPWISE_VARIANT_H
 #define STEPWISE_VARIANT_H
 
+#include <stdbool.h>
+
 struct variant {
     int lanes;
     const char *isa, *flags; // all it needs: avx2+fma, say; the compiler's
@@ -17,5 +19,7 @@ struct variant variant_here(void);
 // STEPWISE_ISA_LIMIT in the environment makes the CPU a smaller one: "avx2" one without AVX-512, "none"
 // one without anything beyond x86-64.
 const char *variant_missing(void);
+// Whether it is one of these, or not set.
+bool variant_limit_known(void);
 
 #endif

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
@@ -16,12 +17,17 @@ extern char **environ;
 
 enum { MOST_ARGUMENTS = 64, SECONDS = 60 };
 
+static bool is_program(const char *path) {
+    struct stat found;
+    return stat(path, &found) == 0 && S_ISREG(found.st_mode) && access(path, X_OK) == 0;
+}
+
 static bool on_path(const char *name, char path[4096]) {
     size_t name_length = strlen(name);
     if (strchr(name, '/')) {
         if (name_length < 4096)
             memcpy(path, name, name_length + 1);
-        return name_length < 4096 && access(path, X_OK) == 0;
+        return name_length < 4096 && is_program(path);
     }
     const char *at = getenv("PATH");
     while (at && *at) {
@@ -30,7 +36,7 @@ static bool on_path(const char *name, char path[4096]) {
             memcpy(path, at, length);
             path[length] = '/';
             memcpy(path + length + 1, name, name_length + 1);
-            if (access(path, X_OK) == 0)
+            if (is_program(path))
                 return true;
         }
         at += length + (at[length] == ':');

@@ -45,6 +45,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
                         const char *flags, int lanes, const char *tag, const char *object,
                         const char *kept, char reason[256]) {
     char text[4400], made[4400];
+    struct stat found;
     snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
     cache_sweep(folder);
     int opened =
@@ -59,7 +60,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
     else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
         done = false;
-    else if (access(made, R_OK) != 0) {
+    else if (stat(made, &found) != 0 || !S_ISREG(found.st_mode)) { // a pipe would be read for ever
         snprintf(reason, 256, "%.160s wrote no object", compiler);
         done = false;
     } else {
@@ -70,7 +71,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
             unlink(kept); // without it the kernel is used now and made anew next time
     }
     unlink(text);
-    unlink(made);
+    remove(made); // a folder, if the compiler made one
     return done;
 }
 

@@ -225,6 +225,8 @@ def cpu_flags() -> frozenset[str]:
 
 
 def _limited(limit: str | None) -> frozenset[str]:
+    if limit not in (None, "", "avx2", "none"):
+        raise StudyError(f"STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required")
     if limit == "none":
         return frozenset()
     return frozenset(flag for flag in cpu_flags() if limit != "avx2" or not flag.startswith("avx512"))

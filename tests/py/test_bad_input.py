@@ -119,6 +119,16 @@ def test_arguments(arguments: str) -> None:
     assert ARGUMENTS[arguments] in run.stderr, f"{run}"
 
 
+@pytest.mark.parametrize("limit", ["sse2", "AVX2", "avx512f"])
+def test_a_limit_of_the_cpu_that_is_none(limit: str) -> None:
+    """Left aside without a word, it would be another CPU's figure."""
+    command = [binary("opt4"), SCENE0, "-n", "4"]
+    environment = os.environ | {"STEPWISE_ISA_LIMIT": limit}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == f"render: STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required\n"
+
+
 def test_no_scene() -> None:
     check_refusal(call(REFERENCE, "-n", 4), 2)
     check_refusal(call(REFERENCE), 2)

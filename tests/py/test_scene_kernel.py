@@ -352,6 +352,10 @@ def test_another_compiler_of_the_same_name_makes_its_own_kernel(shop: Workshop, 
         hashes.add(facts["hash"])
 
 
+# A compiler that leaves something else under the object's name, made by a command.
+LEAVES = 'while [ "$1" != -o ]; do shift; done; {} "$2"'
+
+
 @pytest.mark.parametrize(
     "what",
     [
@@ -359,6 +363,10 @@ def test_another_compiler_of_the_same_name_makes_its_own_kernel(shop: Workshop, 
         "silent",
         "late word",
         "idle",
+        "endless",
+        "pipe",
+        "folder",
+        "a folder",
         "hanging",
         "no number",
         "path",
@@ -378,6 +386,13 @@ def test_falls_back_and_says_so(what: str, shop: Workshop, tmp_path: Path) -> No
             "failed: virtual memory exhausted",
         ),
         "idle": ({"STEPWISE_CC": str(shop.script("idle", "exit 0"))}, "wrote no object"),
+        "endless": (
+            {"STEPWISE_CC": str(shop.script("endless", LEAVES.format("ln -s /dev/zero")))},
+            "no object",
+        ),
+        "pipe": ({"STEPWISE_CC": str(shop.script("pipe", LEAVES.format("mkfifo")))}, "no object"),
+        "folder": ({"STEPWISE_CC": str(shop.script("folder", LEAVES.format("mkdir")))}, "no object"),
+        "a folder": ({"STEPWISE_CC": str(tmp_path)}, "there is no compiler"),
         "hanging": (
             {"STEPWISE_CC": str(shop.script("hanging", "sleep 60")), "STEPWISE_CC_SECONDS": "0.2"},
             "time limit",
