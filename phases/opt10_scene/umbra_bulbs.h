@@ -179,11 +179,11 @@ INLINE void over_bulb(int i, const struct march *m, const struct prepared *scene
     const struct near *near = &m->nears[i];
     if (scene->placed[i].type != SHAPE_MANDELBULB)
         return;
-    COUNT(over, bulb);
     if (scene->plane < 0) {
         *over = no_lane();
         return;
     }
+    COUNT(over, plane);
     const struct near *plane = &m->nears[scene->plane];
     struct vec p = vec_along(near->origin, near->direction, m->from);
     real square = vec_dot(p, p), r = root(square), grown = log_of(r);

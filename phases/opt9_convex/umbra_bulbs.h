@@ -175,9 +175,9 @@ static inline mask over(const struct march *m, const struct prepared *scene) {
         const struct near *near = &m->nears[i];
         if (s->type != SHAPE_MANDELBULB)
             continue;
-        COUNT(over, bulb);
         if (scene->plane < 0)
             return no_lane();
+        COUNT(over, plane);
         const struct near *plane = &m->nears[scene->plane];
         struct vec p = vec_along(near->origin, near->direction, m->from);
         real square = vec_dot(p, p), r = root(square), grown = log_of(r);
