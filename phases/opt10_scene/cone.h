@@ -23,8 +23,11 @@ INLINE mask cone_misses(struct cone c, float q) {
 // Where those that meet it have left it. Of slope 1 or more none does: with a strength of 1 or less a term may come below 1
 // anywhere.
 INLINE real cone_leaves(struct cone c, float q) {
+    COUNT(cone_leaves, call);
     if (!(q < 1.0f))
         return set(INFINITY);
+    COUNT(cone_leaves, narrow);
+    COUNT(cone_leaves, scalar);
     real wide = set(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
     real square = mul_sub(c.lean, c.lean, wide * c.need);
     return (c.lean + root(most_of(square, set(0.0f)))) / wide;

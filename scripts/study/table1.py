@@ -36,7 +36,7 @@ TERMS = {
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_hit get_cones intervals_of list_of_cone
         lower_bound upper_bound march_cones meet way_out shapes_in look look_through look_at_*
-        look_from_plane exact_* in_picture convex_tile render_block world_look reach_* reached
+        look_from_plane cone_leaves exact_* in_picture convex_tile render_block world_look reach_* reached
         cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
         entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until ends_of
         most_bound prove nothing_proved
