@@ -32,6 +32,8 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
                         real strength, real hit_distance, real *previous, real *square) {
     COUNT(leap, call);
     real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
+    COUNT(leap, bounds);
+    until = least_of(until, set(2.0f * (float)scene->model.march.bounds_radius)); // both may be ∞
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
     // A march that is within the hit distance at its first step has no term at all.
     can = both(can, not_less(start * r->facing, hit_distance));

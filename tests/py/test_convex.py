@@ -494,6 +494,35 @@ def test_shadows_past_a_mandelbulb_take_its_steps(wall: float, phase: str, tmp_p
     assert np.abs(images.rgb(mine) - images.rgb(exact)).max() < 0.02
 
 
+# Rays from a plane at a slope of a half that meet nothing: there is no end to leap to but the bounds.
+SLANTED = {
+    "type": "plane",
+    "normal": [-0.18880236985783308, 0.9674736959921284, 0.1683695717741077],
+    "offset": 0.0474869430957483,
+}
+ASIDE = {
+    "camera": {"position": [2.2659, 7.9264, -7.2588], "look_at": [0, 1.3337, 0], "vertical_fov_degrees": 40},
+    "light": {"position": [-8.7047, 3.2413, -4.6591], "emission": [40] * 3},
+    "march": {"hit_distance": 1e-4, "bounds_radius": 1000, "surface_offset": 0.01},
+}
+
+
+@pytest.mark.parametrize("phase", WIDTHS)
+def test_rays_that_meet_nothing_end(phase: str, tmp_path: Path) -> None:
+    """They were leapt on for ever, once no cone cleared a ray past a Mandelbulb."""
+    whole = json.loads(registry.scenes()["mandelbulb"].path.read_text())
+    bulb = next(each for each in whole["shapes"] if each["type"] == "mandelbulb")
+    whole["shapes"] = [
+        SLANTED | {"material": "white"},
+        bulb | {"position": [0, 0.46946, 0], "rotation_degrees": [0, 0, 143.6216], "bailout": 10000},
+    ]
+    for part, more in ASIDE.items():
+        whole[part] |= more
+    size = "-n", "27", "-w", "48"
+    mine, exact = (picture(whole, tmp_path, *size, phase=each) for each in (phase, "truth"))
+    assert np.abs(images.rgb(mine) - images.rgb(exact)).max() < 0.02
+
+
 # What is told by a plane between ray and solid, and rays that end once they are past the one solid in their
 # way, as they may not where there are two, or a torus, which a ray can pass twice. BRIGHT: a pixel's light.
 BRIGHT = 2.5
