@@ -22,12 +22,12 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     real f[4];
     for (int k = 0; k < 4; k++)
         b[k] = bulb_begin(at[k], done);
-    bulbs_end(s, 0, false, false, true, 4, b, at, f);
+    bulbs_end(s, 0, false, LANES < 16, true, 4, b, at, f); // 11 bits are too few, 14 are not
     struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-    // About its centre the estimate is 0 everywhere: any direction will do.
+    // About its centre the estimate is 0 everywhere, and of many iterations no number at times: any direction will do.
     real size = vec_norm(n);
     mask some = greater(size, set(0.0f));
-    n.y = choose(some, n.y, set(1.0f));
+    n = (struct vec){keep(some, n.x), choose(some, n.y, set(1.0f)), keep(some, n.z)};
     return vec_scale(n, set(1.0f) / choose(some, size, set(1.0f)));
 }
 

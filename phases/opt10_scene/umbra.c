@@ -75,6 +75,18 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
     return choose(can, t, start);
 }
 
+// Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
+// hit distance, or on its surface: what lies further on tells nothing.
+INLINE void passes_bulb(int i, const struct rays *r, const struct prepared *scene, mask *dark) {
+    const struct placed *s = &scene->placed[i];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    COUNT(passes_bulb, call);
+    struct vec v = to_centre(s, r->point);
+    real along = most_of(vec_dot(v, r->to_light), set(0.0f));
+    *dark = both(*dark, less(along * along, vec_dot(v, v) - set(s->bound_sq)));
+}
+
 SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
                   const struct convex *work, struct march *m) {
     const struct model *model = &KNOWN(work->scene)->model;
@@ -113,6 +125,8 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
     float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark =
         both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
+    if (KNOWN(work->scene)->bulbs)
+        EACH_SHAPE(work->scene, passes_bulb, r, KNOWN(work->scene), &dark);
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);

@@ -67,6 +67,17 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
     return choose(can, t, start);
 }
 
+// Whether rays miss a Mandelbulb's bounding sphere, of any other shape: yes. A march in there may end at once, lit, where the
+// estimate is below the hit distance, or on its surface: what lies further on tells nothing.
+static mask passes_bulb(const struct placed *s, const struct rays *r) {
+    if (s->type != SHAPE_MANDELBULB)
+        return all_lanes();
+    COUNT(passes_bulb, call);
+    struct vec v = to_centre(s, r->point);
+    real along = most_of(vec_dot(v, r->to_light), set(0.0f));
+    return less(along * along, vec_dot(v, v) - set(s->bound_sq));
+}
+
 void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
            struct march *m) {
     const struct model *model = &work->scene->model;
@@ -107,6 +118,8 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
         model->march.max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)model->march.max_steps;
     dark =
         both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
+    for (int i = 0; i < model->shape_count && work->scene->bulbs; i++)
+        dark = both(dark, passes_bulb(&work->scene->placed[i], r));
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);

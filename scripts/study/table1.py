@@ -50,7 +50,7 @@ TERMS = {
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
-        plane_between
+        plane_between passes_bulb
         own_shadow reaches_light crowd_* ways_end in_its_way look_behind leaf_in_way sheaf_of must_ask
         shaft_from flat_until on_flat_faces before_plane stretch_of leave begin begin_at_bounds begin_walk
         gather_walk sets_out begin_tile waiting
