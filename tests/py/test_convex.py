@@ -528,7 +528,7 @@ def test_rays_that_meet_nothing_end(phase: str, tmp_path: Path) -> None:
 def test_what_is_behind_a_mandelbulb_does_not_make_its_rays_dark(
     what: str, phase: str, tmp_path: Path
 ) -> None:
-    """A march that is within the hit distance of the estimate at its first step is lit. 55 and 22 pixels were off."""
+    """A march whose first estimate is below the hit distance is lit there. 55 and 22 pixels were off."""
     name = "mandelbulb_closeup" if "plane behind" in what else "mandelbulb"
     whole = json.loads(registry.scenes()[name].path.read_text())
     if name == "mandelbulb":
