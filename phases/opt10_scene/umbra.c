@@ -79,9 +79,10 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
 // hit distance, or on its surface: what lies further on tells nothing.
 INLINE void passes_bulb(int i, const struct rays *r, const struct prepared *scene, mask *dark) {
     const struct placed *s = &scene->placed[i];
+    COUNT(passes_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
         return;
-    COUNT(passes_bulb, call);
+    COUNT(passes_bulb, bulb);
     struct vec v = to_centre(s, r->point);
     real along = most_of(vec_dot(v, r->to_light), set(0.0f));
     *dark = both(*dark, less(along * along, vec_dot(v, v) - set(s->bound_sq)));

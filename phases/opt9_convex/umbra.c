@@ -70,9 +70,10 @@ static inline real leap(const struct rays *r, const struct prepared *scene, real
 // Whether rays miss a Mandelbulb's bounding sphere, of any other shape: yes. A march in there may end at once, lit, where the
 // estimate is below the hit distance, or on its surface: what lies further on tells nothing.
 static mask passes_bulb(const struct placed *s, const struct rays *r) {
+    COUNT(passes_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
         return all_lanes();
-    COUNT(passes_bulb, call);
+    COUNT(passes_bulb, bulb);
     struct vec v = to_centre(s, r->point);
     real along = most_of(vec_dot(v, r->to_light), set(0.0f));
     return less(along * along, vec_dot(v, v) - set(s->bound_sq));
