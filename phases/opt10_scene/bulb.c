@@ -1,8 +1,7 @@
 // Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
 // it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
 // estimate and the distance to the scene's first plane, and to no other shape (opt9_convex's NOTES, "Beside other
-// shapes"); rays that
-// miss the bounding sphere take none.
+// shapes"); rays that miss the bounding sphere take none.
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface close.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
 #include "close.h"

@@ -128,18 +128,18 @@ void cache_used(const char *path) {
 }
 
 // A regular file, or NULL: what else may stand there would be waited for.
-static FILE *open_file(const char *path, bool written) {
-    int opened = open(path, (written ? O_RDWR : O_RDONLY) | O_NONBLOCK | O_CLOEXEC);
+static FILE *open_file(const char *path) {
+    int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     struct stat found;
     if (opened >= 0 && (fstat(opened, &found) != 0 || !S_ISREG(found.st_mode))) {
         close(opened);
         return NULL;
     }
-    return opened < 0 ? NULL : fdopen(opened, written ? "r+b" : "rb");
+    return opened < 0 ? NULL : fdopen(opened, "rb");
 }
 
 bool cache_holds(const char *path, const char *text) {
-    FILE *file = open_file(path, false);
+    FILE *file = open_file(path);
     if (!file)
         return false;
     char part[16384];
@@ -186,7 +186,7 @@ static struct seal seal_of(const char *tag, const char *text, unsigned long long
 }
 
 bool cache_seal(const char *path, const char *tag, const char *text) {
-    FILE *file = open_file(path, true);
+    FILE *file = fopen(path, "r+b");
     if (!file)
         return false;
     size_t size;
@@ -197,7 +197,7 @@ bool cache_seal(const char *path, const char *tag, const char *text) {
 }
 
 bool cache_sealed(const char *path, const char *tag, const char *text) {
-    FILE *file = open_file(path, false);
+    FILE *file = open_file(path);
     struct stat found;
     if (!file)
         return false;

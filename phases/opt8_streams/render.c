@@ -211,7 +211,7 @@ static float hard_slope(const struct limits *limits) {
     return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
 }
 
-// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that.
+// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that: so much for hard shadows.
 // None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
 // step's length, or to nearly 2·previous with no surface where the proof (NOTES.md) has one.
 static void place_cone(struct placed *p, float q, bool soft) {

@@ -277,15 +277,15 @@ class Run:
         return pd.DataFrame(rows)
 
 
-# What a frame's figures are, where a line has them: kind, and the least.
-WHOLE_NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
+# A frame's figures, where a line has them: the least that each may be.
+NUMBERS = {"width": 1, "height": 1, "threads": 1, "launch": 0, "round": 0, "ns": 1}
 WORDS = ("phase", "flags_from", "scene", "scene_hash", "config", "flags", "compiler", "libc")
 
 
 def _odd(row: dict[str, Any]) -> str | None:
     """What is wrong with a line of frames.jsonl: its first entry that is not the number or the word it should
     be. None if nothing is."""
-    for name, least in WHOLE_NUMBERS.items():
+    for name, least in NUMBERS.items():
         value = row.get(name, least)
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and least <= value < math.inf):
