@@ -10,8 +10,9 @@
 //     least_of(a, b)  most_of(a, b) b where either is NaN
 //     with_sign_of(from, a)         the magnitude of a with the sign of from
 //     exponent_of(a)  mantissa_of(a)  the two fields of a > 0: a = mantissa·2^exponent, 1 ≤ mantissa < 2
-//     rough_inverse_root  root_guess  mantissa_near_1  rooted (twice_root_times, divided_by)  twice_over_root: not
-//                                   rounded alike at both widths (Mandelbulbs; of crowds a bound that leaves room)
+//     inverse_root  rough_inverse_root  root_guess  mantissa_near_1  twice_over_root
+//     rooted (twice_root_times, divided_by): these are not rounded alike at both widths (Mandelbulbs; of
+//                                   crowds a bound that leaves room)
 //     power_per(a)                  the power of 2 that takes a > 0 to 1 … 2
 //     move_lanes  store_row         lanes of rows into others; pixels of a row from three planes, one a lane
 //     scaled(a, n)                  a·2^n for whole n, while it stays a normal number

@@ -13,6 +13,7 @@ import importlib.util
 import json
 import math
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -75,9 +76,17 @@ def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
     return parse
 
 
+def _ended(number: int, frame: object) -> None:
+    """As an exception, so that what a script has under a temporary name goes with it."""
+    signal.signal(number, signal.SIG_IGN)  # a second one does not stop that
+    print(f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}", file=sys.stderr)
+    sys.exit(128 + number)
+
+
 def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status. Errors are one line on stderr."""
     name = Path(sys.argv[0]).name
+    signal.signal(signal.SIGTERM, _ended)
     try:
         status = run() or OK
         sys.stdout.flush()

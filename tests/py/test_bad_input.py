@@ -129,6 +129,16 @@ def test_a_limit_of_the_cpu_that_is_none(limit: str) -> None:
     assert done.stderr == f"render: STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required\n"
 
 
+def test_a_stack_that_is_too_small() -> None:
+    """Packets are on it: of 128 KiB opt7_tiles died, and of 64 opt9_convex, by a signal without a word."""
+    command = ["bash", "-c", 'ulimit -s 64; exec "$@"', "bash", binary("opt9_convex"), SCENE0, "-n", "4"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (
+        2,
+        "render: a stack of 512 KiB is required: ulimit -s 512 or more\n",
+    )
+
+
 def test_no_scene() -> None:
     check_refusal(call(REFERENCE, "-n", 4), 2)
     check_refusal(call(REFERENCE), 2)

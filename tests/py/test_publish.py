@@ -7,7 +7,10 @@ import html
 import json
 import os
 import shutil
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +155,19 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
     script.publish(FIXTURE, folder)
     assert [path.name for path in folder.parent.iterdir()] == ["published"]
     assert (folder / "plan.json").exists() and folder.stat().st_mode & 0o777 == 0o777 & ~umask()
+
+
+def test_one_that_is_ended_leaves_nothing(made, tmp_path):
+    folder = tmp_path / "new" / "published"
+    command = [sys.executable, ROOT / "scripts" / "publish.py", made, folder]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as script:
+        while not (folder.parent.exists() and list(folder.parent.iterdir())):
+            assert script.poll() is None, script.stderr.read()
+            time.sleep(0.01)
+        script.send_signal(signal.SIGTERM)
+        assert script.stderr.read() == "publish.py: ended by SIGTERM\n"
+    assert script.returncode == 128 + signal.SIGTERM
+    assert list(folder.parent.iterdir()) == []
 
 
 def umask() -> int:
