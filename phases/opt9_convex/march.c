@@ -2,6 +2,8 @@
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
 #include "trace.h"
 
+#include <limits.h>
+
 // A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
 // known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
 struct exit {
@@ -48,7 +50,7 @@ struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
     mask done, found;
-    int steps;
+    int steps; // that each has had
 };
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
@@ -59,8 +61,7 @@ static inline void march(struct progress *at, struct vec direction, const struct
     real hit_distance = set((float)scene->model.march.hit_distance);
     mask done = at->done, found = at->found;
     real t = set(0.0f), last = t, evals = at->evals;
-    int step = at->steps;
-    for (; step < scene->model.march.max_steps; step++) {
+    for (int step = at->steps; step < scene->model.march.max_steps; step++) {
         ACTIVE(LANES - count_of(done));
         COUNT(march, step);
         real distance = sdf(world->approach, t, scene, done, NULL);
@@ -76,7 +77,7 @@ static inline void march(struct progress *at, struct vec direction, const struct
                 break;
         }
     }
-    *at = (struct progress){at->origin, at->before, t, last, evals, done, found, step + 1};
+    *at = (struct progress){at->origin, at->before, t, last, evals, done, found, at->steps};
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
@@ -89,6 +90,18 @@ __attribute__((noinline)) static void stay_in(mask deep, real t, const struct wo
     *shape = choose(deep, inside, *shape);
 }
 
+// Of these rays the fewest evaluations that one has had. Each has the cap to itself, whatever its neighbours took.
+static int fewest(real evals, mask on) {
+    float had[LANES];
+    int least = INT_MAX;
+    unload(evals, had);
+    for (unsigned rest = bits(on); rest; rest &= rest - 1) {
+        int evaluations = (int)had[__builtin_ctz(rest)];
+        least = evaluations < least ? evaluations : least;
+    }
+    return least;
+}
+
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there.
@@ -99,6 +112,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     real zero = set(0.0f), off_from = set(twice), sunk_from = set(-twice);
+    real most = set((float)scene->model.march.max_steps);
     struct progress at = {.origin = origin, .before = zero, .evals = zero, .found = no_lane()};
     at.done = not_in(active);
     mask deep = no_lane(); // a ray that started inside a shape has stepped back out of it
@@ -113,6 +127,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
             break;
         ACTIVE(count_of(at.found));
         COUNT(ray_march, landed);
+        at.found = but_not(greater(at.evals, most), at.found);
         mask sunk = both(at.found, less(at.last, sunk_from));
         if (any(sunk))
             stay_in(sunk, at.t, world, &inside);
@@ -133,6 +148,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
         approach_directions(direction, scene, world->approach);
         at.found = but_not(off, at.found);
         at.done = but_not(off, at.done);
+        at.steps = fewest(at.evals, off);
     }
     *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = at.evals};
     if (!any(at.found))
