@@ -16,9 +16,11 @@
 
 #include <string.h>
 
-#define CLOSE 5e-3f        // from such a step on a ray is close
-#define CLOSE_LEAVES 1e-2f // at the end of its piece: until such a step
-#define CLOSE_PIECE 0.02f  // half length of a piece, at most
+// From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
+// short over a plane: far out, where the first iteration has escaped, close_first()'s estimate is too short.
+#define CLOSE 5e-3f
+#define CLOSE_LEAVES 1e-2f
+#define CLOSE_PIECE 0.02f // half length of a piece, at most
 #define CLOSE_LEAST 0x1p-20f
 #define CLOSE_SHARE 0.03125f              // of ρ
 enum { CLOSE_TERMS = 6, CLOSE_TOLD = 4 }; // x, y, z and the derivative
@@ -209,7 +211,7 @@ static void refill_close(struct close_lanes *to, struct pieces *from, struct des
 }
 
 struct close_packet {
-    real t, step, had;
+    real t, estimate, had;
     mask done, reached, met;
 };
 
@@ -237,7 +239,7 @@ static inline void advance_close(struct close_packet *p, const real field[N_FIEL
     COUNT(advance_close, call);
     real height = mul_add(p->t, field[N_SLOPE], field[N_HEIGHT]), least = least_of(h, height);
     mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
-    p->step = choose(live, least, p->step);
+    p->estimate = choose(live, h, p->estimate);
     p->had = add_where(live, p->had, set(1.0f));
     p->t = p->t + keep(live, least);
     p->reached = either(p->reached, reached);
@@ -336,7 +338,7 @@ static void retire_close(struct close_packet *p, struct close_lanes *from, real 
     COUNT(retire_close, on);
     real far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
     real rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
-    mask open = both(on, greater(p->step, set(CLOSE_LEAVES)));
+    mask open = both(on, greater(p->estimate, set(CLOSE_LEAVES)));
     unload(far, way);
     unload(rest, middle);
     for (unsigned which = bits(open); which; which &= which - 1) {

@@ -62,7 +62,7 @@ static inline void advance(struct packet *p, real h, real hit_distance, real mos
     p->met = either(p->met, not_less_in(reached, height, h));
     live = but_greater(but_not(reached, live), p->t, p->to);
     live = less_in(live, p->had, most);
-    p->close = either(p->close, less_in(live, least, set(CLOSE)));
+    p->close = either(p->close, less_in(live, h, set(CLOSE)));
     p->done = either(not_in(live), p->close);
 }
 

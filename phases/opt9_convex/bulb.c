@@ -56,7 +56,7 @@ static inline struct packet packet_of(const struct lanes *from) {
                            no_lane()};
 }
 
-// `oldest`: rays that old have had their steps. close: after such a step a ray goes on in close.h.
+// `oldest`: rays that old have had their steps. close: of such an estimate a ray goes on in close.h.
 static inline void advance(struct packet *p, real h, real hit_distance, real oldest, real close) {
     ACTIVE(LANES - count_of(p->done));
     COUNT(advance, call);
@@ -69,7 +69,7 @@ static inline void advance(struct packet *p, real h, real hit_distance, real old
     p->met = either(p->met, not_less_in(reached, height, h));
     live = but_greater(but_not(reached, live), p->t, p->to);
     live = but_not_less(live, oldest, p->born);
-    p->close = either(p->close, less_in(live, least, close));
+    p->close = either(p->close, less_in(live, h, close));
     p->done = either(not_in(live), p->close);
 }
 

@@ -1,6 +1,6 @@
 // The Mandelbulb's distance estimate for several packets at once: a packet's own operations wait for each other, the
 // others' fill the gaps. Same map as sdf.h's sdf_mandelbulb, as three squarings each of two unit phasors:
-// (ρ + iy)⁸ and (x + iz)⁸/ρ⁸, ρ² = x² + z². The derivative's small summand has 14 bits, and
+// (ρ + iy)⁸ and (x + iz)⁸/ρ⁸, ρ² = x² + z². The derivative's small summand has 14 bits (11 with 8 lanes), and
 // scales the estimate alone: the surface stays where it is.
 //
 // Beyond |p| = 2^(1/7) every point escapes, and the estimate is positive. For all points beyond 1.15 it is more
@@ -42,7 +42,7 @@ struct half_bulb {
     half x, y, z, slope;
 };
 
-// The first iteration to 40 bits. What float errs by there and in the point itself is what decides where a march in
+// The first iteration to 40 bits (33 with 8 lanes). What float errs by there and in the point itself is what decides where a march in
 // float ends: later iterations' errors count an eighth and less of the one before.
 static inline struct half_bulb bulb_first(half x, half y, half z) {
     COUNT(bulb_first, call);

@@ -16,9 +16,11 @@
 
 #include <string.h>
 
-#define CLOSE 5e-3f        // from such a step on a ray is close
-#define CLOSE_LEAVES 1e-2f // at the end of its piece: until such a step
-#define CLOSE_PIECE 0.02f  // half length of a piece, at most
+// From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
+// short over a plane: far out, where the first iteration has escaped, close_first()'s estimate is too short.
+#define CLOSE 5e-3f
+#define CLOSE_LEAVES 1e-2f
+#define CLOSE_PIECE 0.02f // half length of a piece, at most
 #define CLOSE_LEAST 0x1p-20f
 #define CLOSE_SHARE 0.03125f                               // of ρ
 enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_TOLD = 4 }; // x, y, z and the derivative
@@ -240,7 +242,7 @@ static void refill_close(struct close_lanes *to, struct pieces *from, float step
 }
 
 struct close_packet {
-    real t, step;
+    real t, estimate;
     mask done, reached, met;
 };
 
@@ -272,7 +274,7 @@ static inline void advance_close(struct close_packet *p, real field[N_FIELDS], r
     born = choose(p->done, born + set(1.0f), born); // waiting for others is no step
     real height = mul_add(p->t, field[N_SLOPE], field[N_HEIGHT]), least = least_of(h, height);
     mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
-    p->step = choose(live, least, p->step);
+    p->estimate = choose(live, h, p->estimate);
     p->t = p->t + keep(live, least);
     p->reached = either(p->reached, reached);
     p->met = either(p->met, not_less_in(reached, height, h));
@@ -367,7 +369,7 @@ static void retire_close(struct close_packet *p, struct close_lanes *from, float
     COUNT(retire_close, on);
     real far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
     real rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
-    mask open = both(on, greater(p->step, set(CLOSE_LEAVES)));
+    mask open = both(on, greater(p->estimate, set(CLOSE_LEAVES)));
     unload(far, way);
     unload(rest, middle);
     unload(taken, had);
