@@ -36,43 +36,48 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over.
 #define STEEP 0.5f
-static inline real leap(const struct rays *r, const struct prepared *scene, real start,
-                        real strength, real hit_distance, real *previous, real *square) {
+static inline void leap(const struct rays *r, struct march *m, const struct prepared *scene,
+                        real start, real strength, real hit_distance) {
     COUNT(leap, call);
-    real one = set(1.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
-    COUNT(leap, bounds);
-    until = least_of(until, set(2.0f * (float)scene->model.march.bounds_radius)); // both may be ∞
+    real one = set(1.0f), zero = set(0.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
     mask can = both(both(r->on_plane, r->active), not_less(until, start));
     // A march that is within the hit distance at its first step has no term at all.
     can = both(can, not_less(start * r->facing, hit_distance));
     if (!any(can))
-        return start;
+        return;
     ACTIVE(count_of(can));
     COUNT(leap, asked);
     COUNT(leap, scalar);
-    real c = r->facing;
+    // Nor further than to the bounds: `until` may be ∞.
+    real half = m->linear * set(-0.5f);
+    until = least_of(until, half + root(most_of(mul_sub(half, half, m->constant), zero)));
+    can = both(can, not_less(until, start));
+    real c = r->facing, t = start;
     if (!any(both(can, less(c, set(STEEP > scene->lit_slope ? STEEP : scene->lit_slope))))) {
         // As towards a high light: no term of these steps is below 1, and they are few.
         COUNT(leap, steep);
-        real t = start, before = start, grown = one + c;
+        real before = start, grown = one + c;
         for (mask on = can; any(on); on = both(on, not_less(until, t))) {
             COUNT(leap, step);
             before = choose(on, t, before);
             t = choose(on, t * grown, t);
         }
-        *previous = choose(can, before * c, *previous);
-        return t;
+        m->previous = choose(can, before * c, m->previous);
+    } else {
+        COUNT(leap, can);
+        real grow = log_of(one + c);
+        real steps = floor_of(log_of(most_of(until, start) / start) / grow) + one;
+        real first = strength * c, ratio = set(0.5f) * (one + c);
+        t = start * exp_of(steps * grow);
+        real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
+        real others = first * first * inside / (beyond * beyond);
+        real least = least_of(first * first, choose(greater(steps, set(1.5f)), others, one));
+        m->square = choose(can, least_of(m->square, least), m->square);
+        m->previous = choose(can, t * c / (one + c), m->previous);
     }
-    COUNT(leap, can);
-    real grow = log_of(one + c);
-    real steps = floor_of(log_of(most_of(least_of(until, set(1e30f)), start) / start) / grow) + one;
-    real t = start * exp_of(steps * grow), first = strength * c, ratio = set(0.5f) * (one + c);
-    real inside = neg_mul_add(ratio, ratio, one), beyond = neg_mul_add(c, ratio, one);
-    real others = first * first * inside / (beyond * beyond);
-    real least = least_of(first * first, choose(greater(steps, set(1.5f)), others, one));
-    *square = choose(can, least_of(*square, least), *square);
-    *previous = choose(can, t * c / (one + c), *previous);
-    return choose(can, t, start);
+    m->t = choose(can, t, start);
+    mask left = greater(mul_add(m->t, m->t + m->linear, m->constant), zero);
+    m->done = either(m->done, both(can, left));
 }
 
 // Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
@@ -133,7 +138,7 @@ SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
     real strength = set((float)model->shadow_strength);
     m->t = offset;
     if (march->max_steps >= MANY_STEPS)
-        m->t = leap(r, KNOWN(work->scene), offset, strength, hit, &m->previous, &m->square);
+        leap(r, m, KNOWN(work->scene), offset, strength, hit);
     m->one = no_lane();
     if (r->floor && !KNOWN(work->scene)->bulbs &&
         !KNOWN(work->scene)->repeats) { // copies may come nearer again

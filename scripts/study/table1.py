@@ -59,7 +59,7 @@ TERMS = {
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
-        stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill_* retire_* close_first
+        stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill* retire_* close_first
         prepare_close join_close put_pieces put_terms put_slope wait_close
         gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances

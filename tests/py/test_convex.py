@@ -507,6 +507,31 @@ ASIDE = {
 }
 
 
+@pytest.mark.parametrize("phase", WIDTHS)
+@pytest.mark.parametrize("count", [3, 48])
+def test_what_is_outside_of_the_bounds_casts_no_shadow(count: int, phase: str, tmp_path: Path) -> None:
+    """From a plane steps are leapt over up to where something else is near, no further than to the bounds.
+    Pixels were as dark as if what is behind them were within.
+    """
+    beyond = [
+        shape("sphere", radius=0.5, position=[12 + 0.2 * i, 3 + 0.9 * (i % 4), (i % 7 - 3) * 1.3])
+        for i in range(count)
+    ]
+    light = {"shadows": "soft", "shadow_strength": 2, "position": [60, 16, 0], "emission": [90, 90, 90]}
+    camera = {"position": [-3, 3, -4], "look_at": [1, 0, 0], "vertical_fov_degrees": 50}
+    floor = shape("plane", normal=[0, 1, 0], offset=0)
+    size = "-n", "27", "-w", "48"
+    bright = []
+    for bounds in (6, 100):
+        whole = scene([floor, *beyond], light=light, camera=camera, march={"bounds_radius": bounds})
+        mine, exact = (picture(whole, tmp_path, *size, phase=each) for each in (phase, "truth"))
+        here = exact["id"] == 0
+        assert here.sum() > 200
+        assert np.abs(images.rgb(mine) - images.rgb(exact))[here].max() < 2e-3
+        bright.append(exact["G"][here].mean())
+    assert bright[0] > 1.01 * bright[1]
+
+
 @pytest.mark.parametrize("phase", WIDTHS[1:])
 def test_rays_that_meet_nothing_end(phase: str, tmp_path: Path) -> None:
     """They were leapt on for ever, once no cone cleared a ray past a Mandelbulb."""
