@@ -34,7 +34,8 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 }
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
-// first term is strength·facing, all others are the same; least²: of those leapt over.
+// first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
+// these steps is done, with the terms that it has: it is not dark (umbra_bulbs.h asks).
 #define STEEP 0.5f
 static inline void leap(const struct rays *r, struct march *m, const struct prepared *scene,
                         real start, real strength, real hit_distance) {
@@ -48,7 +49,7 @@ static inline void leap(const struct rays *r, struct march *m, const struct prep
     ACTIVE(count_of(can));
     COUNT(leap, asked);
     COUNT(leap, scalar);
-    // Nor further than to the bounds: `until` may be ∞.
+    // As far as to the bounds, if nothing is near before: `until` may be ∞.
     real half = m->linear * set(-0.5f);
     until = least_of(until, half + root(most_of(mul_sub(half, half, m->constant), zero)));
     can = both(can, not_less(until, start));

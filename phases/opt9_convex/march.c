@@ -50,7 +50,7 @@ struct progress {
     struct place origin; // at the distance `before`
     real before, t, last, evals;
     mask done, found;
-    int steps; // that each has had
+    int steps; // of the ray that has had fewest, of those that march on
 };
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
@@ -127,6 +127,7 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
             break;
         ACTIVE(count_of(at.found));
         COUNT(ray_march, landed);
+        // march() counts from the ray that has had fewest: others may have had more than the cap.
         at.found = but_not(greater(at.evals, most), at.found);
         mask sunk = both(at.found, less(at.last, sunk_from));
         if (any(sunk))
@@ -148,9 +149,11 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
         approach_directions(direction, scene, world->approach);
         at.found = but_not(off, at.found);
         at.done = but_not(off, at.done);
-        at.steps = fewest(at.evals, off);
+        at.done = either(at.done, not_less(at.evals, most));
+        int had = fewest(at.evals, off); // a float: from 2^24 on it stands still
+        at.steps = had > at.steps ? had : at.steps + 1;
     }
-    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = at.evals};
+    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = least_of(at.evals, most)};
     if (!any(at.found))
         return;
     real way = at.before + at.t;

@@ -77,16 +77,16 @@ def at_least(lowest: float, kind: type = int) -> Callable[[str], Any]:
 
 
 def _ended(number: int, frame: object) -> None:
-    """As an exception, so that what a script has under a temporary name goes with it."""
-    signal.signal(number, signal.SIG_IGN)  # a second one does not stop that
-    print(f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}", file=sys.stderr)
+    """As an exception: what a script has under a temporary name goes with it. A second one ends at once."""
+    signal.signal(number, signal.SIG_DFL)
+    os.write(2, f"{Path(sys.argv[0]).name}: ended by {signal.Signals(number).name}\n".encode())
     sys.exit(128 + number)
 
 
 def main(run: Callable[[], int | None]) -> None:
     """Run a script's main function and exit with its status. Errors are one line on stderr."""
     name = Path(sys.argv[0]).name
-    signal.signal(signal.SIGTERM, _ended)
+    before = signal.signal(signal.SIGTERM, _ended)
     try:
         status = run() or OK
         sys.stdout.flush()
@@ -104,6 +104,8 @@ def main(run: Callable[[], int | None]) -> None:
         print(f"{name}: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = BAD_INPUT
+    finally:
+        signal.signal(signal.SIGTERM, before)
     sys.exit(status)
 
 

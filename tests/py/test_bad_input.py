@@ -129,14 +129,27 @@ def test_a_limit_of_the_cpu_that_is_none(limit: str) -> None:
     assert done.stderr == f"render: STEPWISE_ISA_LIMIT is {limit}: avx2 or none is required\n"
 
 
-def test_a_stack_that_is_too_small() -> None:
-    """Packets are on it: of 128 KiB opt7_tiles died, and of 64 opt9_convex, by a signal without a word."""
-    command = ["bash", "-c", 'ulimit -s 64; exec "$@"', "bash", binary("opt9_convex"), SCENE0, "-n", "4"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (
-        2,
-        "render: a stack of 512 KiB is required: ulimit -s 512 or more\n",
-    )
+def on_a_stack(kib: int, phase: str, whole: dict, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = folder / "scene.json"
+    path.write_text(json.dumps(whole))
+    limited = ["bash", "-c", f'ulimit -s {kib}; exec "$@"', "bash"]
+    return subprocess.run([*limited, binary(phase), path, "-n", "32"], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("phase", ["opt6_wide", "opt7_tiles", "opt9_convex"])
+def test_a_stack_that_is_too_small(phase: str, tmp_path: Path) -> None:
+    """Packets are on it, of every bounce: with 256 KiB opt6_wide died by a signal, without a word. What is
+    asked for is enough, and less is refused.
+    """
+    walls = [shape("plane", normal=[0, 0, sign], offset=-6, material="mirror") for sign in (-1, 1)] + [
+        shape("sphere", radius=0.8, repeat=[3, 3, 0])
+    ]
+    whole = scene(walls, march={"max_bounces": 256}, light={"emission": [90, 80, 70], "shadows": "hard"})
+    small = on_a_stack(1023, phase, whole, tmp_path)
+    assert small.returncode == 2
+    assert small.stderr == "render: a stack of 1024 KiB is required: ulimit -s 1024 or more\n"
+    enough = on_a_stack(1024, phase, whole, tmp_path)
+    assert (enough.returncode, enough.stderr) == (0, "")
 
 
 def test_no_scene() -> None:

@@ -511,7 +511,7 @@ ASIDE = {
 @pytest.mark.parametrize("count", [3, 48])
 def test_what_is_outside_of_the_bounds_casts_no_shadow(count: int, phase: str, tmp_path: Path) -> None:
     """From a plane steps are leapt over up to where something else is near, no further than to the bounds.
-    Pixels were as dark as if what is behind them were within.
+    Pixels were as dark as if the spheres outside of them were inside.
     """
     beyond = [
         shape("sphere", radius=0.5, position=[12 + 0.2 * i, 3 + 0.9 * (i % 4), (i % 7 - 3) * 1.3])
@@ -763,13 +763,16 @@ MARCHED_ON = ("opt4", "opt5_threads", "opt6_wide", "opt7_tiles", *WIDTHS)
 def test_a_hit_that_marches_on_has_the_cap_to_itself(cap: int, phase: str, tmp_path: Path) -> None:
     """Rays that end far off on a plane march on from there, and neighbours of theirs along it go to the cap.
     What has met something within so many steps meets it under that cap. (opt4, opt5_threads, opt9_convex and
-    opt10_scene lost up to 40 of 1,296 such hits, for all of a packet had the steps of its slowest ray.)
+    opt10_scene lost up to 46 of 1,296 such hits, for all of a packet had the steps of its slowest ray.)
     """
     bulb = shape("mandelbulb", position=[1.8225, 2.2962, 1.4073], iterations=3, bailout=4)
     plane = shape("plane", normal=[-0.0015224, 1, -0.1011031], offset=-1.99972)
-    camera = {"position": [2.85354, 3.19637, -4.06179], "look_at": [0, -0.261886, 0]}
+    camera = {
+        "position": [2.85354, 3.19637, -4.06179],
+        "look_at": [0, -0.261886, 0],
+        "vertical_fov_degrees": 120,
+    }
     march = {"bounds_radius": 1000, "hit_distance": 1e-6, "normal_step": 1e-4}
-    camera["vertical_fov_degrees"] = 120
     whole = scene([bulb, plane], camera=camera, march=march, light={"shadows": "hard"})
     size = "-n", "27", "-w", "48"
     free = picture(whole, tmp_path, *size, "--max-steps", "10000", phase=phase)
@@ -778,16 +781,18 @@ def test_a_hit_that_marches_on_has_the_cap_to_itself(cap: int, phase: str, tmp_p
     assert soon.sum() > 500 and (free["evals"] > cap).sum() > 10
     assert np.array_equal(capped["id"][soon], free["id"][soon])
     assert np.array_equal(capped["Z"][soon], free["Z"][soon])
+    assert (capped["id"][free["evals"] > cap] == -1).all()
+    assert capped["evals"].max() <= cap
 
 
 @pytest.mark.parametrize("phase", WIDTHS)
-@pytest.mark.parametrize("height", [1e-3, 3e-3, 6e-3])
+@pytest.mark.parametrize("height", [1e-3, 3e-3])
 @pytest.mark.parametrize("away", [4, 8])
 def test_near_a_plane_is_not_near_the_mandelbulb_over_it(
     away: float, height: float, phase: str, tmp_path: Path
 ) -> None:
     """From a camera on the floor steps are short wherever the Mandelbulb is: told by close.h's polynomials,
-    which are for the bulb's surroundings, 12 to 212 of 960 pixels were hits of it that are none.
+    which are for the bulb's surroundings, 12 to 212 of 960 pixels were hits of it that it has not.
     """
     camera = {"position": [0, height, -away], "look_at": [0, height + 0.06 * away, 0]}
     whole = scene(

@@ -158,14 +158,20 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
 
 
 def test_one_that_is_ended_leaves_nothing(made, tmp_path):
+    """A process of its own: started.run does not hand on signals."""
     folder = tmp_path / "new" / "published"
     command = [sys.executable, ROOT / "scripts" / "publish.py", made, folder]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as script:
+    script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        latest = time.monotonic() + 60
         while not (folder.parent.exists() and list(folder.parent.iterdir())):
-            assert script.poll() is None, script.stderr.read()
+            assert script.poll() is None and time.monotonic() < latest
             time.sleep(0.01)
         script.send_signal(signal.SIGTERM)
-        assert script.stderr.read() == "publish.py: ended by SIGTERM\n"
+        assert script.communicate(timeout=60)[1] == "publish.py: ended by SIGTERM\n"
+    finally:
+        script.kill()
+        script.wait()
     assert script.returncode == 128 + signal.SIGTERM
     assert list(folder.parent.iterdir()) == []
 
