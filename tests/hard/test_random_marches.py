@@ -1,9 +1,9 @@
 """Random scenes of solids, planes and Mandelbulbs under soft and hard shadows, of each phase that is built
 for several lane widths, against phases/truth: what their rules for what need not be marched may not change.
 
-test_random_scenes.py has scenes of eight by eight pixels that hypothesis can shrink; here are numbers of
-any digits and more pixels, for what is wrong in a few of a thousand. Every scene is told by its seed, and
-stays in build/test-scenes; STEPWISE_RANDOM=n looks at n others. A pixel is wrong that is neither truth's nor
+test_random_scenes.py has scenes of 64 pixels and round numbers, which hypothesis can shrink; these have 960
+pixels, of which a few may be wrong, and numbers that are not round. Every scene is told by its seed, and stays
+in build/test-scenes; STEPWISE_RANDOM=n looks at n others. A pixel is wrong that is neither truth's nor
 baseline's nor opt4's: where those differ, rounding decides (a ray that grazes, the Mandelbulb's own dust).
 """
 
@@ -21,7 +21,9 @@ from study import images, registry
 WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed
 ALLOWED = 3  # of 960 pixels, on top of opt4's own
-FOUND = (1045, 1146, 1830, 1872)  # by which more than the first were needed to find something
+# Of some thousands. Here rays from a plane that leave the bounds beside a Mandelbulb once were dark
+# (umbra_bulbs.h, refill).
+FOUND = (1045, 1146, 1830, 1872)
 SEEDS = [*range(96), *FOUND]
 if more := os.environ.get("STEPWISE_RANDOM"):
     SEEDS = list(range(1000, 1000 + int(more)))
