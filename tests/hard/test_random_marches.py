@@ -2,8 +2,8 @@
 for several lane widths, against phases/truth: what their rules for what need not be marched may not change.
 
 test_random_scenes.py has scenes of 64 pixels and round numbers, which hypothesis can shrink; these have 960
-pixels, of which a few may be wrong, and numbers that are not round. Every scene is told by its seed, and stays
-in build/test-scenes; STEPWISE_RANDOM=n looks at n others. A pixel is wrong that is neither truth's nor
+pixels, of which a few may be wrong, and numbers that are not round. Every scene is told by its seed, and
+stays in build/test-scenes; STEPWISE_RANDOM=n looks at n others. A pixel is wrong that is neither truth's nor
 baseline's nor opt4's: where those differ, rounding decides (a ray that grazes, the Mandelbulb's own dust).
 """
 
