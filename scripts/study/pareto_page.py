@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -120,7 +121,9 @@ def figure(rows: Sequence[Row], measure: str = FIRST) -> Figure:
     looks = look(frame.assign(phase=frame["phase"].str.partition("+")[0]))
     made, grid = panels(frame, 4.2, 5.4)
     title = "Speed against error: left is faster, up is nearer to the exact picture (truth)"
-    made.suptitle(title, x=0.01, ha="left", fontsize=12)
+    # over one panel it would go on into the legend beside it
+    lines = textwrap.wrap(title, 60) if len(grid) == 1 else [title]
+    made.suptitle("\n".join(lines), x=0.01, ha="left", fontsize=12)
     paces = [pareto.pace_of(r) for r in rows if pareto.pace_of(r) > 0]
     for scene, axes in grid.items():
         mine = [r for r in rows if r["scene"] == scene and not math.isnan(pareto.badness(r, measure))]

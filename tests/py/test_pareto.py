@@ -321,6 +321,17 @@ def test_eleven_rungs_and_eight_scenes_can_be_told_apart() -> None:
     assert len(looks) == len(names)
 
 
+@pytest.mark.parametrize("scenes", [["scene0"], ["scene0", "mandelbulb"]], ids=len)
+def test_the_title_is_not_in_the_legend(tmp_path: Path, scenes: list[str]) -> None:
+    with matplotlib.rc_context(STYLE):
+        rows = [row("baseline", 9, 50) | {"scene": scene} for scene in scenes]
+        made = pareto_page.figure(rows)
+        save(made, tmp_path / "pareto", "note")
+        made.canvas.draw()  # the forms have dots of other sizes
+        title, legend = made._suptitle.get_window_extent(), made.legends[0].get_window_extent()
+    assert not title.overlaps(legend), f"{title}, {legend}"
+
+
 def test_a_point_launched_once_is_drawn_faint_and_off_the_front() -> None:
     once = row("opt3", 5, 70, beaten_by={"psnr_db": "opt4"}, own_parameters=False)
     figure = pareto_page.figure([row("opt4", 1, 75), once])
