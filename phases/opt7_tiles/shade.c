@@ -183,7 +183,10 @@ static struct vec gradient_of(int shape, mask found, mask contact, float step,
     const struct placed *placed = &scene->placed[shape];
     const struct approach *approach = &beam->approach[shape];
     mask near = both(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1), exact = p, rounded = p;
+    struct vec p = moved_in(placed, approach, 0, -1);
+    if (placed->way == LINEAR) // it has a height alone
+        p.y = p.z = set(0.0f);
+    struct vec exact = p, rounded = p;
     if (placed->way != LINEAR && any(but_not(contact, found)))
         rounded = difference(placed, approach, found, step);
     if (any(near))

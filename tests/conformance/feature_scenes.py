@@ -237,6 +237,19 @@ def _everything() -> dict:
 
 FEATURES = _transforms() | _light() | _counts() | _limits() | _cameras() | {"everything": _everything()}
 
+# Many pixels hit the floor where its difference, of a coarse step, is another shape's too; what has closed
+# forms differs from baseline there.
+STANDING = scene(
+    [
+        FLOOR,
+        shape("box", position=[0.4, -0.9, 0]),
+        shape("octahedron", position=[-1.5, -0.9, -0.5]),
+        shape("sphere", radius=0.7, position=[1.8, -1, -0.8], material="blue"),
+    ],
+    march={"normal_step": 0.1},
+    camera={"look_at": [0.2, -1.2, 0], "position": [0.4, 0.3, -3]},
+)
+
 # Within four walls, each leaning another way, every pixel hits at a depth of its own, whatever the picture's
 # shape: a pixel written to the wrong place shows.
 CELL = scene(

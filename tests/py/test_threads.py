@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from emulated import made_in
 
-from conformance.feature_scenes import FEATURES
+from conformance.feature_scenes import FEATURES, STANDING
 from study import images, registry
 from study.build import build
 from study.registry import ROOT
@@ -37,7 +37,7 @@ def scene(name: str, folder: Path) -> Path:
     """A scene of the study by its name, one of conformance's features, or one made here."""
     if name in registry.scenes():
         return registry.scenes()[name].path
-    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": deepest()}
+    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": deepest(), "standing": STANDING}
     path = folder / f"{name}.json"
     path.write_text(json.dumps(features[name]))
     return path
@@ -94,6 +94,7 @@ def test_the_idea_is_in_two_files_and_the_rest_is_opt4s() -> None:
         ("everything", (1, 300), (2, 9)),
         ("everything", (32, 8), (2, 64)),  # one tile
         ("shapes_64_turned", (65, 33), (2, 4)),
+        ("standing", (65, 33), (2,)),
         ("camera_within_a_shape", (65, 33), (3,)),
         ("nothing_to_see", (65, 33), (3,)),
         ("shapes_4096", (40, 10), (2,)),
