@@ -5,22 +5,23 @@
 #include "bulb.h"
 #include "convex.h"
 
-enum { LISTS = 4 + GROUP + CASTS, NEARS = POOLS };
-_Static_assert((int)NEARS >= (int)CASTS, "one for each packet in work, too");
+enum { LISTS = 4 + GROUP + CASTS };
+_Static_assert((int)POOLS >= (int)CASTS && CASTS >= 3, "room for each packet, and a vicinity");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 // A list of shapes, and room for a row of lanes behind them (list_those).
 #define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
-#define DESK_SIZE(shapes)                                                                          \
-    (WHOLE_LINES(sizeof(struct desk)) + NEARS * (size_t)(shapes) * sizeof(struct near) +           \
+// nears: of how many packets of shadow rays what they know of every shape.
+#define DESK_SIZE(shapes, nears)                                                                   \
+    (WHOLE_LINES(sizeof(struct desk)) + (size_t)(nears) * (size_t)(shapes) * sizeof(struct near) + \
      LISTS * LIST_SIZE(shapes))
 
-static inline struct desk *desk_at(void *own, int shape_count) {
+static inline struct desk *desk_at(void *own, int shape_count, int nears) {
     size_t shapes = (size_t)shape_count;
     struct desk *desk = own;
     char *behind = (char *)own + WHOLE_LINES(sizeof *desk);
     desk->near = (struct near *)behind;
 #if !UNROLLED
-    behind += NEARS * shapes * sizeof(struct near);
+    behind += (size_t)nears * shapes * sizeof(struct near);
     desk->mirrored = (int *)behind;
     behind += LIST_SIZE(shapes);
     desk->vicinity = (int *)behind;

@@ -19,7 +19,7 @@ static int kernel_tiles(const struct job *job) {
 }
 
 static void kernel_tile(const struct job *job, int tile, void *own) {
-    convex_tile(job, tile, desk_at(own, KNOWN(job->prepared)->model.shape_count));
+    convex_tile(job, tile, desk_at(own, KNOWN(job->prepared)->model.shape_count, POOLS));
 }
 
 #ifdef __clang__
@@ -27,5 +27,5 @@ static void kernel_tile(const struct job *job, int tile, void *own) {
 #else
 #define COMPILER "gcc " __VERSION__
 #endif
-const struct scene_kernel stepwise_kernel = {KERNEL_TAG, COMPILER, DESK_SIZE(SHAPES), kernel_tiles,
-                                             kernel_tile};
+const struct scene_kernel stepwise_kernel = {KERNEL_TAG, COMPILER, DESK_SIZE(SHAPES, POOLS),
+                                             kernel_tiles, kernel_tile};

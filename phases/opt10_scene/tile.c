@@ -90,10 +90,17 @@ static void draw_tile(const struct job *job, int tile, struct approach *own) {
     }
 }
 
+// One for each packet in work (a crowd has one, and its vicinity the room of two behind it), or as many as a Mandelbulb's
+// streams have.
+static int nears(const struct model *model) {
+    return model->features.count[SHAPE_MANDELBULB] ? POOLS : CASTS;
+}
+
 // A worker's own is either: approaches to march with, or a desk and what it points to.
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    return DESK_SIZE(shapes) > marching ? DESK_SIZE(shapes) : marching;
+    size_t desk = DESK_SIZE(shapes, nears(model));
+    return desk > marching ? desk : marching;
 }
 
 int VARIANT(tiles)(const struct job *job) {
@@ -104,7 +111,8 @@ int VARIANT(tiles)(const struct job *job) {
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
     if (job->solids)
-        convex_tile(job, tile, desk_at(own, job->prepared->model.shape_count));
+        convex_tile(job, tile,
+                    desk_at(own, job->prepared->model.shape_count, nears(&job->prepared->model)));
     else
         draw_tile(job, tile, own);
 }

@@ -279,6 +279,8 @@ def of_growth(data: Data) -> Iterable[Goal]:
             covered = f"{few} and {many} scenes; coverage made to be {found['coverage_wanted']:g}"
             if row.get("by_medians") and row["by_medians"]["value"] is not None:
                 covered += f"; by medians {spread(_given(row['by_medians']), '×')}"
+            others = [r for r in rows if r["phase"] != row["phase"]]
+            covered += "".join(f"; {r['phase']} {spread(_given(r['ratio']), '×')}" for r in others)
         yield Goal(
             name, scaling_goals.MOST_TIMES, _given(row["ratio"]), row["shapes_goal"], row["phase"],
             beside=covered, at_most=True, scenes=few if few > 1 else 0,
@@ -286,7 +288,9 @@ def of_growth(data: Data) -> Iterable[Goal]:
     most = [r for r in found.get("goals", []) if r["above_frame_mib"] is not None]
     if most:
         row = max(most, key=lambda r: r["above_frame_mib"])
-        name, mib = "memory above the frame at 3840×2160, MiB", _exact(row["above_frame_mib"])
+        threads = max(r["threads"] for r in found["memory"] if r["phase"] == row["phase"])
+        name = f"memory above the frame at 3840×2160, MiB, {threads} threads"  # a worker adds its own
+        mib = _exact(row["above_frame_mib"])
         limit = scaling_goals.MOST_MIB
         verdict = scaling_goals.memory_goal(found["memory"], row["phase"])
         yield Goal(name, limit, mib, verdict, row["phase"], "", at_most=True)

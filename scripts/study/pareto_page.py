@@ -160,7 +160,8 @@ def note(result: dict[str, Any], measure: str = FIRST) -> str:
     return (
         f"{cpu}; n = {result['n']}, median of {result['launches']} interleaved launches on one thread, also "
         "of phases that could use more: equal resources. Marks: a rung by the scene's parameters; dots: by "
-        "other hit distances and step caps, in its colour; hollow: an approximated root, named beside it. "
+        "other hit distances and step caps, in its colour; hollow: an approximated root"
+        f"{', named beside it' if measure == FIRST else ''}. "
         f"{pareto.left_out(result.get('rows', ()))} {_unfinished(result)}"
         "Truth: proved hits, analytic normals, the paper's shadow estimator in exact arithmetic; the "
         "Mandelbulb's, in double-double (104 bits, about 31 digits), is converged only, by the scene's own "
