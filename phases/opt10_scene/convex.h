@@ -182,6 +182,7 @@ static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int
 }
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
+// Of an empty m the pixels are what is behind a queue's end: an older ray's, or the zeros of own_memory.
 static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
     COUNT(add_light, call);
     float *first = &desk->color[(int)first_of(pixel)];

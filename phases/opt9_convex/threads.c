@@ -62,7 +62,7 @@ static void assign_cpus(struct team *team) {
 }
 
 // By the thread that will use it, once it is where it stays: memory is near the core that touches
-// it first. Zeros: lanes that hold no ray read what is behind a queue's end as a pixel's number.
+// it first.
 static void *own_memory(size_t size) {
     size_t whole = (size / APART + 1) * APART;
     void *own = aligned_alloc(APART, whole);
