@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from study import machine, show
 from study.draw import BAD, Drawing, plain_log
-from study.frames import HALF, MET, MISSED, PHASE, Row
+from study.frames import AWAY_ONCE, HALF, MET, MISSED, PHASE, Row
 from study.show import Column
 
 FIGURE = "frames"
@@ -172,8 +172,10 @@ def note(result: Row) -> str:
         f"{cpu}; {result['threads']} threads, {result['launches']} interleaved launches. A frame is its "
         f"rendering, gamma and 8 bits{tiles}, all on all cores; the driver calibrates clocks between "
         f"two frames, which is in neither. Hit distance: {HALF} is half of what a pixel covers at the mean "
-        "distance of the shapes; secondary rays start three of them off the surface then, as they would end "
-        "at once otherwise. Errors are of these very pictures, in linear RGB, to the fastest double phase. "
+        f"distance of the shapes; secondary rays start {result.get('away', AWAY_ONCE)} of them off the "
+        "surface then: a march within the hit distance at its first step ends there, lit, as on a floor that "
+        "hardly faces the light. Errors are of these very pictures, in linear RGB, to the fastest double "
+        "phase. "
         "That phase marches planes and solids, and with a coarse hit distance it stops short of them by up "
         "to that much; phases with closed forms put them where they are. So the pictures differ on the "
         "floor, in depth and, as shadows start elsewhere, in colour: there the low PSNR is the reference's. "

@@ -213,15 +213,17 @@ def _wrong(row: Row) -> float:
 
 
 def of_frames(data: Data) -> Iterable[Goal]:
-    rows = frames.read(data.path / frames.FILE)["rows"]
+    result = frames.read(data.path / frames.FILE)
+    rows, away = result["rows"], result.get("away", frames.AWAY_ONCE)
     for scene, hit in dict.fromkeys((r["scene"], r["hit"]) for r in rows):
         mine = [r for r in rows if (r["scene"], r["hit"]) == (scene, hit)]
         row = _best(mine, "phase", lambda r: _given(r["frames_per_s"]))
         found, by = (row["to_own"], " by the scene's own limits") if row["to_own"] else (row, "")
         error = f"{show.number(found['psnr_db'])} dB to {row['reference']}{by}" if found["psnr_db"] else ""
         yield Goal(
-            f"frames a second, {scene} {row['width']}×{row['n']}, all cores, hit distance {hit}", row["goal"],
-            _given(row["frames_per_s"]), row["verdict"], row["phase"], "", error,
+            f"frames a second, {scene} {row['width']}×{row['n']}, all cores, hit distance {hit}"
+            + (f", secondary rays {away} of it off" if hit == frames.HALF else ""),
+            row["goal"], _given(row["frames_per_s"]), row["verdict"], row["phase"], "", error,
         )  # fmt: skip
 
 

@@ -33,11 +33,11 @@ def test_half_a_pixel_is_half_of_what_a_pixel_covers(tmp_path: Path) -> None:
     assert (own.height, own.goal, own.hit_distance, own.path) == (720, 30, 1e-6, bulb.path)
     made = json.loads(half.path.read_text())
     assert made["march"]["hit_distance"] == half.hit_distance == frames.half_pixel(bulb, 720)
-    assert made["march"]["surface_offset"] == pytest.approx(3 * half.hit_distance)
+    assert made["march"]["surface_offset"] == pytest.approx(10 * half.hit_distance)
     made["march"] = bulb.data["march"]
     assert made == bulb.data
     wide = frames.coarser(bulb.data, 1e-5)["march"]
-    assert wide["surface_offset"] == bulb.data["march"]["surface_offset"]  # three of them are less
+    assert wide["surface_offset"] == bulb.data["march"]["surface_offset"]  # ten of them are less
 
 
 def test_a_rate_is_one_over_the_median_time() -> None:
