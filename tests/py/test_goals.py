@@ -13,7 +13,7 @@ import pytest
 import started
 
 import goals as script
-from study import accuracy, analysis, goals, goals_page
+from study import accuracy, analysis, goals, goals_page, show
 from study.cli import StudyError
 from study.registry import ROOT
 from study.stats import Interval
@@ -49,7 +49,7 @@ def test_the_whole_interval_decides_and_narrow_lanes_are_asked_half(
     text = goals_page.cell(goal)
     assert (
         text.endswith(f"**{verdict}**")
-        and "(54.5 dB to truth)" in text
+        and f"(54.5 dB to truth; {show.number(1000 / speedup[0])} ms)" in text
         and ("of 1,500×" in text) == (lanes == 8)
     )
     assert goals_page.asked(goal) == "≥ 3,000×"
@@ -408,3 +408,10 @@ def test_the_other_machines_cycles_turn_a_verdict() -> None:
     assert two == said  # the other one is W itself
     same = goals_page.by_other_cycles([{"over_baseline": {"N": goal(True, 1.0), "W": goal(False, 1.0)}}])
     assert "none would turn" in same and goals_page.by_other_cycles([{}]) == ""
+
+
+def test_the_reports_cells_are_no_markdown() -> None:
+    data = analysis.load(ROOT / "results" / "reference" / "zen4-2026-11-26-frames", strict=False)
+    (goals_part,) = goals_page.section(data).parts
+    said = " ".join(text for line in goals_part.table.cells for text, _ in line)
+    assert "met" in said and "*" not in said
