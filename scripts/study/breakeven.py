@@ -28,7 +28,7 @@ from study.stats import Interval
 FILE = "breakeven.json"
 PHASE, AGAINST = "opt10_scene", "opt9_convex"
 # The two that constants are tuned on, the crowd, which has no kernel and so costs next to nothing, then the
-# others, those with repeated shapes first.
+# others, those with repeated shapes first. Not mandelbulb_closeup: mandelbulb's kernel, seen from nearer.
 SCENES = ("scene0", "mandelbulb", "spheres40", "cubes", "lattice", "scene0_plain", "trio", "two_spheres")
 WARMUP, MOST_FRAMES, LEAST_FRAMES, LAUNCH_SECONDS = 1, 10, 2, 0.5  # frames; s that a launch's may take
 SMALL = 180  # height of the pictures that are compared
