@@ -237,6 +237,9 @@ def _everything() -> dict:
 
 FEATURES = _transforms() | _light() | _counts() | _limits() | _cameras() | {"everything": _everything()}
 
+# As many bounces as a scene may ask for, and all are taken: a stack must hold them.
+DEEPEST = scenes.changed(FEATURES["mirrors_facing_6"], {"march": {"max_bounces": 256}})
+
 # Many pixels hit the floor where its difference, of a coarse step, is another shape's too; what has closed
 # forms differs from baseline there.
 STANDING = scene(

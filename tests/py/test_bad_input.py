@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from conformance.feature_scenes import scene, shape
+from conformance.feature_scenes import DEEPEST, scene, shape
 from conformance.harness import REFERENCE, Run, binary, call, check_refusal
 from study import registry
 
@@ -141,14 +141,10 @@ def test_a_stack_that_is_too_small(phase: str, tmp_path: Path) -> None:
     """Packets are on it, of every bounce: with 256 KiB opt6_wide died by a signal, without a word. What is
     asked for is enough, and less is refused.
     """
-    walls = [shape("plane", normal=[0, 0, sign], offset=-6, material="mirror") for sign in (-1, 1)] + [
-        shape("sphere", radius=0.8, repeat=[3, 3, 0])
-    ]
-    whole = scene(walls, march={"max_bounces": 256}, light={"emission": [90, 80, 70], "shadows": "hard"})
-    small = on_a_stack(1023, phase, whole, tmp_path)
+    small = on_a_stack(1023, phase, DEEPEST, tmp_path)
     assert small.returncode == 2
     assert small.stderr == "render: a stack of 1024 KiB is required: ulimit -s 1024 or more\n"
-    enough = on_a_stack(1024, phase, whole, tmp_path)
+    enough = on_a_stack(1024, phase, DEEPEST, tmp_path)
     assert (enough.returncode, enough.stderr) == (0, "")
 
 

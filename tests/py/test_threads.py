@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from emulated import made_in
 
-from conformance.feature_scenes import FEATURES, STANDING
+from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
 from study import images, registry
 from study.build import build
 from study.registry import ROOT
@@ -37,7 +37,7 @@ def scene(name: str, folder: Path) -> Path:
     """A scene of the study by its name, one of conformance's features, or one made here."""
     if name in registry.scenes():
         return registry.scenes()[name].path
-    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": deepest(), "standing": STANDING}
+    features = FEATURES | {"shapes_4096": coincident(), "mirrors_deepest": DEEPEST, "standing": STANDING}
     path = folder / f"{name}.json"
     path.write_text(json.dumps(features[name]))
     return path
@@ -47,12 +47,6 @@ def coincident() -> dict:
     """4,096 spheres in one place."""
     whole = FEATURES["shapes_same_place"]
     return whole | {"shapes": [whole["shapes"][0]] * 4096}
-
-
-def deepest() -> dict:
-    """As many bounces as a scene may ask for: a worker's stack must hold them too."""
-    whole = FEATURES["mirrors_facing_6"]
-    return whole | {"march": whole["march"] | {"max_bounces": 256}}
 
 
 def call(program: Path, *arguments: object, preload: Path | None = None) -> subprocess.CompletedProcess[str]:
