@@ -16,6 +16,10 @@ import sys
 from pathlib import Path
 
 PHASES = Path(__file__).resolve().parent.parent / "phases"
+sys.path.insert(0, str(PHASES.parent / "scripts"))
+
+from study import patches  # noqa: E402  (standard library only)
+
 KEYS = {
     "name": str,
     "title": str,
@@ -29,16 +33,17 @@ KEYS = {
 COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 
 
-def load(name: str, output: Path) -> dict:
-    """phase.json of a phase, or of the ablation NAME+TITLE whose tree stands in the output folder."""
-    path = (output / "source" if "+" in name else PHASES / name) / "phase.json"
+def load(name: str) -> dict:
+    """phase.json of a phase, derived ones with what they take from their parents, or of NAME+TITLE."""
+    path = PHASES / name.partition("+")[0] / "phase.json"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in PHASES.glob("*/phase.json")))
         sys.exit(f"phase_info: there is no phase {name!r}; there are {known}")
     try:
-        info = json.loads(path.read_text())
-    except ValueError as error:
-        sys.exit(f"phase_info: {path}: {error}")
+        info = patches.described(name, PHASES.parent)
+        files = set(patches.files(name.partition("+")[0], PHASES.parent))
+    except patches.PatchError as error:
+        sys.exit(f"phase_info: {error}")
     for key, kind in KEYS.items():
         if not isinstance(info.get(key), kind):
             sys.exit(f"phase_info: {path}: $.{key}: {kind.__name__} required")
@@ -47,13 +52,13 @@ def load(name: str, output: Path) -> dict:
     planes = info.get("planes", [])
     if not isinstance(planes, list) or len(planes) > 32 or not all(isinstance(i, str) for i in planes):
         sys.exit(f"phase_info: {path}: $.planes: a list of at most 32 names of channels required")
-    check_variants(path, info)
+    check_variants(path, info, files)
     if info["name"] != name:
         sys.exit(f"phase_info: {path}: $.name: {info['name']!r} is not the folder's name")
     return info
 
 
-def check_variants(path: Path, info: dict) -> None:
+def check_variants(path: Path, info: dict, files: set[str]) -> None:
     """$.variants and $.each_variant, both or neither."""
     variants, each = info.get("variants", []), info.get("each_variant", [])
     good = isinstance(variants, list) and all(
@@ -67,8 +72,8 @@ def check_variants(path: Path, info: dict) -> None:
     if not isinstance(each, list) or bool(each) != bool(variants):
         sys.exit(f"phase_info: {path}: $.each_variant: the files built for each of $.variants required")
     for name in each:
-        if not isinstance(name, str) or not (path.parent / name).is_file():
-            sys.exit(f"phase_info: {path}: $.each_variant: there is no {name!r} in the phase's folder")
+        if name not in files:
+            sys.exit(f"phase_info: {path}: $.each_variant: there is no {name!r} in the phase's tree")
 
 
 def here(variants: list[dict]) -> list[str]:
@@ -123,7 +128,7 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
         include = re.match(r'#include "(.*\.[ch])"', line)
         if include:
             lines += flattened(include[1], folders, seen)
-        elif line and not line.lstrip().startswith("//"):
+        elif line and not line.lstrip().startswith(("//", "#line")):
             lines.append(line)
     return lines
 
@@ -152,7 +157,7 @@ def replace(path: Path, text: str) -> None:
 def main() -> None:
     name, flags_from, folder, compiler, sanitizers = *sys.argv[1:3], Path(sys.argv[3]), *sys.argv[4:6]
     shim = sys.argv[6] if len(sys.argv) > 6 else ""
-    phase, flags = load(name, folder), load(flags_from, folder)
+    phase, flags = load(name), load(flags_from)
     isa = sorted(set(phase["isa"]) | set(flags["isa"]))
     folder.mkdir(parents=True, exist_ok=True)
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
@@ -193,7 +198,11 @@ def main() -> None:
         f"#define PHASE_PLANES {' '.join(json.dumps(i) + ',' for i in phase.get('planes', []))}",
     ]
     replace(folder / "phase_info.h", "\n".join(lines) + "\n")
-    embed(phase.get("embedded"), folder / "source" if "+" in name else PHASES / name, folder)
+    embed(
+        phase.get("embedded"),
+        folder / "source" if "+" in name or "derives" in phase else PHASES / name,
+        folder,
+    )
 
 
 if __name__ == "__main__":

@@ -62,7 +62,10 @@ source_of = $(firstword $(subst @, ,$(1)))
 flags_of = $(lastword $(subst @, ,$(1)))
 # Where its sources are. opt1+arrays names an ablation, opt1 with phases/opt1/ablations/arrays.patch applied:
 # its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
-folder_of = $(if $(and $(findstring +,$(1)),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
+DERIVED := $(patsubst phases/%/phase.json,%,$(shell grep -l '"derives"' phases/*/phase.json))
+folder_of = $(if $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
+# All of a phase's sources: its folder's and those of the folders in it.
+sources_of = $(foreach f,$(call folder_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*/*.[ch]))
 # Made once by each make: its rules ask for it a dozen times.
 patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I -S scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
 
@@ -106,14 +109,14 @@ variants_mk = $(call flags_mk,PHASE_VARIANTS$(if $(filter %/read,$@),$(if $(and 
 define compile_each
 @flags="$$($(call flags_mk,PHASE_CFLAGS))"; variants="$$($(variants_mk))"; \
 each=" $$($(call flags_mk,PHASE_EACH_VARIANT)) "; simd=; \
-test -n "$${each#  }" || ! grep -qs '<immintrin.h>' $(filter $(call folder_of,$*)/%.c $(call folder_of,$*)/%.h,$^) || simd=1; \
+test -n "$${each#  }" || ! grep -qs '<immintrin.h>' $(filter $(call folder_of,$*)/%,$^) || simd=1; \
 for source in $(filter %.c,$^); do \
     case "$$each" in *" $$(basename $$source) "*) versions="$$variants";; *) versions=$(if $(filter %/read,$@),$(if $(and $(CLANG),$(filter %/count/read,$@)),-),-);; esac; \
     for version in $$versions; do \
         made=$$(basename $$source .c); own=; with=$$simd; less=; parsed=; \
         test $$version = - || { made=$$made-$$version; own="$$(sed -n "s/^PHASE_$$version := //p" $(BUILD)/$*/flags.mk)"; \
             with=1; less=$(if $(SANITIZE),$(if $(EMULATE),,-Og)); }; \
-        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) $$less -Icommon; \
+        set -- $(CC) -std=c11 -D_GNU_SOURCE $$flags $$own $(WARNINGS) $(SANITIZED) $$less -Icommon -iquote $(call folder_of,$*); \
         test -z "$$with" || { $(parse_once); }; \
         set -- "$$@" -iquote $(BUILD)/$* $${parsed:+-include "$$parsed"} $(1) $$source -o $(2)$$made.$(3); \
         echo "$$@"; "$$@" || exit 1; \
@@ -164,7 +167,7 @@ endef
 $(BUILD)/%/variant.o: common/variant.c common/variant.h $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 
-$(BUILD)/%/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),$(BUILD)/common/emulated_by)
+$(BUILD)/%/phase.o: $$(call sources_of,$$*) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(if $(EMULATE),$(BUILD)/common/emulated_by)
 	$(if $(SANITIZED),$(call compile_recipe,),$(call assemble_recipe))
 
 $(BUILD)/%/render: $(BUILD)/%/driver.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
@@ -213,20 +216,20 @@ $(BUILD)/%/count/flops.o: common/flops.c $$(wildcard $$(call folder_of,$$*)/cost
 
 # -O1: counts are of what the source says, as no phase's flags change its arithmetic (-ffp-contract=off); a third less to compile (tests/py/test_variants_built.py has both).
 # local-exec: gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
-$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $$(call sources_of,$$*) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-O1 -DSTEPWISE_COUNT -ftls-model=local-exec -iquote $(call folder_of,$*))
 
 # Sources read for the compiler's warnings alone. What clang would build of variants that this CPU does not run: all of
 # its work but the optimizer's, which warns of nothing that is asked here (no pragmas), and no program lacks it. The
 # counting sources: clang has all of its warnings (not the errors of making code) without compiling, gcc has not. What
 # gcc's optimizer tells besides (no value yet, bounds, overflows) it tells of the timing build, and at -O1 of the counting.
-$(BUILD)/%/read: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/read: $$(call sources_of,$$*) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@rm -f $(@D)/read-*
 	$(call compile_each,-O0 -S,$(@D)/read-,s)
 	@rm -f $(@D)/read-*
 	@touch $@
 
-$(BUILD)/%/count/read: $$(wildcard $$(call folder_of,$$*)/*.[ch] $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/count/read: $$(call sources_of,$$*) $$(wildcard $$(call folder_of,$$*)/costs.def) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	@mkdir -p $(@D) && rm -f $(@D)/read-*
 	$(call compile_each,-DSTEPWISE_COUNT -iquote $(call folder_of,$*) $(if $(CLANG),-fsyntax-only,-O0 -S),$(@D)/read-,s)
 	@rm -f $(@D)/read-*
@@ -239,7 +242,7 @@ $(BUILD)/%/render-count: $(BUILD)/%/count/driver.o $(BUILD)/%/count/phase.o $(BU
 # cloned or merged. immintrin.h writes __always_inline__, so its intrinsics stay instructions.
 CALLS_CFLAGS := -g -fno-inline -Dalways_inline=noinline -Wno-attributes \
     $(if $(findstring clang,$(TOOLCHAIN)),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
-$(BUILD)/%/calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/calls/phase.o: $$(call sources_of,$$*) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,$(CALLS_CFLAGS))
 
 $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
@@ -247,7 +250,7 @@ $(BUILD)/%/render-calls: $(BUILD)/%/driver.o $(BUILD)/%/calls/phase.o $(BUILD)/%
 
 # The shipped code with line tables: not an instruction differs (tests/py/test_hotspots.py), and inlined code
 # can be told by the function it is from.
-$(BUILD)/%/lines/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
+$(BUILD)/%/lines/phase.o: $$(call sources_of,$$*) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk
 	$(call compile_recipe,-g)
 
 $(BUILD)/%/render-lines: $(BUILD)/%/driver.o $(BUILD)/%/lines/phase.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(COMMON_OBJECTS)
@@ -277,7 +280,7 @@ $(BUILD)/%/blocks/phase.o: $(BUILD)/%/phase.o $(BLOCKS_TOOLS)
 	@for variant in $$($(call flags_mk,PHASE_VARIANTS_REST)); do rm -f $(@D)/*-$$variant.s; done
 	$(blocks_recipe)
 
-$(BUILD)/%/blocks-calls/phase.o: $$(wildcard $$(call folder_of,$$*)/*.[ch]) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
+$(BUILD)/%/blocks-calls/phase.o: $$(call sources_of,$$*) $(wildcard common/*.h) $(BUILD)/%/phase_info.h common/rules.mk $(BLOCKS_TOOLS)
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(call compile_each,$(CALLS_CFLAGS) -g0 -S,$(@D)/,s)
 	$(blocks_recipe)

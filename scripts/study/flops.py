@@ -98,7 +98,7 @@ def by_kind(stated: Row) -> dict[str, dict[str, int]]:
     """Function → kind → FLOPs (machine): costs.def times the parts that were executed."""
     phase = registry.find_phase(stated["phase"])
     found: dict[str, dict[str, int]] = defaultdict(lambda: defaultdict(int))
-    for cost in costs.read(phase.path / "costs.def"):
+    for cost in costs.read(phase.file("costs.def")):
         width = lanes_of(stated) if cost.width == "LANES" else 1
         times = stated["by_function"][cost.function]["parts"][cost.part] * width
         for kind, flop in FLOPS.items():
@@ -111,9 +111,9 @@ def explained(stated: Row, variant: str) -> dict[str, dict[str, Range]]:
     residues.def times the parts that were executed.
     """
     phase = registry.find_phase(stated["phase"])
-    lines = {(c.function, c.part): c for c in costs.read(phase.path / "costs.def")}
+    lines = {(c.function, c.part): c for c in costs.read(phase.file("costs.def"))}
     found: dict[str, dict[str, Range]] = defaultdict(dict)
-    for residue in costs.residues(phase.path / "residues.def", lines.values()):
+    for residue in costs.residues(phase.file("residues.def"), lines.values()):
         if residue.build in (variant, "both") and residue.kind != "call":
             width = lanes_of(stated) if lines[residue.function, residue.part].width == "LANES" else 1
             times = stated["by_function"][residue.function]["parts"][residue.part] * width

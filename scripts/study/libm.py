@@ -31,13 +31,13 @@ def _into_libm(edges: Mapping[str, int]) -> int:
 def _declared_calls(stated: flops.Row, variant: str) -> dict[str, tuple[int, flops.Range]]:
     """Function → calls of math.h declared, and how many of them more (fewer) go to libm."""
     phase = registry.find_phase(stated["phase"])
-    lines = costs.read(phase.path / "costs.def")
+    lines = costs.read(phase.file("costs.def"))
     parts = {name: function["parts"] for name, function in stated["by_function"].items()}
     found: dict[str, tuple[int, flops.Range]] = {}
     for cost in lines:
         calls, known = found.get(cost.function, (0, (0, 0)))
         found[cost.function] = calls + cost.per_lane["call"] * parts[cost.function][cost.part], known
-    for residue in costs.residues(phase.path / "residues.def", lines):
+    for residue in costs.residues(phase.file("residues.def"), lines):
         if residue.kind == "call" and residue.build in (variant, "both"):
             calls, (low, high) = found[residue.function]
             times = parts[residue.function][residue.part]

@@ -1,4 +1,7 @@
-"""Ablations: small patches kept with their phase, and the source trees that they make.
+"""The source trees of derived phases and of ablations, small patches kept with their phase.
+
+A phase whose phase.json says `"derives": "PARENT"` holds only the files that differ from its parent's; files of
+the parent named in `"without"` are left out. Its tree is its folder laid over its parent's.
 
 phases/NAME/ablations/TITLE.patch is written NAME+TITLE wherever the name of a phase may stand. Its head,
 lines `key: value` (a line that begins with blanks goes on with the one before), says
@@ -16,9 +19,9 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
     scenes      (optional) the scenes where the step can matter, separated by blanks
     costs       (optional) why the patched costs.def says nothing of its FLOPs
 
-and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's folder).
+and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
-Run as a program, by make: `patches.py NAME+TITLE FOLDER` writes the patched tree. Standard library only: it
+Run as a program, by make: `patches.py NAME FOLDER` or `NAME+TITLE FOLDER` writes the tree. Standard library only: it
 runs before anything is installed.
 """
 
@@ -35,6 +38,15 @@ ROOT = Path(__file__).resolve().parents[2]
 REQUIRED = ("what", "paper", "direction", "against")
 OPTIONAL = ("after", "beside", "flags", "tolerance", "error", "scenes", "costs")
 SOURCES = ("*.[ch]", "*.def")
+OWN_KEYS = (
+    "title",
+    "order",
+    "parent",
+    "idea",
+    "paper",
+    "derives",
+    "without",
+)  # of phase.json: never a parent's
 HUNK = re.compile(r"@@ -(\d+)(?:,(\d+))? \+\d+(?:,(\d+))? @@")
 
 
@@ -163,8 +175,8 @@ def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
             begin = int(hunk[1]) - (1 if old else 0)  # of nothing: the line behind which it goes
             where = _place(made[name], old, begin + shift)
             if where is None:
-                about = f"does not apply to {patch.path.parents[1].name}/{name}, which has changed there"
-                raise bad(f"{about}; make the patch again", at)
+                what = f"does not apply to {patch.path.parents[1].name}/{name}, which has changed there"
+                raise bad(f"{what}; make the patch again", at)
             made[name][where : where + len(old)] = new
             shift = where - begin + len(new) - len(old)
         elif line.strip() and not line.startswith(("diff ", "index ")):
@@ -172,55 +184,111 @@ def apply(files: dict[str, str], patch: Patch) -> dict[str, str]:
     return {file: "".join(f"{line}\n" for line in lines) for file, lines in made.items()}
 
 
-def _phase_json(phase: str, root: Path) -> dict:
+def _own_json(phase: str, root: Path) -> dict:
     path = root / "phases" / phase / "phase.json"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in root.glob("phases/[!.]*/phase.json")))
         raise PatchError(f"no phase '{phase}'; there are {known}")
     try:
-        return json.loads(_text(path))
-    except ValueError as error:
-        raise PatchError(f"{path}: {error}") from None
-
-
-def described(name: str, root: Path = ROOT) -> dict:
-    """phase.json of NAME+TITLE: its phase's, with what the head of the patch changes."""
-    data, head = _phase_json(name.partition("+")[0], root), chain(name, root)[-1].head
-    data |= {"name": name, "title": head["what"], "idea": head["what"]}
-    if "flags" in head:
-        other = _phase_json(head["flags"], root)
-        data |= {key: other[key] for key in ("cflags", "isa")}
-    if "tolerance" in head:
-        data["tolerance"] = _phase_json(head["tolerance"], root)["tolerance"]
+        data = json.loads(_text(path))
+    except json.JSONDecodeError as error:
+        raise PatchError(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
+    if not isinstance(data, dict):
+        raise PatchError(f"{path}: must be a JSON object")
     return data
 
 
+def lineage(phase: str, root: Path = ROOT) -> list[str]:
+    """The phase, what it derives from, what that derives from, and so on. Raises PatchError."""
+    found = [phase]
+    while parent := _own_json(found[-1], root).get("derives"):
+        path = root / "phases" / found[-1] / "phase.json"
+        if parent in found:
+            raise PatchError(f"{path}: derives: {parent} derives from {phase} itself")
+        if not (root / "phases" / str(parent) / "phase.json").is_file():
+            raise PatchError(f"{path}: derives: there is no phase '{parent}'")
+        found.append(parent)
+    return found
+
+
+def about(phase: str, root: Path = ROOT) -> dict:
+    """phase.json of a phase. What a derived one leaves out is its parent's, of `tolerance` each class of scenes.
+
+    Raises PatchError.
+    """
+    data: dict = {}
+    for name in reversed(lineage(phase, root)):
+        own, parents = _own_json(name, root), data.get("tolerance", {})
+        data = {key: value for key, value in data.items() if key not in OWN_KEYS} | own
+        if parents and isinstance(own.get("tolerance"), dict):
+            data["tolerance"] = parents | own["tolerance"]
+    return data
+
+
+def described(name: str, root: Path = ROOT) -> dict:
+    """phase.json of NAME or NAME+TITLE: its phase's, with what the head of the patch changes."""
+    data = about(name.partition("+")[0], root)
+    if "+" not in name:
+        return data
+    head = chain(name, root)[-1].head
+    data |= {"name": name, "title": head["what"], "idea": head["what"]}
+    if "flags" in head:
+        other = about(head["flags"], root)
+        data |= {key: other[key] for key in ("cflags", "isa")}
+    if "tolerance" in head:
+        data["tolerance"] = about(head["tolerance"], root)["tolerance"]
+    return data
+
+
+def files(phase: str, root: Path = ROOT) -> dict[str, Path]:
+    """Every source file of a phase by its path in the tree: its own, else the nearest ancestor's."""
+    found: dict[str, Path] = {}
+    for name in reversed(lineage(phase, root)):
+        folder = root / "phases" / name
+        for left_out in _own_json(name, root).get("without", []):
+            if found.pop(left_out, None) is None:
+                raise PatchError(f"{folder / 'phase.json'}: without: the parent has no '{left_out}'")
+        for pattern in SOURCES:
+            for path in sorted(folder.rglob(pattern)):
+                found[str(path.relative_to(folder))] = path
+    return found
+
+
 def tree(name: str, root: Path = ROOT) -> dict[str, str]:
-    """Every source file of NAME+TITLE (name → text), and its phase.json. Raises PatchError."""
-    folder = root / "phases" / name.partition("+")[0]
-    files = {path.name: _text(path) for pattern in SOURCES for path in sorted(folder.glob(pattern))}
+    """Every source file of NAME or NAME+TITLE (path in the tree -> text), and its phase.json.
+
+    A C file that no patch changed begins with #line: the compiler and debuggers name the file in phases/.
+    Raises PatchError.
+    """
+    paths = files(name.partition("+")[0], root)
+    texts = {file: _text(path) for file, path in sorted(paths.items())}
+    made = texts
     for patch in chain(name, root):
-        files = apply(files, patch)
-    return files | {"phase.json": json.dumps(described(name, root), indent=4, ensure_ascii=False) + "\n"}
+        made = apply(made, patch)
+    for file, text in made.items():
+        if text == texts[file] and file.endswith((".c", ".h")):
+            made[file] = f'#line 1 "{paths[file].relative_to(root)}"\n{text}'
+    return made | {"phase.json": json.dumps(described(name, root), indent=4, ensure_ascii=False) + "\n"}
 
 
 def write(name: str, folder: Path, root: Path = ROOT) -> None:
     """The tree into a folder: only what changed, so that make rebuilds only what must be."""
-    files = tree(name, root)
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in folder.iterdir():
-        if path.name not in files and not path.name.endswith(".tmp"):
+    texts = tree(name, root)
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        if str(path.relative_to(folder)) not in texts and not path.name.endswith(".tmp"):
             path.unlink(missing_ok=True)
-    for file, text in files.items():
-        if not (folder / file).is_file() or (folder / file).read_text(encoding="utf-8") != text:
-            temporary = folder / f"{file}.{os.getpid()}.tmp"
+    for file, text in texts.items():
+        path = folder / file
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
             temporary.write_text(text, encoding="utf-8")
-            temporary.rename(folder / file)
+            temporary.rename(path)
 
 
 def main() -> None:
-    if len(sys.argv) != 3 or "+" not in sys.argv[1]:
-        sys.exit("usage: patches.py NAME+TITLE FOLDER")
+    if len(sys.argv) != 3:
+        sys.exit("usage: patches.py NAME|NAME+TITLE FOLDER")
     try:
         write(sys.argv[1], Path(sys.argv[2]))
     except (PatchError, OSError) as error:

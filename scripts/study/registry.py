@@ -25,6 +25,8 @@ OPTIONAL = {
     "display",
     "embedded",
     "approximate",
+    "derives",
+    "without",
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
 # Of structs, gcc's alone; which compiler is told them: common/phase_info.py.
@@ -70,6 +72,22 @@ class Phase:
     approximate: bool = False
     # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
     embedded: str | None = None
+    # Its folder holds only what differs from this phase's files, without the files in `without` (study.patches).
+    derives: str | None = None
+    without: list[str] = dataclasses.field(default_factory=list)
+
+    def file(self, name: str) -> Path:
+        """Where the file `name` of the phase's tree stands: its own, or the nearest ancestor's it derives from.
+
+        A path in its own folder if there is none. Raises StudyError for a broken lineage.
+        """
+        if "+" in self.name:
+            return self.path / name
+        root = self.path.parents[1]
+        try:
+            return patches.files(self.name, root).get(name, self.path / name)
+        except patches.PatchError as error:
+            raise StudyError(str(error)) from None
 
 
 @dataclass(frozen=True)
@@ -133,7 +151,11 @@ def phases(root: Path = ROOT) -> dict[str, Phase]:
     """All phases by name, sorted by family and order. Raises StudyError with the file and the key."""
     found = []
     for path in sorted(root.glob("phases/[!.]*/phase.json")):
-        data = _read_json(path)
+        _read_json(path)
+        try:
+            data = patches.about(path.parent.name, root)
+        except patches.PatchError as error:
+            raise StudyError(str(error)) from None
         keys = {field.name for field in dataclasses.fields(Phase)} - {"path"}
         wrong = sorted(keys - OPTIONAL - data.keys()) + sorted(data.keys() - keys)
         if wrong:

@@ -182,7 +182,7 @@ def readings(declared: Iterable[Row]) -> list[Row]:
     difference is made of. The paper's spreadsheet is not public, so none of them is claimed to be its rule.
     """
     stated = paper.read("performance").set_index(["metric", "scene", "phase"])["value"]
-    declared_costs = costs.read(registry.find_phase(BASE).path / "costs.def")
+    declared_costs = costs.read(registry.find_phase(BASE).file("costs.def"))
     made = []
     for one in declared:
         theirs = stated.get(("flop_count", one["scene"], BASE))

@@ -4,8 +4,8 @@
     digests.py -o OLD.json            on the commit to keep to
     digests.py --against OLD.json     after a change: lists what differs, exit status 1 if anything does
 
-A digest covers all channels of a picture: phase x scene x lane width, at n = 90 and at 97x53. Counts are those
-of render-count at n = 90. Digests depend on the CPU (approximate reciprocal roots), so no table is kept in git.
+A digest covers all channels of a picture: phase x scene x lane width, at n = 90 and at 97x53. Counts are
+those of render-count at n = 90. Digests depend on the CPU (approximate reciprocal roots), so git keeps none.
 """
 
 from __future__ import annotations
