@@ -1,7 +1,7 @@
 """The source trees of derived phases and of ablations, small patches kept with their phase.
 
-A phase whose phase.json says `"derives": "PARENT"` holds only the files that differ from its parent's; files of
-the parent named in `"without"` are left out. Its tree is its folder laid over its parent's.
+A phase whose phase.json says `"derives": "PARENT"` holds only the files that differ from its parent's; files
+of the parent named in `"without"` are left out. Its tree is its folder laid over its parent's.
 
 phases/NAME/ablations/TITLE.patch is written NAME+TITLE wherever the name of a phase may stand. Its head,
 lines `key: value` (a line that begins with blanks goes on with the one before), says
@@ -21,8 +21,8 @@ lines `key: value` (a line that begins with blanks goes on with the one before),
 
 and then comes a unified diff (as of `diff -u`, `git diff`; paths a/FILE b/FILE in the phase's tree).
 
-Run as a program, by make: `patches.py NAME FOLDER` or `NAME+TITLE FOLDER` writes the tree. Standard library only: it
-runs before anything is installed.
+Run as a program, by make: `patches.py NAME FOLDER` or `patches.py NAME+TITLE FOLDER` writes the tree.
+Standard library only: it runs before anything is installed.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def lineage(phase: str, root: Path = ROOT) -> list[str]:
 
 
 def about(phase: str, root: Path = ROOT) -> dict:
-    """phase.json of a phase. What a derived one leaves out is its parent's, of `tolerance` each class of scenes.
+    """phase.json of a phase. What a derived phase leaves out (a key, a class of `tolerance`) is its parent's.
 
     Raises PatchError.
     """

@@ -72,14 +72,14 @@ class Phase:
     approximate: bool = False
     # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
     embedded: str | None = None
-    # Its folder holds only what differs from this phase's files, without the files in `without` (study.patches).
+    # Its folder holds what differs from this phase's files; `without` names those left out (study.patches).
     derives: str | None = None
     without: list[str] = dataclasses.field(default_factory=list)
 
     def file(self, name: str) -> Path:
-        """Where the file `name` of the phase's tree stands: its own, or the nearest ancestor's it derives from.
+        """Where the file `name` of the phase's tree stands: in its own folder or in the nearest ancestor's.
 
-        A path in its own folder if there is none. Raises StudyError for a broken lineage.
+        A path in its own folder if no such file exists. Raises StudyError for a broken lineage.
         """
         if "+" in self.name:
             return self.path / name
