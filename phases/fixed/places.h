@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 
 struct places {
     double nearest, furthest;

@@ -3,7 +3,7 @@
 #ifndef FIXED_RAYS_H
 #define FIXED_RAYS_H
 
-#include "flops.h"
+#include "counting/flops.h"
 #include "number.h"
 #include "world.h"
 

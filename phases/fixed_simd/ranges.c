@@ -7,7 +7,7 @@
 
 #include "format.h"
 #include "places.h"
-#include "scene.h"
+#include "scene/scene.h"
 
 // Lengths of a scene, in scene units: the most that occur, and the least.
 struct extent {

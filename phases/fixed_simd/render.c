@@ -5,11 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "driver/variant.h"
 #include "phase.h"
 #include "places.h"
 #include "threads.h"
 #include "trace.h"
-#include "variant.h"
 
 struct prepared {
     struct model model;

@@ -3,8 +3,8 @@
 #define FIXED_WORLD_H
 
 #include "format.h"
-#include "frame.h"
-#include "scene.h"
+#include "frame/frame.h"
+#include "scene/scene.h"
 
 enum { BLOCK = 16 }; // pixels on a side, as in the article
 

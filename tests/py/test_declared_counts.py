@@ -435,7 +435,7 @@ def test_a_missing_file_is_one_clear_line(tree):
     done = make(tree)
     assert done.returncode != 0
     said = [line for line in done.stderr.splitlines() if not line.startswith("make")]
-    assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/flops.h"]
+    assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/counting/flops.h"]
 
 
 # --- a phase with threads of its own, in a few lines; opt5_threads is tests/py/test_threads.py's

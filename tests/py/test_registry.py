@@ -158,7 +158,7 @@ WIDE = [
 )
 def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, knows, tmp_path):
     """Moves as wide as a variant's lanes; phases are compared by what their lanes share, either way."""
-    words = [sys.executable, registry.ROOT / "common/phase_info.py", name, name, tmp_path, compiler, ""]
+    words = [sys.executable, registry.ROOT / "common/build/phase_info.py", name, name, tmp_path, compiler, ""]
     subprocess.run(words, check=True)
     made = (tmp_path / "flags.mk").read_text()
     phase = registry.phases()[name]
