@@ -109,7 +109,7 @@ $(BUILD)/%/calls/phase.o: $(phase_prerequisites)
 # -O1: counts are the source's at any level (test_variants_built.py), and a third less to compile. local-exec: gcc 12
 # keeps an address of thread-local storage in a vector register, which ld cannot relax.
 COUNTING := -DSTEPWISE_COUNT -ftls-model=local-exec
-$(BUILD)/%/count/phase.o: $(phase_prerequisites)
+$(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $(phase_prerequisites)
 	$(call compile,objects,--more='-O1 $(COUNTING)')
 $(BUILD)/%/read: $(phase_prerequisites)
 	$(call compile,read,--more='-O0 -S')

@@ -192,6 +192,7 @@ def main() -> None:
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
         f"#define PHASE_EMULATED {int(any(emulated))}",
         f"// On this CPU: {run_here}",  # on another one all is built anew (rules.mk)
+        f"// Sources: {' '.join(sorted(patches.files(name.partition('+')[0], PHASES.parent)))}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",

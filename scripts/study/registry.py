@@ -58,7 +58,7 @@ class Phase:
     tolerance: dict[str, Any]
     path: Path
     planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
-    # Built for several numbers of lanes (common/driver/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
+    # Built for several numbers of lanes (driver/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
     # the widest, `isa` what all need. `each_variant`: the files that are built for each.
     variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     each_variant: list[str] = dataclasses.field(default_factory=list)
@@ -269,7 +269,7 @@ def missing_isa(what: Phase | Spec) -> list[str]:
 
 
 def variant_here(phase: Phase) -> dict[str, Any]:
-    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (common/driver/variant.h)."""
+    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
     have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
     alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
     return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
