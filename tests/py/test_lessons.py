@@ -12,6 +12,8 @@ from study.cli import StudyError
 
 PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
 LINES, COLUMNS, EXCERPT = 60, 100, 15
+GAP = 9  # lines of the source that an excerpt may leave out without a line of dots
+DOTS = ("...", "…")
 PHASES = sorted(registry.phases())
 
 
@@ -35,11 +37,33 @@ def normal(line: str) -> str:
     return " ".join(re.sub(r"//.*|/\*.*?\*/", "", line).split())
 
 
+def follows(excerpt: list[str], source: list[str]) -> int:
+    """How many lines of the excerpt stand in the source in this order, each at most GAP lines behind the last;
+    a line of dots stands for any number of lines."""
+    furthest = 0
+    for start, line in enumerate(source):
+        if line != excerpt[0]:
+            continue
+        at, count, room = start, 1, GAP
+        for wanted in excerpt[1:]:
+            if wanted in DOTS:
+                room, count = len(source), count + 1
+                continue
+            found = next(
+                (i for i in range(at + 1, min(at + 1 + room, len(source))) if source[i] == wanted), None
+            )
+            if found is None:
+                break
+            at, count, room = found, count + 1, GAP
+        furthest = max(furthest, count)
+    return furthest
+
+
 def missing(excerpt: list[str], sources: dict[str, str]) -> list[str]:
-    """Lines of an excerpt that stand in none of the sources. A line of dots, a comment or a brace is free."""
-    there = {normal(line) for text in sources.values() for line in text.splitlines()}
-    own = [normal(line) for line in excerpt]
-    return [line for line in own if line not in ("", "...", "…") and line not in there]
+    """Of an excerpt, the lines from the first on that no source has. Comments are free."""
+    own = [line for line in map(normal, excerpt) if line]
+    best = max(follows(own, [normal(line) for line in text.splitlines()]) for text in sources.values())
+    return own[best:]
 
 
 def sources(name: str) -> dict[str, str]:
@@ -82,9 +106,15 @@ def test_every_phase_of_the_published_run_has_a_figure() -> None:
 
 
 def test_a_stale_excerpt_is_seen() -> None:
-    own = {"a.c": "int f(int x) {\n    return  x + 1; // one more\n}\n"}
-    assert missing(["int f(int x) {", "    // why", "    ...", "  return x + 1;", "}"], own) == []
-    assert missing(["    return x + 2;"], own) == ["return x + 2;"]
+    body = "".join(f"    step({i});\n" for i in range(20))
+    own = {
+        "a.c": f"int f(int x) {{\n    return  x + 1; // one more\n}}\nvoid g(void) {{\n{body}    end();\n}}\n"
+    }
+    assert missing(["int f(int x) {", "    // why", "  return x + 1;", "}"], own) == []
+    assert missing(["int f(int x) {", "    return x + 2;", "}"], own) == ["return x + 2;", "}"]
+    assert missing(["    return x + 1;", "int f(int x) {"], own) == ["int f(int x) {"]
+    assert missing(["void g(void) {", "    ...", "    end();"], own) == []
+    assert missing(["void g(void) {", "    end();"], own) == ["end();"]
 
 
 def test_a_figure_holds_its_data(tmp_path: Path) -> None:
@@ -102,3 +132,18 @@ def test_a_figure_holds_its_data(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("value", "said"), [(1234.5, "1,234"), (0.0123, "0.0123"), (9.96, "9.96"), (0, "0")])
 def test_numbers_have_three_digits(value: float, said: str) -> None:
     assert lessons_svg.number(value) == said
+
+
+PROOFS = sorted(name for name in PHASES if (registry.find_phase(name).path / "PROOFS.md").is_file())
+
+
+@pytest.mark.parametrize("name", PROOFS)
+def test_the_tests_that_proofs_name_exist(name: str) -> None:
+    text = (registry.find_phase(name).path / "PROOFS.md").read_text(encoding="utf-8")
+    known = {path.stem for path in (registry.ROOT / "tests").rglob("test_*.*")}
+    for path in (registry.ROOT / "tests").rglob("test_*.py"):
+        known |= set(re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE))
+    assert set(re.findall(r"\btest_\w+", text)) <= known
+    numbers = [int(n) for n in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1)) and text.count("Test:") >= len(numbers)
+    assert all(len(line) <= COLUMNS for line in text.splitlines())
