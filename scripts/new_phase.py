@@ -21,26 +21,32 @@ BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built t
 }
 
 NOTES = """\
-# {name}
+# {name}: the idea in a few words
 
-Copied from `{parent}`. The difference to it, and nothing else, is this phase's lesson:
-`diff -ru phases/{parent} phases/{name}`.
-
-## Bottleneck of {parent}, measured
+## Bottleneck
 
 What bounds {parent}, and the measurement that shows it.
 
-## Change
+## Idea
 
-What is done about it, and in which files.
+About five sentences, and an excerpt of the code in a block of c, at most 15 lines: first the
+parent's, then this phase's own. `diff -ru phases/{parent} phases/{name}` shows all of it.
 
 ## Prediction
 
 How much faster, on which scenes, and at what error. Written down before it is measured.
 
-## Outcome
+## Result
 
-What came out (median, 95 % interval, unit, machine), and why if it is not what was predicted.
+One table (median, 95 % interval, unit, machine, command), and why if it is not what was predicted.
+
+## Limits
+
+Where it loses, and what it cannot do. What was tried and lost is a row of docs/what-did-not-pay.md.
+
+## Read next
+
+Papers, with authors, title and year.
 """
 
 
@@ -74,9 +80,9 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
     temporary = None
     try:
         temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
-        own = shutil.ignore_patterns(
-            "ablations", "HISTORY.md"
-        )  # patches of the parent's own steps, its diary
+        own = shutil.ignore_patterns(  # patches of the parent's own steps, its proofs and figure
+            "ablations", "PROOFS.md", "lesson.svg"
+        )
         shutil.copytree(base.path, temporary, symlinks=True, dirs_exist_ok=True, ignore=own)
         text = json.dumps(described, indent=4, ensure_ascii=False)
         (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")

@@ -38,7 +38,7 @@ def normal(line: str) -> str:
 
 
 def follows(excerpt: list[str], source: list[str]) -> int:
-    """How many lines of the excerpt stand in the source in this order, each at most GAP lines behind the last;
+    """How many lines of the excerpt stand in the source in order, each at most GAP lines behind the last;
     a line of dots stands for any number of lines."""
     furthest = 0
     for start, line in enumerate(source):

@@ -34,6 +34,7 @@ def test_sources_are_the_parents_byte_for_byte(root):
     for filled in ("phase.json", "NOTES.md"):
         new.pop(filled)
         old.pop(filled, None)
+    old.pop("lesson.svg", None)
     assert new == old
     assert made == root / "phases/opt2_b"
 
@@ -53,13 +54,16 @@ def test_phase_json_is_filled(root):
 
 def test_notes_are_a_fresh_skeleton(root):
     (root / "phases/opt2/NOTES.md").write_text("# opt2\nwhat was measured there\n")
-    (root / "phases/opt2/HISTORY.md").write_text("# opt2: how it came there\n")
+    for name in ("PROOFS.md", "lesson.svg"):
+        (root / "phases/opt2" / name).write_text("of opt2")
     made = new_phase.create("x", "opt2", root)
-    assert not (made / "HISTORY.md").exists()
+    assert not (made / "PROOFS.md").exists() and not (made / "lesson.svg").exists()
     notes = (made / "NOTES.md").read_text()
     assert "what was measured there" not in notes
     headings = [line for line in notes.splitlines() if line.startswith("#")]
-    assert headings == ["# x", "## Bottleneck of opt2, measured", "## Change", "## Prediction", "## Outcome"]
+    parts = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
+    assert headings == ["# x: the idea in a few words", *(f"## {part}" for part in parts)]
+    assert max(map(len, notes.splitlines())) <= 100
 
 
 @pytest.mark.parametrize(
