@@ -21,6 +21,9 @@ def root(tmp_path):
     shutil.copytree(ROOT / "phases", tmp_path / "phases")
     shutil.copytree(ROOT / "common", tmp_path / "common")
     shutil.copy(ROOT / "Makefile", tmp_path)
+    (tmp_path / "scripts" / "study").mkdir(parents=True)
+    for name in ("__init__.py", "patches.py"):  # make asks it for a phase's files
+        shutil.copy(ROOT / "scripts" / "study" / name, tmp_path / "scripts" / "study")
     return tmp_path
 
 
