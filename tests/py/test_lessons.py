@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -59,15 +60,17 @@ def follows(excerpt: list[str], source: list[str]) -> int:
     return furthest
 
 
-def missing(excerpt: list[str], sources: dict[str, str]) -> list[str]:
+def missing(excerpt: list[str], sources: list[list[str]]) -> list[str]:
     """Of an excerpt, the lines from the first on that no source has. Comments are free."""
     own = [line for line in map(normal, excerpt) if line]
-    best = max(follows(own, [normal(line) for line in text.splitlines()]) for text in sources.values())
-    return own[best:]
+    return own[max(follows(own, source) for source in sources) :]
 
 
-def sources(name: str) -> dict[str, str]:
-    return {file: path.read_text(encoding="utf-8") for file, path in patches.files(name).items()}
+@cache
+def sources(name: str) -> list[list[str]]:
+    """The normal lines of each file of a phase's tree."""
+    texts = [path.read_text(encoding="utf-8") for path in patches.files(name).values()]
+    return [[normal(line) for line in text.splitlines()] for text in texts]
 
 
 @pytest.mark.parametrize("name", PHASES)
@@ -107,9 +110,8 @@ def test_every_phase_of_the_published_run_has_a_figure() -> None:
 
 def test_a_stale_excerpt_is_seen() -> None:
     body = "".join(f"    step({i});\n" for i in range(20))
-    own = {
-        "a.c": f"int f(int x) {{\n    return  x + 1; // one more\n}}\nvoid g(void) {{\n{body}    end();\n}}\n"
-    }
+    text = f"int f(int x) {{\n    return  x + 1; // one more\n}}\nvoid g(void) {{\n{body}    end();\n}}\n"
+    own = [[normal(line) for line in text.splitlines()]]
     assert missing(["int f(int x) {", "    // why", "  return x + 1;", "}"], own) == []
     assert missing(["int f(int x) {", "    return x + 2;", "}"], own) == ["return x + 2;", "}"]
     assert missing(["    return x + 1;", "int f(int x) {"], own) == ["int f(int x) {"]
