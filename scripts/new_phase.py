@@ -33,7 +33,8 @@ What bounds `{parent}`, and the measurement that shows it.
 
 ## Idea
 
-What {name} does about it, in about five sentences, and the lines of code that matter.
+About five sentences, and an excerpt of the code in a block of c, at most 15 lines: first the
+parent's, then this phase's own. `make tree-{name}` shows all of its files.
 
 ## Prediction
 
@@ -41,15 +42,15 @@ How much faster, on which scenes, and at what error. Written down before it is m
 
 ## Result
 
-Median, 95 % interval, unit and machine, and why if they are not what was predicted.
+One table (median, 95 % interval, unit, machine, command), and why if it is not what was predicted.
 
 ## Limits
 
-Where it does not help, and what it costs in error.
+Where it loses, and what it cannot do. What was tried and lost is a row of docs/what-did-not-pay.md.
 
 ## Read next
 
-Papers and programs that the idea comes from.
+Papers, with authors, title and year.
 """
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,20 @@ import pandas as pd
 import plots
 import roofline
 import tables
-from study import analysis, chapters, columns, draw, facts, ladder, paper, registry, roof, show, store
+from study import (
+    analysis,
+    chapters,
+    columns,
+    draw,
+    facts,
+    ladder,
+    lessons,
+    paper,
+    registry,
+    roof,
+    show,
+    store,
+)
 from study.analysis import Data
 from study.cli import StudyError
 from study.sections import Section, reading
@@ -49,7 +63,10 @@ def data_uri(path: Path) -> str:
 
 
 def notes_html(text: str) -> str:
-    """A phase's NOTES.md as HTML below the page's own headings; neither HTML nor pictures pass through."""
+    """A phase's NOTES.md as HTML below the page's own headings; neither HTML nor pictures pass through, and
+    a link to a file of the project is its words alone."""
+    text = re.sub(r"^!\[[^\]]*\]\([^)]*\)$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"\[([^\]]*)\]\((?![a-z]+://)[^)]*\)", r"\1", text)
     markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
     tokens = markdown.parse(text)
     for token in tokens:
@@ -59,8 +76,8 @@ def notes_html(text: str) -> str:
 
 
 def phases(data: Data) -> list[dict[str, Any]]:
-    """What each phase of the run is, as recorded with it, with its NOTES.md as they are now. Of one that is
-    built for several numbers of lanes, what ran: lanes, instruction sets, flags.
+    """What each phase of the run is, as recorded with it, with its NOTES.md and their figure as they are now.
+    Of one that is built for several numbers of lanes, what ran: lanes, instruction sets, flags.
     """
     about = analysis.described(data.plan)
     if not about:
@@ -79,7 +96,9 @@ def phases(data: Data) -> list[dict[str, Any]]:
             }
         file = registry.ROOT / "phases" / name / "NOTES.md"
         notes = notes_html(file.read_text(encoding="utf-8")) if file.is_file() else None
-        made.append({**phase, "notes": notes})
+        figure = file.with_name(lessons.NAME)
+        lesson = data_uri(figure) if notes and figure.is_file() else None
+        made.append({**phase, "notes": notes, "lesson": lesson})
     return made
 
 

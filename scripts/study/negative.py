@@ -1,11 +1,9 @@
 """What did not pay: single steps that gain nothing or cost too much of the picture, measured in this run, and
-what each phase's NOTES.md and HISTORY.md say of what was tried."""
+the table of ideas that were tried, docs/what-did-not-pay.md."""
 
 from __future__ import annotations
 
-import html
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,12 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from study import ablations, machine, registry, show, verdicts
+from study.cli import StudyError
 from study.draw import BAD, Drawing
 from study.sections import Section, part, reading
 from study.show import Column
 
-HEADING = re.compile(r"^## +What did not pay\b.*$", re.MULTILINE | re.IGNORECASE)
-ASIDE = re.compile(r"(?:- )?\**did not pay\b", re.IGNORECASE)  # how a paragraph of another section begins
+DOCUMENT = registry.ROOT / "docs" / "what-did-not-pay.md"
+COLUMNS = ("idea", "phase", "expected", "measured", "machine", "why")  # of its one table
 PAYS, COSTS, NOTHING_GAINED, SLOWER = "pays", "pays, at that error", "no gain", "slower"
 UNTOLD = verdicts.UNSURE  # 1 is in the interval, and so is a gain
 ABOUT = (
@@ -28,13 +27,12 @@ ABOUT = (
     "(phases/NAME/ablations) timed in this run, interleaved with what it is put into; shown are all scenes "
     "of a step whose gain is not clear on every one of them, or whose picture is only approximate. “No "
     f"gain”: all of the interval is below {verdicts.NO_GAIN:g}; “{verdicts.UNSURE}”: it holds 1 and reaches "
-    "beyond that, and what a phase's notes say of the same step stands. PSNR is "
+    "beyond that, and what the table below says of the same step stands. PSNR is "
     "of single samples, which on the Mandelbulb are chaotic: there the verdict is by 4×4 means."
 )
-FILES = ("NOTES.md", "HISTORY.md")
-NOTES = (
-    "The rest is quoted from the phases' NOTES.md and, where a phase has one, HISTORY.md: measured when they "
-    "were written, on the machine and at the size that is said there, and not again in this run."
+TRIED = (
+    "Ideas that were tried, from docs/what-did-not-pay.md. Each was measured once, on the machine that its "
+    "row names, and not again in this run."
 )
 Row = dict[str, Any]
 
@@ -124,65 +122,37 @@ def draw(rows: Sequence[Row]) -> Figure:
     return figure
 
 
-def quoted(text: str) -> str | None:
-    """What a phase's notes say that did not pay, a heading first: its part of that heading, and below it the
-    paragraphs of other sections that begin with those words, each under its section's. None without any."""
-    found = HEADING.search(text)
-    part, others = "", text
-    if found:
-        rest = text[found.end() :]
-        end = re.search(r"^## ", rest, re.MULTILINE)
-        body = rest[: end.start()] if end else rest
-        part = (found[0] + body).strip()
-        others = text[: found.start()] + rest[len(body) :]
-    aside = _aside(others)
-    if not found and not aside:
-        return None
-    return "\n\n".join([part or "## What did not pay", *aside]) + "\n"
+def tried(document: Path = DOCUMENT) -> list[dict[str, str]]:
+    """The rows of the document's table. Raises StudyError for a file or a row that is not of its form."""
+    try:
+        lines = document.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"{document}: {getattr(error, 'strerror', None) or error}") from None
+    rows = []
+    for number, line in enumerate(lines, 1):
+        if not line.startswith("|"):
+            continue
+        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
+        if len(cells) != len(COLUMNS) or not all(cells):
+            raise StudyError(f"{document}:{number}: a row has {len(COLUMNS)} cells: {', '.join(COLUMNS)}")
+        rows.append(dict(zip(COLUMNS, cells, strict=True)))
+    if len(rows) < 2 or tuple(rows[0].values()) != COLUMNS:
+        raise StudyError(f"{document}: no table with the columns {', '.join(COLUMNS)}")
+    return rows[2:]  # without its heading and the line below that
 
 
-def _aside(text: str) -> list[str]:
-    """Paragraphs that begin so, the title of each section before its first."""
-    made: list[str] = []
-    section = said = ""
-    for paragraph in re.split(r"\n\s*\n", text):
-        for line in paragraph.splitlines():
-            if heading := re.match(r"##+ +(.*)", line):
-                section = heading[1]
-        own = "\n".join(line for line in paragraph.splitlines() if not line.startswith("#")).strip()
-        if ASIDE.match(own):
-            if section != said:
-                made.append(f"*In “{section}”:*")
-                said = section
-            made.append(own)
-    return made
-
-
-def notes(phases: Mapping[str, registry.Phase]) -> dict[str, str]:
-    """Phase → that part of its NOTES.md and HISTORY.md, of those that have one."""
-    found = {}
-    for name, phase in phases.items():
-        files = [phase.path / file for file in FILES]
-        text = "\n\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
-        if said := quoted(text):
-            found[name] = said
-    return found
-
-
-def as_html(found: Mapping[str, str]) -> str:
-    """The quotations below the page's own headings; neither HTML nor pictures pass through."""
+def as_html(rows: Sequence[Mapping[str, str]]) -> str:
+    """The table for the page; neither HTML nor pictures pass through."""
+    if not rows:
+        return ""
     markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table").disable("image")
-    parts = []
-    for name, text in found.items():
-        heading, _, rest = text.partition("\n")
-        heading = html.escape(heading.removeprefix("##").strip())
-        title = f"<h3>{html.escape(name)}: {heading[:1].lower()}{heading[1:]}</h3>"
-        parts.append(f'{title}\n<div class="scroll">{markdown.render(rest)}</div>')
-    return "\n".join(parts)
+    lines = [COLUMNS, ["---"] * len(COLUMNS), *(list(row.values()) for row in rows)]
+    table = markdown.render("\n".join(f"| {' | '.join(line)} |" for line in lines))
+    return f'<p>{TRIED}</p>\n<div class="scroll">{table}</div>'
 
 
-def section(path: Path, phases: Mapping[str, registry.Phase] | None = None) -> Section:
-    """The page of negative results: from a run's ablations.json, and from the notes as they are now."""
+def section(path: Path, document: Path = DOCUMENT) -> Section:
+    """The page of negative results: from a run's ablations.json, and from the document as it is now."""
     file = path / "ablations.json"
     parts, remarks, drawn = [], [], {}
     with reading(file, f"scripts/ablations.py --run {path}"):
@@ -192,9 +162,7 @@ def section(path: Path, phases: Mapping[str, registry.Phase] | None = None) -> S
             remarks = [ABOUT]
             caption = "Gain of steps that did not plainly pay, and what they do to the picture"
             drawn = {"negative": Drawing(caption, _note(ablations.read(file)), lambda: draw(rows))}
-    said = notes(phases if phases is not None else registry.ladder())
-    text = f"<p>{NOTES}</p>\n{as_html(said)}" if said else ""
-    about = {"file": file, "script": "scripts/ablations.py", "drawn": drawn, "html": text}
+    about = {"file": file, "script": "scripts/ablations.py", "drawn": drawn, "html": as_html(tried(document))}
     return Section("negative", "What did not pay", "make hotspots", parts, remarks, **about)
 
 

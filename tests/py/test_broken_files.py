@@ -80,7 +80,7 @@ MEASURED = {
     },
 }
 SECTIONS: dict[str, Callable[[Path], Section]] = {
-    "ablations": lambda path: negative.section(path, {}),
+    "ablations": lambda path: negative.section(path),
     "accuracy": truth_sections.errors,
     "drjit": truth_sections.rival,
     "frames": truth_sections.rates,

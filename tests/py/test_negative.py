@@ -1,9 +1,9 @@
-"""The page of what did not pay: which steps are on it, with which words, and what of the notes."""
+"""The page of what did not pay: which steps are on it, with which words, and the table of what was tried."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
+import re
 from pathlib import Path
 
 import matplotlib
@@ -54,63 +54,63 @@ def test_a_step_is_on_the_page_with_all_its_scenes_unless_it_pays_on_each() -> N
     assert found == [("half", "scene0", "pays"), ("half", "mandelbulb", "slower")]
 
 
-TEXT = """# opt9: notes
+TABLE = """# What did not pay
 
-**Outcome** 2×.
-
-## What did not pay (n = 90, *one* thread)
-
-| tried | scene0 |
-|---|---|
-| <b>roots</b> | 1.15× |
-
-Words behind it.
-
-## After
-
-Not this.
+| idea | phase | expected | measured | machine | why |
+| --- | --- | --- | --- | --- | --- |
+| <b>roots</b> | opt6_wide | *less* | 1.15 | Zen 5 | – |
 """
 
 
-def test_of_the_notes_that_part_is_quoted_and_no_other() -> None:
-    found = negative.quoted(TEXT)
-    assert found is not None and found.startswith("## What did not pay (n = 90")
-    assert "1.15×" in found and "Words behind it." in found
-    assert "Outcome" not in found and "Not this" not in found
-    assert negative.quoted(
-        f"{TEXT}\nDid not pay: *roots* 3 %\nmore of it.\n\nPaid.\n\n*Did not pay* there.\n"
-    ) == (found + "\n*In “After”:*\n\nDid not pay: *roots* 3 %\nmore of it.\n\n*Did not pay* there.\n")
-    assert negative.quoted("# opt9\n## One\nDid not pay: two.\n") == (
-        "## What did not pay\n\n*In “One”:*\n\nDid not pay: two.\n"
-    )
-    assert negative.quoted("# opt9\n\nWhat did not pay is not said.\n") is None
-    assert negative.quoted("## What did not pay\n\nlast") == "## What did not pay\n\nlast\n"
-    page = negative.as_html({"opt9": found})
-    assert "<h3>opt9: what did not pay (n = 90, *one* thread)</h3>" in page
-    assert "<td>1.15×</td>" in page and "<b>" not in page and "&lt;b&gt;roots" in page
+def test_the_table_is_read_and_shown(tmp_path: Path) -> None:
+    document = tmp_path / "table.md"
+    document.write_text(TABLE, encoding="utf-8")
+    (row,) = negative.tried(document)
+    assert list(row) == list(negative.COLUMNS) and (row["phase"], row["measured"]) == ("opt6_wide", "1.15")
+    page = negative.as_html([row])
+    assert "<td>1.15</td>" in page and "<em>less</em>" in page
+    assert "<b>" not in page and "&lt;b&gt;roots" in page
+    assert negative.as_html([]) == ""
 
 
-def test_the_notes_of_the_phases_are_found(tmp_path: Path) -> None:
-    said = negative.notes(registry.ladder())
-    assert "rsqrt14" in said["opt6_wide"]
-    phase = dataclasses.replace(registry.find_phase("opt1"), path=tmp_path)
-    assert negative.notes({"opt1": phase}) == {}
-    (tmp_path / "NOTES.md").write_text(TEXT)
-    assert negative.notes({"opt1": phase}) == {"opt1": negative.quoted(TEXT)}
-    (tmp_path / "HISTORY.md").write_text("# h\n\n## Later\n\nDid not pay: *more*.\n")
-    assert negative.notes({"opt1": phase})["opt1"].endswith("*In “Later”:*\n\nDid not pay: *more*.\n")
-    (tmp_path / "NOTES.md").unlink()
-    assert negative.notes({"opt1": phase})["opt1"].startswith("## What did not pay\n\n*In “Later”:*")
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (TABLE + "| a | b | c | d | e |\n", r"table\.md:6: a row has 6 cells: idea, phase"),
+        (TABLE + "| a | opt1 | c | | e | f |\n", r"table\.md:6: a row has 6 cells"),
+        ("# nothing\n", "no table with the columns idea, phase"),
+        (TABLE.replace("| idea |", "| what |"), "no table with the columns"),
+    ],
+)
+def test_a_table_of_another_form_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    document = tmp_path / "table.md"
+    document.write_text(text, encoding="utf-8")
+    with pytest.raises(StudyError, match=said):
+        negative.tried(document)
+    with pytest.raises(StudyError, match="No such file"):
+        negative.tried(tmp_path / "other.md")
+
+
+def test_the_projects_own_table_names_phases_and_is_short() -> None:
+    rows = negative.tried()
+    named = {
+        name for row in rows for name in re.findall(r"\b(?:opt|fixed|rods|packets|baseline)\w*", row["phase"])
+    }
+    assert named <= set(registry.phases()) and len(rows) > 80
+    assert all(len(cell) <= 90 for row in rows for cell in row.values())
+    assert len({row["idea"] + row["phase"] for row in rows}) == len(rows)
 
 
 def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
-    empty = negative.section(tmp_path, {})
-    assert (empty.parts, empty.html, empty.drawn) == ([], "", {})
+    document = tmp_path / "table.md"
+    document.write_text(TABLE, encoding="utf-8")
+    empty = negative.section(tmp_path, document)
+    assert (empty.parts, empty.drawn) == ([], {}) and "<td>1.15</td>" in empty.html
     rows = [row("opt6_wide+over_relaxation", 0.9, 1.1), row("opt4+rsqrt", 1.1, 1.2, verdict="approximate")]
     rows[0] |= {"psnr_db": None, "against_psnr_db": None}
     result = {"n": 90, "launches": 6, "rows": rows, "skipped": [], "failures": []}
     (tmp_path / "ablations.json").write_text(json.dumps(result))
-    chapter = negative.section(tmp_path, {})
+    chapter = negative.section(tmp_path, document)
     text = chapter.parts[0].markdown
     assert "1.00× [0.90,\u00a01.10] | identical | identical" in text and "pays, at that error" in text
     with matplotlib.rc_context(STYLE):
@@ -119,7 +119,7 @@ def test_the_chapter_is_made_from_the_runs_file(tmp_path: Path) -> None:
     assert shown == ["as before: identical", "94.2 → 41.5 dB"]
     (tmp_path / "ablations.json").write_text('{"rows": [{"ablation": 1}], "skipped": [], "failures": []}')
     with pytest.raises(StudyError, match=r"ablations\.json: not what scripts/ablations\.py writes"):
-        negative.section(tmp_path, {})
+        negative.section(tmp_path, document)
 
 
 def test_of_a_step_that_is_left_out_the_gain_is_the_steps() -> None:

@@ -249,7 +249,10 @@ def test_notes_become_html_without_foreign_markup() -> None:
         "# Title\n\nA *word*, `code` <script>alert(1)</script>\n\n| a | b |\n| - | - |\n| 1 | 2 |\n\n![p](http://x/y.png)"
     )
     assert "<h4>Title</h4>" in made and "<em>word</em>" in made and "<td>1</td>" in made
-    assert "<script>" not in made and "<img" not in made
+    assert "<script>" not in made and "<img" not in made and "y.png" not in made
+    assert report.notes_html("see [rods](../rods/NOTES.md), [x](https://a.b/c)") == (
+        '<p>see rods, <a href="https://a.b/c">x</a></p>\n'
+    )
 
 
 def test_phases_come_from_the_plan_with_their_notes(
@@ -257,6 +260,7 @@ def test_phases_come_from_the_plan_with_their_notes(
 ) -> None:
     (tmp_path / "phases" / "opt4").mkdir(parents=True)
     (tmp_path / "phases" / "opt4" / "NOTES.md").write_text("It was **bound** by latency.")
+    (tmp_path / "phases" / "opt4" / "lesson.svg").write_text("<svg/>")
     monkeypatch.setattr(registry, "ROOT", tmp_path)
     plan = json.loads((run / "plan.json").read_text())
     plan["phases"] = {"opt4": {"name": "opt4", "family": "ladder", "order": 4}}
@@ -265,6 +269,7 @@ def test_phases_come_from_the_plan_with_their_notes(
     found = report.phases(analysis.load(run))
     assert [phase["name"] for phase in found] == ["baseline", "opt4"]
     assert found[0]["notes"] is None and "<strong>bound</strong>" in found[1]["notes"]
+    assert found[0]["lesson"] is None and found[1]["lesson"].startswith("data:image/svg+xml;base64,")
 
 
 def test_a_rung_that_leaves_sphere_tracing_is_said_beside_the_ladder(run: Path, made: Made, quick) -> None:

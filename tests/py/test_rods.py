@@ -287,7 +287,7 @@ def test_caps_are_kept(draw, name):
 
 
 def test_declared_costs_hold():
-    """Of rods; those of rods_simd, whose builds take a minute, by hand: NOTES.md."""
+    """Of rods. By hand, for its builds take a minute: scripts/flops.py --validate --phase rods_simd."""
     words = [sys.executable, str(ROOT / "scripts" / "flops.py"), "--validate", "--phase", "rods"]
     done = started.run([*words, "--scene", "trio", "-n", "24", "--json"], timeout=300)
     rows = json.loads(done.stdout)["rows"]

@@ -1,0 +1,151 @@
+"""The lessons, phases/NAME/NOTES.md: their form, their excerpts of code, and their figures."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from study import lessons, lessons_svg, patches, registry, store
+from study.cli import StudyError
+
+PARTS = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
+LINES, COLUMNS, EXCERPT = 60, 100, 15
+GAP = 9  # lines of the source that an excerpt may leave out without a line of dots
+DOTS = ("...", "…")
+PHASES = sorted(registry.phases())
+
+
+def notes(name: str) -> str:
+    return (registry.find_phase(name).path / "NOTES.md").read_text(encoding="utf-8")
+
+
+def parts(text: str) -> dict[str, str]:
+    """Heading → what stands below it. A heading is a line `## Idea`, or begins with **Idea**."""
+    found = re.split(r"^(?:## +|\*\*)(" + "|".join(PARTS) + r")\b", text, flags=re.MULTILINE)
+    return dict(zip(found[1::2], found[2::2], strict=True))
+
+
+def excerpts(text: str) -> list[list[str]]:
+    """The blocks of C: the last is the phase's own, one before it its parent's (or its own)."""
+    return [block.splitlines() for block in re.findall(r"^```c\n(.*?)^```", text, re.MULTILINE | re.DOTALL)]
+
+
+def normal(line: str) -> str:
+    """Without blanks that say nothing and without a comment."""
+    return " ".join(re.sub(r"//.*|/\*.*?\*/", "", line).split())
+
+
+def follows(excerpt: list[str], source: list[str]) -> int:
+    """How many lines of the excerpt stand in the source in order, each at most GAP lines behind the last;
+    a line of dots stands for any number of lines."""
+    furthest = 0
+    for start, line in enumerate(source):
+        if line != excerpt[0]:
+            continue
+        at, count, room = start, 1, GAP
+        for wanted in excerpt[1:]:
+            if wanted in DOTS:
+                room, count = len(source), count + 1
+                continue
+            found = next(
+                (i for i in range(at + 1, min(at + 1 + room, len(source))) if source[i] == wanted), None
+            )
+            if found is None:
+                break
+            at, count, room = found, count + 1, GAP
+        furthest = max(furthest, count)
+    return furthest
+
+
+def missing(excerpt: list[str], sources: list[list[str]]) -> list[str]:
+    """Of an excerpt, the lines from the first on that no source has. Comments are free."""
+    own = [line for line in map(normal, excerpt) if line]
+    return own[max(follows(own, source) for source in sources) :]
+
+
+@cache
+def sources(name: str) -> list[list[str]]:
+    """The normal lines of each file of a phase's tree."""
+    texts = [path.read_text(encoding="utf-8") for path in patches.files(name).values()]
+    return [[normal(line) for line in text.splitlines()] for text in texts]
+
+
+@pytest.mark.parametrize("name", PHASES)
+def test_a_lesson_is_short_and_has_its_parts_in_order(name: str) -> None:
+    text = notes(name)
+    lines = text.splitlines()
+    assert len(lines) <= LINES
+    assert [f"{number}: {line}" for number, line in enumerate(lines, 1) if len(line) > COLUMNS] == []
+    assert lines[0].startswith(f"# {name}: ")
+    assert list(parts(text)) == PARTS
+    assert "|" in parts(text)["Result"], "no table"
+
+
+@pytest.mark.parametrize("name", PHASES)
+def test_its_excerpts_stand_in_the_code(name: str) -> None:
+    found = excerpts(parts(notes(name))["Idea"])
+    assert found, "no excerpt of code"
+    assert all(len(block) <= EXCERPT for block in found)
+    assert missing(found[-1], sources(name)) == []
+    parent = registry.find_phase(name).parent
+    for before in found[:-1]:  # or one more of its own
+        assert not missing(before, sources(name)) or not missing(before, sources(parent or name))
+
+
+@pytest.mark.parametrize("name", sorted(lessons.PANELS))
+def test_its_figure_is_what_the_published_run_says(name: str) -> None:
+    path = registry.find_phase(name).path / lessons.NAME
+    assert f"]({lessons.NAME})" in notes(name), "NOTES.md does not show its figure"
+    assert path.stat().st_size < 20_000
+    assert lessons.embedded(path) == lessons.figure(name), "scripts/lessons.py draws it again"
+
+
+def test_every_phase_of_the_published_run_has_a_figure() -> None:
+    measured = set(store.read_json(lessons.RUN / "plan.json")["phases"])
+    assert measured & set(PHASES) <= set(lessons.PANELS) <= set(PHASES)
+
+
+def test_a_stale_excerpt_is_seen() -> None:
+    body = "".join(f"    step({i});\n" for i in range(20))
+    text = f"int f(int x) {{\n    return  x + 1; // one more\n}}\nvoid g(void) {{\n{body}    end();\n}}\n"
+    own = [[normal(line) for line in text.splitlines()]]
+    assert missing(["int f(int x) {", "    // why", "  return x + 1;", "}"], own) == []
+    assert missing(["int f(int x) {", "    return x + 2;", "}"], own) == ["return x + 2;", "}"]
+    assert missing(["    return x + 1;", "int f(int x) {"], own) == ["int f(int x) {"]
+    assert missing(["void g(void) {", "    ...", "    end();"], own) == []
+    assert missing(["void g(void) {", "    end();"], own) == ["end();"]
+
+
+def test_a_figure_holds_its_data(tmp_path: Path) -> None:
+    row = {"label": "a < b", "values": [[2.0, 1.9, 2.1], [1.0, None, None]]}
+    panel = {"kind": "pairs", "title": "time", "unit": "ms", "series": ["x", "y"], "rows": [row]}
+    data = {"phase": "p", "title": "t & u", "caption": "c", "panels": [panel, panel | {"kind": "bars"}]}
+    path = tmp_path / "lesson.svg"
+    path.write_text(lessons_svg.svg(data), encoding="utf-8")
+    assert lessons.embedded(path) == data and "2.00×" in path.read_text(encoding="utf-8")
+    path.write_text("<svg xmlns='http://www.w3.org/2000/svg'/>", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"lesson\.svg: no figure of scripts/lessons\.py"):
+        lessons.embedded(path)
+
+
+@pytest.mark.parametrize(("value", "said"), [(1234.5, "1,234"), (0.0123, "0.0123"), (9.96, "9.96"), (0, "0")])
+def test_numbers_have_three_digits(value: float, said: str) -> None:
+    assert lessons_svg.number(value) == said
+
+
+PROOFS = sorted(name for name in PHASES if (registry.find_phase(name).path / "PROOFS.md").is_file())
+
+
+@pytest.mark.parametrize("name", PROOFS)
+def test_the_tests_that_proofs_name_exist(name: str) -> None:
+    text = (registry.find_phase(name).path / "PROOFS.md").read_text(encoding="utf-8")
+    known = {path.stem for path in (registry.ROOT / "tests").rglob("test_*.*")}
+    for path in (registry.ROOT / "tests").rglob("test_*.py"):
+        known |= set(re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE))
+    assert set(re.findall(r"\btest_\w+", text)) <= known
+    numbers = [int(n) for n in re.findall(r"^(\d+)\. ", text, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1)) and text.count("Test:") >= len(numbers)
+    assert all(len(line) <= COLUMNS for line in text.splitlines())
