@@ -130,7 +130,7 @@ static bool allocate_pictures(struct session *s) {
     if (!s->presenter)
         return false;
     if (o->display && PHASE_DISPLAY)
-        return frame_create_shown(&s->frame, o->width, o->height, s->presenter);
+        return frame_create_display(&s->frame, o->width, o->height, s->presenter);
     s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height);
     return s->rgb8 && frame_create(&s->frame, o->width, o->height, o->aov, planes);
 }
