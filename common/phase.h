@@ -7,7 +7,7 @@
 //
 // The driver calls these functions in this order:
 //     phase_unsupported, phase_picture_unsupported   before anything else
-//     phase_prepare                                  once per scene; reported apart as set-up time
+//     phase_prepare                                  once per scene; timed separately as set-up
 //     phase_update                                   before each frame of an animation; timed
 //     phase_render                                   once per frame; timed
 //     phase_release                                  at the end
@@ -56,9 +56,9 @@ bool phase_update(struct prepared *prepared, const struct model *model);
 // Frees `prepared` and ends the threads that phase_prepare started.
 void phase_release(struct prepared *prepared);
 
-// For tests, not timed. Computes the signed distance from each of `count` points to the scene, in
-// scene units, in the arithmetic of the phase's march, and the index of the nearest shape. `points`
-// holds x y z triples. Returns false if memory is short.
+// For tests, not timed. For each of `count` points (x y z triples), writes the signed distance to the
+// scene in scene units and the index of the nearest shape. The arithmetic is that of the phase's
+// march. Returns false if memory is short.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest);
 
@@ -80,13 +80,13 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attri
 // confused.
 const char *phase_settings(const struct prepared *prepared) __attribute__((weak));
 
-// Rays as arrays, for phase_hits. Each array has 64 bytes of spare room behind its last element, so
-// that full vectors can be read and written there. Directions have unit length.
+// Rays as arrays, for phase_hits. Each array has 64 spare bytes after its last element, so that full
+// vectors can be read and written there. Directions have unit length.
 struct ray_set {
     size_t count;
     const float *origin[3], *direction[3];
     const float *far; // largest t of each ray; NULL: the rays do not end
-    bool any;         // true: an occlusion query, which asks only if the ray hits any shape
+    bool any;         // true: an occlusion query: does the ray hit any shape before `far`?
     float *t;         // result: distance of the first hit, +inf on a miss; −inf if `any` and hit
     float *shape;     // result: index of the shape hit, −1 on a miss; not written if `any`
 };

@@ -61,8 +61,8 @@ static void run_transfer(void *what) {
 }
 
 // A sample transfers 512 KiB in L1 and L2, otherwise 4 MiB; copies read and write as much. In memory
-// each sample continues where the last one of any kernel stopped (`position`), so that no line is
-// used again before the whole working set has passed.
+// each sample continues where the last one of any kernel stopped (`position`). No cache line is used
+// again before the whole working set has passed.
 static void measure_transfer(enum level level, struct transfer_run *t, size_t *position,
                              const struct clocks *clocks, int count) {
     const struct transfer_kernel *m = t->kernel;

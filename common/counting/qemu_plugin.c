@@ -7,7 +7,7 @@
 //   out=FILE                   the file to write
 //   code=X                     address of the program's first executable segment
 //   begin=X                    entry of the function
-//   end=X[+X …]                the instructions behind the calls of the function
+//   end=X[+X …]                the instructions after the calls of the function
 //   jump=FROM+TARGET+NEXT      a conditional jump whose taken executions are counted; any number
 //   callback=on                counts by callbacks instead of inline counters
 // Counters are not atomic: a guest with a second thread is reported instead of counted.

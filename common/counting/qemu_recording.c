@@ -94,7 +94,7 @@ static void read_maps(void) {
 }
 
 void recording_leave(const struct block *current) {
-    if (!recording.inside) // reached by another way than the return
+    if (!recording.inside) // reached without a return from the function
         return;
     recording.inside = false;
     recording.regions++;

@@ -1,3 +1,4 @@
+// See errors.h.
 #include "driver/errors.h"
 
 #include <errno.h>

@@ -54,8 +54,8 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 // `error` as for frame_write_exr.
 bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *path, char *error);
 
-// Returns whether a file could be written to `path`, else false with one line in `error` (at least
-// 512 bytes). Called before a long render.
+// Returns whether `path` can be written. If not, `error` (at least 512 bytes) gets one line. Called
+// before a long render.
 bool frame_writable(const char *path, char *error);
 
 // The presenter turns linear samples into displayed bytes: trunc(255·min(1, c^0.4545)) for a

@@ -25,7 +25,7 @@ enum { HALF = 16, CARRY = 1 << HALF, FIRST = 0x3600, LAST = 0x3f80 };
 enum { PREFETCH_DISTANCE = 1024 };
 
 static inline void prefetch(const float *from) {
-    // An address behind the picture does no harm.
+    // Prefetching an address beyond the picture does no harm.
     uintptr_t address = (uintptr_t)from + PREFETCH_DISTANCE * sizeof *from;
     _mm_prefetch((const char *)address, _MM_HINT_T0);
 }

@@ -25,7 +25,7 @@ ONE_ARGUMENT(exact_acos, acos(a))
 #define MAX_ANGLE 0x46000000u // 8192
 #define NEGATIVE 0x80000000u
 // Every float of both signs with magnitude from 2^-30 to LAST. Below 2^-30, f(x) equals x, 1 or π/2
-// within half an ulp, so that one float in 251 (a prime) is enough, zeros and denormals included.
+// within half an ulp. There one float in 251 (a prime) is enough, zeros and denormals included.
 #define BOTH_SIGNS(LAST_POSITIVE, LAST_NEGATIVE)                                                   \
     {{TINY, LAST_POSITIVE, 1},                                                                     \
      {NEGATIVE | TINY, NEGATIVE | (LAST_NEGATIVE), 1},                                             \

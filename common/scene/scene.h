@@ -1,7 +1,7 @@
 // The scene: the checked contents of a scene file, in double precision.
 //
 // A scene has two parts. phase_prepare() may read and keep `struct model`: shapes, materials and
-// limits. Only the timed phase_render() gets `struct view`, camera and light, anew for each frame.
+// limits. Only the timed phase_render() gets `struct view`, camera and light, new in each frame.
 // Angles are degrees, lengths are scene units, colours are linear RGB. common/scenes/README.md
 // describes the file format.
 #ifndef STEPWISE_SCENE_H
@@ -136,7 +136,7 @@ bool scene_load(const char *path, const struct scene_overrides *overrides, struc
 void scene_free(struct scene *scene);
 
 // Writes the model's shapes to `moved` with their positions at `seconds`, which may be negative.
-// `moved` is a copy of `model` with its own array of as many shapes.
+// `moved` is a copy of `model` with its own array of shapes of the same length.
 void model_move(const struct model *model, double seconds, struct model *moved);
 
 // Names as in scene files.

@@ -10,7 +10,7 @@ uint64_t timer_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-// Reads both clocks at the same time: of ten tries, the one in which the reading took least.
+// Reads both clocks together. Of ten tries the fastest counts, as its two readings are closest in time.
 static void read_pair(uint64_t *ns, uint64_t *tsc) {
     uint64_t narrowest = UINT64_MAX;
     for (int i = 0; i < 10; i++) {
@@ -60,7 +60,7 @@ static uint64_t chain(void) {
     return timer_tsc_end() - begin;
 }
 
-// The same chain with one FMA beside each add. One FMA per cycle keeps the vector unit busy. The FMAs
+// The same chain with one FMA next to each add. One FMA per cycle keeps the vector unit busy. The FMAs
 // use eight accumulators in turn, more than their latency of 4 or 5 cycles, so that the adds stay
 // the critical path.
 #define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"

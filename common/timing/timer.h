@@ -1,6 +1,6 @@
-// Three clocks: wall time (clock_gettime, nanoseconds), TSC cycles (constant rate, fenced reads) and
-// core cycles (the core's clock, which varies, estimated from a chain of dependent register adds).
-// Every number that Stepwise reports says which clock it is from.
+// Three clocks. Wall time comes from clock_gettime, in nanoseconds. TSC cycles have a constant rate;
+// reads are fenced. Core cycles follow the core's varying clock, which is estimated from a chain of
+// dependent register adds. Every reported number names its clock.
 //
 // Fencing: Intel SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times
 // on Intel IA-32 and IA-64 Instruction Set Architectures" (Intel, 2010).

@@ -136,7 +136,7 @@ static void put_lane(struct RTCRayHit16 *r, size_t lane, const float at[6], floa
     r->hit.geomID[lane] = r->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
 }
 
-// Converts rays first … first + CHUNK − 1 to Embree's form. Rays behind the last hit nothing.
+// Converts rays first … first + CHUNK − 1 to Embree's form. Rays after the last one hit nothing.
 static void put_rays(struct embree *b, const struct ray_arrays *rays, size_t first, bool any,
                      enum embree_mode mode) {
     for (size_t i = 0; i < CHUNK; i++) {

@@ -1,7 +1,7 @@
-// Hides the differences between Embree 3 and 4. Arguments of a query: Embree 3 has one context,
-// Embree 4 one structure for intersection and one for occlusion, behind the rays. Streams: only
-// Embree 3 has them. They take plain arrays with many rays per call, of which Embree makes packets.
-// It may trace coherent rays together.
+// Hides the differences between Embree 3 and 4. Embree 3 passes one context before the rays of a
+// query. Embree 4 passes one structure for intersection and one for occlusion, after the rays. Only
+// Embree 3 has streams: plain arrays with many rays per call, which Embree divides into packets and
+// may trace together if they are coherent.
 #ifndef STEPWISE_EMBREE_VERSIONS_H
 #define STEPWISE_EMBREE_VERSIONS_H
 

@@ -26,7 +26,7 @@
 
 enum { PADDING = 16, MAX_REPS = 1000000 };
 
-// Allocates all arrays in one piece, each with PADDING floats behind its last ray.
+// Allocates all arrays in one piece, each with PADDING floats after its last ray.
 static bool make_rays(struct ray_arrays *r, size_t count) {
     size_t room = (count + PADDING + 15) / 16 * 16;
     r->count = count;
