@@ -1,8 +1,18 @@
-// The only interface between a phase and the house. A phase is a folder phases/NAME that defines
-// these functions; common/driver/driver.c is the only main.
+// The interface between a phase and the rest of Stepwise. A phase is a folder phases/NAME whose C
+// files define the functions below. common/driver/driver.c has the only main.
 //
-// The rule: code inside the timed region belongs to the phase; code outside it, or that must be the
-// same for a fair comparison, belongs to common/. A phase includes nothing of another phase.
+// Code inside the timed region belongs to the phase. Code outside it, and code that must be the
+// same for a fair comparison, belongs to common/. A phase includes files of its own tree and of
+// common/, never files of another phase.
+//
+// The driver calls these functions in this order:
+//     phase_unsupported, phase_picture_unsupported   before anything else
+//     phase_prepare                                  once per scene; timed separately as set-up
+//     phase_update                                   before each frame of an animation; timed
+//     phase_render                                   once per frame; timed
+//     phase_release                                  at the end
+// Every phase defines phase_unsupported, phase_prepare, phase_update, phase_render, phase_release
+// and phase_distances. The other functions are optional.
 #ifndef STEPWISE_PHASE_H
 #define STEPWISE_PHASE_H
 
@@ -12,63 +22,84 @@
 #include "frame/frame.h"
 #include "scene/scene.h"
 
-struct prepared; // the phase's own
+// Each phase defines this type for itself: the scene in the form that its renderer needs.
+struct prepared;
 
-// NULL if the phase renders this scene, else the reason in one sentence; the driver then refuses.
+// Returns NULL if the phase renders this scene correctly, else the reason in one sentence. The
+// driver prints the reason and refuses the scene: a phase never draws a wrong picture.
 const char *phase_unsupported(const struct scene *scene);
 
-// Only of phases that have bounds for a picture's shape: the same of a picture of that size of a scene that it renders.
+// Optional. Returns NULL if the phase renders this scene at width × height pixels, else the reason
+// in one sentence. Called only if phase_unsupported returned NULL. For phases whose number range
+// limits the picture's size (see phases/fixed).
 const char *phase_picture_unsupported(const struct scene *scene, int width, int height)
     __attribute__((weak));
 
-// What may be worked out once per scene from shapes, materials and limits. Timed apart as set-up.
-// The model outlives what is prepared from it. NULL when memory is short. Renders with that many
-// threads; more than 1 only if phase.json says so.
+// Returns what can be computed once per scene from shapes, materials and limits, or NULL if memory
+// is short. Camera and light are not available here, so nothing that depends on them escapes the
+// timed region. The caller keeps `model` until phase_release.
+// `threads`: the number of threads that phase_render and phase_update use, 1 to 4096; above 1 only
+// if phase.json says "threads": true.
 struct prepared *phase_prepare(const struct model *model, int threads);
 
-// The timed region. Camera and light are new for each frame: what depends on them is paid for here.
-// Writes every plane of the frame that is not NULL. Returns false when memory is short.
+// Renders one frame; this is the timed region. Writes every plane of `frame` that is not NULL (see
+// struct frame). Camera and light are new in each frame, so all work that depends on them happens
+// here. Returns false if memory is short.
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame);
 
-// Moved shapes: same counts, types and sizes as at phase_prepare, and as long-lived. Timed with the frame, before each
-// of an animation's (render --frames; prepare's model is `animated` then). Returns false when memory is short.
+// Replaces the shapes' positions by those of `model`, before a frame of an animation (render
+// --frames); its time counts as the frame's. `model` has the same number, types and sizes of
+// shapes as the model of phase_prepare, whose `animated` is then true, and it lives as long.
+// Returns false if memory is short.
 bool phase_update(struct prepared *prepared, const struct model *model);
 
+// Frees `prepared` and ends the threads that phase_prepare started.
 void phase_release(struct prepared *prepared);
 
-// Not timed, for tests: the phase's own signed distance to the scene at each point (xyz triples),
-// in the arithmetic that its march uses, and the index of the nearest shape.
+// For tests, not timed. For each of `count` points (x y z triples), writes the signed distance to the
+// scene in scene units and the index of the nearest shape. The arithmetic is that of the phase's
+// march. Returns false if memory is short.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest);
 
-// Only of phases that generate code for a scene: what prepare came to. The record says it with every frame, so that
-// general code cannot pass for generated.
+// What phase_prepare did in a phase that generates code for the scene. Strings live as long as
+// `prepared`; times are nanoseconds.
 struct kernel_facts {
-    bool generated;              // else general code runs
-    const char *reason;          // why it was not generated
-    const char *hash, *compiler; // of a generated kernel
+    bool generated;     // true: generated code renders; false: the phase's general code does
+    const char *reason; // why general code renders; NULL if `generated`
+    const char *hash, *compiler; // of the generated code; NULL if there is none
     uint64_t generate_ns, compile_ns, load_ns;
 };
+
+// Optional, for phases that generate code. The driver adds the result to every record, so that a
+// time of general code cannot be mistaken for a time of generated code.
 const struct kernel_facts *phase_kernel(const struct prepared *prepared) __attribute__((weak));
 
-// Only of phases that can be told how to work, by a variable of the environment: what this one does, in words. The
-// record says it with every frame, so that what another setting gave cannot pass for the phase's own.
+// Optional, for phases with settings that an environment variable changes. Returns the settings in
+// use as text. The driver adds it to every record, so that times of different settings cannot be
+// confused.
 const char *phase_settings(const struct prepared *prepared) __attribute__((weak));
 
-// Only of phases of closed forms, for tests and for what times rays (hits.c): rays as arrays, of which each has room for
-// 64 bytes more. Directions are of unit length.
+// Rays as arrays, for phase_hits. Each array has 64 spare bytes after its last element, so that full
+// vectors can be read and written there. Directions have unit length.
 struct ray_set {
     size_t count;
     const float *origin[3], *direction[3];
-    const float *far; // where each ends; NULL: nowhere
-    bool any;         // asked for is whether something is met, not where
-    float *t, *shape; // of the first hit: +inf and −1 on a miss; of any: −inf in t, and no shape
+    const float *far; // largest t of each ray; NULL: the rays do not end
+    bool any;         // true: an occlusion query: does the ray hit any shape before `far`?
+    float *t;         // result: distance of the first hit, +inf on a miss; −inf if `any` and hit
+    float *shape;     // result: index of the shape hit, −1 on a miss; not written if `any`
 };
+
+// Optional, for phases with closed-form intersections: traces the rays in their order, on the
+// calling thread. Used by tests and by build/NAME/hits (tools/hits.c), which times it. Returns
+// false if memory is short.
 bool phase_hits(const struct prepared *prepared, const struct ray_set *rays);
 
-// Only of the phases of family "truth", for tests (rays.c): the first hit of each ray, origin xyz and
-// direction xyz, as status (2 proved, 1 converged only, 0 undecided), index of the shape (−1: none), and the
-// enclosure of s in p = origin + s·direction, s ≥ 0 (+inf on a proved miss), and what it cost in evaluations.
+// Optional, for phases of family "truth"; used by tests (tools/rays.c). Each ray is six numbers,
+// origin and direction; its hit is at p = origin + s·direction with s ≥ 0. Writes five numbers per
+// ray: status (2 proved, 1 converged only, 0 undecided), index of the first shape hit (−1: none),
+// lower and upper bound of s (both +inf on a proved miss), and the number of evaluations.
 bool phase_enclosures(const struct prepared *prepared, size_t count, const double *rays,
                       double *enclosures);
 

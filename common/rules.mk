@@ -1,16 +1,16 @@
-# How a phase is built: the same recipe for all, flags from phases/NAME/phase.json.
+# How phases are built. All phases use the same rules; phases/NAME/phase.json has the flags.
 #
 #   build/NAME/render         the timing build           build/NAME@FROM/render   NAME's sources, FROM's flags
 #   build/NAME+PATCH/render   NAME with phases/NAME/ablations/PATCH.patch
 #   build/NAME/source         the whole tree of a derived phase or of an ablation (make tree-NAME)
-#   build/NAME/render-lines   the timing build with line tables;  render-calls: without inlining (profiles)
-#   build/NAME/render-count   counts calls, times phases/NAME/costs.def (counting/flops.h)
-#   build/NAME/render-blocks  counts executions of every basic block (counting/blocks.c); render-blocks-calls: not inlined
-#   build/NAME/render-ftz     the timing build, started with denormals flushed to zero (hard case 19)
-#   build/NAME/probe          distances at given points, for tests (tools/probe.c)
-#   build/NAME/read, count/read   compiled for warnings alone: variants of other CPUs, counting sources
+#   build/NAME/render-lines   the timing build with line tables;  render-calls: without inlining (for profiles)
+#   build/NAME/render-count   counts calls and multiplies them by phases/NAME/costs.def (counting/flops.h)
+#   build/NAME/render-blocks  counts executions of each basic block (counting/blocks.c); render-blocks-calls: not inlined
+#   build/NAME/render-ftz     the timing build, which starts with denormals flushed to zero (hard case 19)
+#   build/NAME/probe          prints distances at given points, for tests (tools/probe.c)
+#   build/NAME/read, count/read   compiles only for warnings: variants for other CPUs, the counting sources
 #   build/truth/rays, build/packets/hits, build/rsqrt, build/ceilings, build/functions/bench   tools
-#   make CC=clang BUILD=build/clang SANITIZE=1 ...   another compiler, ASan and UBSan, in a folder of their own
+#   make CC=clang BUILD=build/clang SANITIZE=1 ...   another compiler, with ASan and UBSan, in its own folder
 #   make BUILD=build/tsan SANITIZE=thread ...        ThreadSanitizer
 #   make BUILD=build/emulated EMULATE=1 ...          AVX-512 emulated by AVX2, for tests of pictures (tests/emulate)
 #
@@ -21,13 +21,13 @@ endif
 CC ?= gcc
 BUILD ?= build
 PYTHON3 ?= $(firstword $(wildcard .venv/bin/python) python3)
-PYTHON_ALONE := $(PYTHON3) -I -S# the standard library alone: it starts faster
+PYTHON_ALONE := $(PYTHON3) -I -S# only the standard library, which starts faster
 
 , := ,
 WARNINGS := -Wall -Wextra -Wpedantic -Werror
-# -g1: a sanitizer's report needs lines alone.
+# -g1: a sanitizer's report needs only line numbers.
 SANITIZERS := $(if $(SANITIZE),-fsanitize=$(if $(filter thread,$(SANITIZE)),thread,address$(,)undefined -fno-sanitize-recover=all) -fno-omit-frame-pointer -g1)
-# Behind a phase's own -O3. Sanitized code is checked before it is optimized away; emulated code draws small pictures.
+# Follows a phase's own -O3. With -O1 less is optimized away before it is checked. -O0 compiles emulated code fastest.
 SANITIZED := $(SANITIZERS)$(if $(SANITIZE), -O1)$(if $(EMULATE), -O0)
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
@@ -39,27 +39,27 @@ COMMON_HEADERS := $(wildcard common/*.h common/*/*.h)
 
 EMULATION := $(if $(EMULATE),$(CURDIR)/tests/emulate)
 SIMDE_INCLUDE ?= /usr/local/include /usr/include
-# What emulates: another version of it compiles anew.
+# A checksum of the emulation's sources: another version compiles everything again.
 EMULATED_BY := $(if $(EMULATE),$(shell { cat tests/emulate/immintrin.h; find -L $(firstword $(wildcard $(SIMDE_INCLUDE:%=%/simde)) /dev/null) -name '*.h' -printf '%P %T@ %s\n' | sort; } | cksum | tr ' ' -))
 ifneq ($(EMULATE),)
 ifeq ($(abspath $(BUILD)),$(CURDIR)/build)
 $(error EMULATE=1 needs a folder of its own, e.g. BUILD=build/emulated)
 endif
 ifneq ($(filter %/render-count %/render-blocks %/render-blocks-calls %/render-lines %/render-calls,$(MAKECMDGOALS)),)
-$(error what is emulated is not counted: the instructions are not the phase's)
+$(error emulated builds cannot count: their instructions are not the phase's)
 endif
 endif
 
-# Where a phase's sources are: its folder, or the tree that patches.py lays in build/NAME/source for a derived
-# phase and for an ablation. In NAME@FROM and NAME+PATCH, NAME is what is before the sign.
+# Where a phase's sources are: in its folder, or, for a derived phase and an ablation, in the tree that patches.py
+# makes in build/NAME/source. The sources of NAME@FROM and NAME+PATCH are those of NAME.
 PHASES := $(sort $(patsubst phases/%/phase.json,%,$(wildcard phases/*/phase.json)))
 DERIVED := $(patsubst phases/%/phase.json,%,$(shell grep -l '"derives"' phases/*/phase.json))
 source_of = $(firstword $(subst @, ,$(1)))
 flags_of = $(lastword $(subst @, ,$(1)))
-is_laid = $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,yes))
-tree_of = $(if $(call is_laid,$(1)),$(call laid,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
-# Laid once by each make.
-laid = $(or $(laid-$(2)),$(eval laid-$(2) := $(shell $(PYTHON_ALONE) scripts/study/patches.py $(1) $(2)))$(laid-$(2)),$(error $(1) cannot be made))
+has_made_tree = $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,yes))
+tree_of = $(if $(call has_made_tree,$(1)),$(call make_tree,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
+# Each run of make makes a tree once.
+make_tree = $(or $(made-tree-$(2)),$(eval made-tree-$(2) := $(shell $(PYTHON_ALONE) scripts/study/patches.py $(1) $(2)))$(made-tree-$(2)),$(error $(1) cannot be made))
 sources_of = $(foreach f,$(call tree_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*.def $(f)/*/*.[ch]))
 phase_prerequisites = $$(call sources_of,$$*) $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/build/compile.py $(BUILD)/common/emulated_by
 
@@ -70,14 +70,14 @@ phase_prerequisites = $$(call sources_of,$$*) $(COMMON_HEADERS) $(BUILD)/%/phase
 FORCE:
 
 write_line = @mkdir -p $(@D); echo '$(LINE)' | cmp -s - $@ || echo '$(LINE)' >$@
-# Files that hold one line and change only when the line does: what hangs on them is made anew then.
+# Files of one line. They are rewritten only if the line changes, and then everything that depends on them is rebuilt.
 $(BUILD)/common/toolchain $(BUILD)/common/emulated_by $(BUILD)/common/with_embree: FORCE
 	$(write_line)
 $(BUILD)/common/toolchain: LINE = $(TOOLCHAIN) $(SANITIZERS)
 $(BUILD)/common/emulated_by: LINE = $(EMULATED_BY)
 $(BUILD)/common/with_embree: LINE = $(EMBREE)
-# Embree is looked for where the compiler looks: its packages have no file for pkg-config. 4 (Ubuntu 24.04, Debian 13)
-# goes before 3 (Debian 12).
+# Embree's packages have no pkg-config file, so look in the compiler's folders. Embree 4 (Ubuntu 24.04, Debian 13) is
+# preferred to Embree 3 (Debian 12).
 EMBREE_INCLUDE ?= /usr/include /usr/local/include
 EMBREE := $(if $(SANITIZE),,$(firstword $(foreach v,4 3,$(wildcard $(EMBREE_INCLUDE:%=%/embree$(v)/rtcore.h)))))
 EMBREE_VERSION := $(patsubst embree%,%,$(notdir $(patsubst %/,%,$(dir $(EMBREE)))))
@@ -88,16 +88,16 @@ $(BUILD)/common/%.o: common/%.c $(COMMON_HEADERS) common/rules.mk $(BUILD)/commo
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) -c $< -o $@
 
-# Run at every call; it replaces only what says something new.
+# Runs in every make; it writes only files whose text changes.
 $(BUILD)/%/phase_info.h: FORCE
 	@: $(call tree_of,$*)
 	@$(PYTHON_ALONE) common/build/phase_info.py $(call source_of,$*) $(call flags_of,$*) $(@D) '$(TOOLCHAIN)' '$(SANITIZED)' '$(EMULATION)'
 
-# --- The phase as one object. $(1): what compile.py does, $(2): more of its arguments.
-here = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),--here)
+# --- The phase as one object. $(1): compile.py's command, $(2): more arguments.
+only_supported = $(if $(or $(SANITIZERS),$(CLANG),$(findstring +,$*),$(filter-out $(BUILD)/$*,$(@D))),--here)
 compile = @$(PYTHON_ALONE) common/build/compile.py $(1) $@ --build $(BUILD)/$* --tree $(call tree_of,$*) --include common \
     --cc '$(CC)' --toolchain '$(TOOLCHAIN) $(EMULATED_BY)' --flags '$(WARNINGS) $(SANITIZED)' --parsed $(BUILD)/common/parsed \
-    $(here) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(if $(CLANG),--clang) $(2)
+    $(only_supported) $(if $(SANITIZE),$(if $(EMULATE),,--sanitized)) $(if $(CLANG),--clang) $(2)
 NOT_INLINED := -fno-inline -Dalways_inline=noinline -Wno-attributes $(if $(CLANG),,-fno-ipa-cp -fno-ipa-sra -fno-partial-inlining -fno-ipa-icf)
 
 $(BUILD)/%/phase.o: $(phase_prerequisites)
@@ -106,8 +106,8 @@ $(BUILD)/%/lines/phase.o: $(phase_prerequisites)
 	$(call compile,objects,--more='-g')
 $(BUILD)/%/calls/phase.o: $(phase_prerequisites)
 	$(call compile,objects,--more='-g $(NOT_INLINED)')
-# -O1: counts are the source's at any level (test_variants_built.py), and a third less to compile. local-exec: gcc 12
-# keeps an address of thread-local storage in a vector register, which ld cannot relax.
+# -O1 compiles a third faster, and counts are the same at every level (test_variants_built.py). local-exec: otherwise
+# gcc 12 keeps an address of thread-local storage in a vector register, which ld cannot relax.
 COUNTING := -DSTEPWISE_COUNT -ftls-model=local-exec
 $(BUILD)/%/count/phase.o: $(BUILD)/%/count/flops.o $(phase_prerequisites)
 	$(call compile,objects,--more='-O1 $(COUNTING)')
@@ -116,13 +116,13 @@ $(BUILD)/%/read: $(phase_prerequisites)
 $(BUILD)/%/count/read: $(phase_prerequisites)
 	$(call compile,read,--more='-DSTEPWISE_COUNT $(if $(CLANG),-fsyntax-only,-O0 -S)')
 
-# --- Programs. What every render has beside its phase:
-SCENES := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c))
-DRIVER := $(patsubst %.c,$(BUILD)/%.o,$(filter-out common/driver/driver.c common/driver/variant.c,$(wildcard common/driver/*.c)))
-RENDER = $(BUILD)/%/driver.o $(BUILD)/%/variant.o $(DRIVER) $(SCENES)
-COUNTER = $(BUILD)/%/count/driver.o $(BUILD)/%/variant.o $(BUILD)/common/counting/tally.o $(DRIVER) $(SCENES)
+# --- Programs. The objects that every render has besides its phase:
+SCENE_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c))
+DRIVER_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out common/driver/driver.c common/driver/variant.c,$(wildcard common/driver/*.c)))
+RENDER = $(BUILD)/%/driver.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
+COUNTER = $(BUILD)/%/count/driver.o $(BUILD)/%/variant.o $(BUILD)/common/counting/tally.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
 
-# The only objects of common/ that know which phase they are in.
+# The only objects of common/ that depend on the phase.
 $(BUILD)/%/driver.o: common/driver/driver.c $(COMMON_HEADERS) $(BUILD)/%/phase_info.h common/rules.mk
 	$(CC) $(COMMON_CFLAGS) -I$(@D) -c $< -o $@
 $(BUILD)/%/variant.o: common/driver/variant.c common/driver/variant.h $(BUILD)/%/phase_info.h common/rules.mk
@@ -147,14 +147,14 @@ $(BUILD)/%/render-calls: $(BUILD)/%/calls/phase.o $(RENDER)
 	$(LINK) -o $@
 $(BUILD)/%/render-count: $(BUILD)/%/count/phase.o $(BUILD)/%/count/flops.o $(COUNTER)
 	$(LINK) -Wl,--wrap=pthread_create -o $@
-$(BUILD)/%/probe: $(BUILD)/common/tools/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENES)
+$(BUILD)/%/probe: $(BUILD)/common/tools/probe.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) -o $@
-$(BUILD)/%/rays: $(BUILD)/common/tools/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENES)
+$(BUILD)/%/rays: $(BUILD)/common/tools/rays.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) -o $@
-$(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENES)
+$(BUILD)/%/hits: $(BUILD)/%/hits.o $(BUILD)/common/tools/embree.o $(BUILD)/%/phase.o $(BUILD)/%/variant.o $(SCENE_OBJECTS)
 	$(LINK) $(if $(EMBREE),-lembree$(EMBREE_VERSION)) -o $@
 
-# --- Basic blocks: the assembly of the timing build, or of the sources not inlined, with a counter in every block.
+# --- Basic blocks: a counter in each block of the timing build's assembly, or of assembly without inlining.
 INSTRUMENT = PYTHONPATH=scripts $(firstword $(wildcard .venv/bin/python) $(PYTHON3)) -m study.assembly --cc '$(CC)'
 INSTRUMENT_TOOLS := $(wildcard scripts/study/assembly*.py) scripts/study/decode.py
 instrument = @$(INSTRUMENT) $(@D) $(@D)/assembly/*.s

@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
 """Compiles the sources of one phase into one object. Run by make (common/rules.mk); standard library only.
 
-    compile.py objects  OUT.o   each source to an object, joined
-    compile.py assembly OUT.o   the same by way of OUT's folder/assembly/*.s, which stay: blocks are counted in them
-    compile.py read     OUT     compiled for its warnings alone; OUT is an empty file
-    compile.py copy     OUT.o   the timing build's assembly, of the variants to be made, into OUT's folder/assembly
-    compile.py join     OUT.o   --objects FOLDER: its objects joined
+    compile.py objects  OUT.o   compiles each source to an object and joins the objects
+    compile.py assembly OUT.o   the same by way of assembly/*.s beside OUT; block counters need the assembly
+    compile.py read     OUT     compiles only to see the warnings; OUT is an empty file
+    compile.py copy     OUT.o   copies the timing build's assembly into assembly/ beside OUT
+    compile.py join     OUT.o   joins the objects in the folder --objects
 
-flags.json (phase_info.py) has the phase's flags and variants. A file of "each_variant" is compiled once for each
-variant as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again only when its command
-or a file that it includes has changed.
+flags.json (made by phase_info.py) holds the phase's flags and variants. A file listed in "each_variant" is
+compiled once per variant, as NAME-VARIANT, with LANES and VARIANT(name) defined. A source is compiled again
+only if its command or a file that it includes has changed.
 
-Which variants: what gcc times has all of them. What is sanitized, counted, profiled or patched, and what clang
-makes, has those that this CPU runs (--here): no other is ever called. The functions of a variant that is left
-out stand for an instruction that traps.
+The timing build by gcc contains all variants. With --here only the variants that this CPU can run are
+compiled, because no other is ever called. Make passes --here for builds that are sanitized, counted, profiled
+or patched, and for clang. A function of a variant that is left out becomes an instruction that traps.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-FOLDERS = {"objects": "objects", "assembly": "assembly", "read": "read-only"}  # of what is made, beside OUT
+FOLDERS = {"objects": "objects", "assembly": "assembly", "read": "read-only"}  # of the results, beside OUT
 STANDARD = ["-std=c11", "-D_GNU_SOURCE"]
 
 
 def run(command: list[str], show: bool = True) -> str:
-    """Standard output of a command that ends well; else its status is this program's."""
+    """Runs a command and returns its standard output. If it fails, exits with its status."""
     if show:
         print(shlex.join(command), flush=True)
     try:
@@ -48,7 +48,7 @@ def run(command: list[str], show: bool = True) -> str:
 
 
 class Parsed:
-    """<immintrin.h>, parsed once for each set of compiler flags: it is a third of each source's compilation."""
+    """Precompiled <immintrin.h>, one per set of compiler flags. Parsing it takes a third of a compilation."""
 
     def __init__(self, folder: Path, compiler: str, toolchain: str) -> None:
         self.folder, self.toolchain = folder, toolchain
@@ -56,7 +56,7 @@ class Parsed:
         self.ages: str | None = None
 
     def _headers(self) -> str:
-        """Ages and sizes of what is parsed: an upgrade of the compiler or the C library parses anew."""
+        """Ages and sizes of system headers. They change when the compiler or the C library is upgraded."""
         if self.ages is None:
             found = run([*self.compiler, "-print-file-name=include/immintrin.h"], show=False).strip()
             stats = [os.stat(path) for path in ("/usr/include/stdlib.h", found) if os.path.exists(path)]
@@ -64,7 +64,7 @@ class Parsed:
         return self.ages
 
     def header(self, command: list[str]) -> Path:
-        """The header to -include. Two jobs may make it at once: the last one wins, and both are alike."""
+        """Returns the header to -include. Two jobs may make it at once, with equal results."""
         skipped = ("-DLANES=", "-DVARIANT", "-DSTEPWISE_")
         words = [word for i, word in enumerate(command) if not word.startswith(skipped)]
         while "-iquote" in words:
@@ -87,7 +87,7 @@ class Parsed:
 
 
 def fresh(made: Path, command: list[str]) -> bool:
-    """Whether that command made the file after the last change of all that it read."""
+    """Returns whether this command made the file, after the last change of every file that it read."""
     stamp, needed = made.with_suffix(".cmd"), made.with_suffix(".d")
     try:
         begun, said = stamp.read_text().split("\n", 1)
@@ -99,7 +99,7 @@ def fresh(made: Path, command: list[str]) -> bool:
 
 
 def sources(tree: Path) -> list[Path]:
-    """The C files of the tree, in order. Exits where two have one name: their objects would."""
+    """Returns the C files of the tree, sorted. Exits if two have the same name: so would their objects."""
     found = sorted(tree.rglob("*.c"))
     names = [path.name for path in found]
     if twice := {name for name in names if names.count(name) > 1}:
@@ -108,7 +108,7 @@ def sources(tree: Path) -> list[Path]:
 
 
 def versions(args: argparse.Namespace, about: dict[str, Any]) -> list[tuple[Path, str]]:
-    """(source, variant, or "" for what is built once) of all that is to be compiled."""
+    """Returns what to compile: pairs of source and variant. The variant of a source compiled once is ""."""
     counted = args.out.parent.name == "count"
     every = args.clang and counted
     if args.kind == "read":
@@ -125,7 +125,7 @@ def versions(args: argparse.Namespace, about: dict[str, Any]) -> list[tuple[Path
 
 
 def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
-    """Compiles, and returns the folder of the objects: of these sources and no others."""
+    """Compiles everything and returns the folder of the objects. Removes objects of deleted sources."""
     parsed = Parsed(args.parsed, args.cc, args.toolchain)
     wide = not about["each_variant"] and any(
         "<immintrin.h>" in path.read_text() for path in args.tree.rglob("*.[ch]")
@@ -145,8 +145,15 @@ def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
             command += shlex.split(about["flags"][version])
         command += shlex.split(args.flags)
         if version and args.sanitized:
-            command += ["-Og"]  # a third less to compile than -O1 and as fast
-        command += [*args.include, "-iquote", str(args.tree), "-iquote", str(args.build), *shlex.split(args.more)]
+            command += ["-Og"]  # compiles in two thirds of the time of -O1, and runs as fast
+        command += [
+            *args.include,
+            "-iquote",
+            str(args.tree),
+            "-iquote",
+            str(args.build),
+            *shlex.split(args.more),
+        ]
         if version or wide:
             command += ["-include", str(parsed.header(command))]
         if "-fsyntax-only" not in command and "-S" not in command:
@@ -156,7 +163,10 @@ def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
             begun = time.time_ns()
             run(command)
             if by_assembly:
-                run([*shlex.split(args.cc), "-c", str(made), "-o", str(objects / f"{made.stem}.o")], show=False)
+                run(
+                    [*shlex.split(args.cc), "-c", str(made), "-o", str(objects / f"{made.stem}.o")],
+                    show=False,
+                )
             made.with_suffix(".cmd").write_text(f"{begun}\n{shlex.join([args.toolchain, *command])}")
     if args.kind == "read":
         shutil.rmtree(folder)
@@ -168,7 +178,7 @@ def compile_all(args: argparse.Namespace, about: dict[str, Any]) -> Path:
 
 
 def copy(args: argparse.Namespace, about: dict[str, Any]) -> None:
-    """The assembly that the timing build was made from, without the variants that this CPU does not run."""
+    """Copies the timing build's assembly, except for variants that this CPU cannot run."""
     folder = args.out.parent / "assembly"
     shutil.rmtree(args.out.parent, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -178,7 +188,7 @@ def copy(args: argparse.Namespace, about: dict[str, Any]) -> None:
 
 
 def join(objects: Path, out: Path, args: argparse.Namespace, about: dict[str, Any]) -> None:
-    """One object of all. Of a variant's symbols only VARIANT_… are seen from outside of it."""
+    """Joins all objects to one. Of a variant's symbols, only those that start with VARIANT_ stay global."""
     folder = out.parent / "joined"
     folder.mkdir(parents=True, exist_ok=True)
     made = about["here"] if args.here else about["variants"]
@@ -196,7 +206,10 @@ def join(objects: Path, out: Path, args: argparse.Namespace, about: dict[str, An
         names = [name for name in wanted if name.startswith(tuple(f"{variant}_" for variant in left_out))]
         traps = "".join(f".globl {name}\n{name}: ud2\n" for name in names)
         (folder / "without.s").write_text(f'.section .note.GNU-stack,"",@progbits\n.text\n{traps}')
-        run([*shlex.split(args.cc), "-c", str(folder / "without.s"), "-o", str(folder / "without.o")], show=False)
+        run(
+            [*shlex.split(args.cc), "-c", str(folder / "without.s"), "-o", str(folder / "without.o")],
+            show=False,
+        )
         run(["ld", "-r", "-o", f"{out}.tmp", str(whole), str(folder / "without.o")], show=False)
         os.replace(f"{out}.tmp", out)
     else:
@@ -207,16 +220,18 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("kind", choices=("objects", "assembly", "read", "copy", "join"))
     parser.add_argument("out", type=Path)
-    parser.add_argument("--build", type=Path, required=True, help="the phase's folder: flags.json, phase_info.h")
+    parser.add_argument("--build", type=Path, required=True, help="folder of flags.json, phase_info.h")
     parser.add_argument("--tree", type=Path, required=True, help="the phase's sources")
     parser.add_argument("--cc", required=True)
-    parser.add_argument("--toolchain", default="", help="its version: another one compiles anew")
-    parser.add_argument("--flags", default="", help="behind the phase's own: warnings, sanitizers")
-    parser.add_argument("--more", default="", help="behind all of them")
-    parser.add_argument("--include", action="append", default=[], help="a folder of headers, as -IFOLDER")
-    parser.add_argument("--parsed", type=Path, default=Path("build/common/parsed"), help="parsed headers")
-    parser.add_argument("--objects", type=Path, help="of join: the folder")
-    parser.add_argument("--here", action="store_true", help="only the variants that this CPU runs")
+    parser.add_argument("--toolchain", default="", help="version of the compiler")
+    parser.add_argument("--flags", default="", help="follow the phase's own flags: warnings, sanitizers")
+    parser.add_argument("--more", default="", help="follow all other flags")
+    parser.add_argument("--include", action="append", default=[], help="a folder of headers")
+    parser.add_argument(
+        "--parsed", type=Path, default=Path("build/common/parsed"), help="precompiled headers"
+    )
+    parser.add_argument("--objects", type=Path, help="for join: the folder of objects")
+    parser.add_argument("--here", action="store_true", help="compile only variants that this CPU can run")
     parser.add_argument("--sanitized", action="store_true")
     parser.add_argument("--clang", action="store_true", help="the compiler is clang")
     args = parser.parse_args()

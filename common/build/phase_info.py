@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
-"""Turn a phase's phase.json into what make and the driver need: flags.json and phase_info.h.
+"""Turns a phase's phase.json into flags.json for compile.py and phase_info.h for the driver.
 
-Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Standard library only: it runs
-before anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as
-a rule the same). CFLAGS_MORE in the environment comes behind them (scripts/toolchains.py). Of a phase with
-variants the files of "each_variant" are built once for each, the variant's own flags last; the widest that
-the CPU has is what runs (variant.h). SHIM is the folder of an <immintrin.h> in which variants with AVX-512
-are emulated. Flags that only gcc from 12 on knows (COPIES) are left out for others; clang copies so unasked.
+Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Uses only the standard library,
+because it runs before anything is installed.
+
+NAME is the phase with the sources. FLAGS_FROM, usually the same phase, gives compiler flags and instruction
+set. CFLAGS_MORE in the environment is appended to the flags (scripts/toolchains.py). For a phase with
+variants, the files of "each_variant" are built once per variant, with the variant's flags last. The widest
+variant that the CPU supports runs (driver/variant.h). SHIM is the folder of an <immintrin.h> that emulates
+AVX-512. Flags in COPY_FLAGS are dropped for compilers other than gcc 12 or newer; clang copies that way by
+default.
 """
 
 import json
@@ -29,12 +32,12 @@ KEYS = {
     "threads": bool,
     "cflags": str,
 }
-# How structs are copied: in moves as wide as the lanes (phases/opt6_wide/NOTES.md); not a bit of a picture's.
-COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
+# Flags that copy structs in moves as wide as the lanes (phases/opt6_wide/NOTES.md); pictures stay the same.
+COPY_FLAGS = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 
 
 def load(name: str) -> dict:
-    """phase.json of a phase, derived ones with what they take from their parents, or of NAME+TITLE."""
+    """Returns the checked phase.json of a phase or of NAME+PATCH, with the keys of its parent."""
     path = PHASES / name.partition("+")[0] / "phase.json"
     if not path.is_file():
         known = ", ".join(sorted(p.parent.name for p in PHASES.glob("*/phase.json")))
@@ -59,7 +62,7 @@ def load(name: str) -> dict:
 
 
 def check_variants(path: Path, info: dict, files: set[str]) -> None:
-    """$.variants and $.each_variant, both or neither."""
+    """Checks $.variants and $.each_variant: a phase has both or neither. Exits on an error."""
     variants, each = info.get("variants", []), info.get("each_variant", [])
     good = isinstance(variants, list) and all(
         isinstance(one, dict)
@@ -76,13 +79,13 @@ def check_variants(path: Path, info: dict, files: set[str]) -> None:
             sys.exit(f"phase_info: {path}: $.each_variant: there is no {name!r} in the phase's tree")
 
 
-def here(variants: list[dict]) -> list[str]:
-    """Names of the variants that this CPU runs; all, where it does not say what it has."""
+def supported(variants: list[dict]) -> list[str]:
+    """Returns the names of the variants that this CPU can run; all of them if its features are unknown."""
     try:
-        said = re.search(r"^flags\s*:(.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+        found = re.search(r"^flags\s*:(.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
     except OSError:
-        said = None
-    have = set(said[1].split()) if said else {i for one in variants for i in one["isa"]}
+        found = None
+    have = set(found[1].split()) if found else {i for one in variants for i in one["isa"]}
     return [f"lanes{one['lanes']}" for one in variants if have >= set(one["isa"])]
 
 
@@ -90,35 +93,35 @@ def needs(isa: list) -> str:
     return " ".join(f"need({json.dumps(i)})" for i in isa)
 
 
-def described(one: dict, isa: list, flags: str, emulated: bool) -> str:
-    """A variant for variant.c: lanes, all it needs as one word, its flags, what it needs beyond its phase."""
-    asked = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
-    whole = "+".join(sorted({*isa, *asked})) or "x86-64"
+def variant_line(one: dict, isa: list, flags: str, emulated: bool) -> str:
+    """Returns a variant for variant.c: lanes, features as one word, flags, features that the phase lacks."""
+    features = [name for name in one["isa"] if not emulated or not name.startswith("avx512")]
+    whole = "+".join(sorted({*isa, *features})) or "x86-64"
     whole = json.dumps(f"{whole}, {one['lanes']} lanes emulated" if emulated else whole)
-    less = "-Og" if "-fsanitize" in flags and not emulated else ""  # rules.mk: compile_each
-    flags = json.dumps(" ".join(filter(None, [flags, one["flags"], less])))
+    debug = "-Og" if "-fsanitize" in flags and not emulated else ""
+    flags = json.dumps(" ".join(filter(None, [flags, one["flags"], debug])))
     return f"variant({one['lanes']}, {whole}, {flags}, {needs(one['isa'])})"
 
 
 def knows_copies(compiler: str) -> bool:
-    """Whether that is gcc 12 or later, by the first line of --version: "gcc (Debian 12.2.0-14) 12.2.0"."""
-    said = re.search(r"\) (\d+)\.", compiler)
-    return said is not None and int(said[1]) >= 12 and "clang" not in compiler
+    """Returns whether the first line of --version is of gcc 12 or newer: "gcc (Debian 12.2.0-14) 12.2.0"."""
+    found = re.search(r"\) (\d+)\.", compiler)
+    return found is not None and int(found[1]) >= 12 and "clang" not in compiler
 
 
-def without(flags: str, *beginnings: str) -> str:
+def drop_flags(flags: str, *beginnings: str) -> str:
     return " ".join(word for word in flags.split() if not word.startswith(beginnings))
 
 
 def emulate(one: dict, shim: str) -> dict:
-    """A variant as it is built without AVX-512: its needs stay, for STEPWISE_ISA_LIMIT to take them away."""
-    flags = [without(one["flags"], "-mavx512", "-mprefer-vector-width", *COPIES)]
+    """Returns a variant built without AVX-512. It still lists AVX-512, for STEPWISE_ISA_LIMIT to hide."""
+    flags = [drop_flags(one["flags"], "-mavx512", "-mprefer-vector-width", *COPY_FLAGS)]
     flags = [*flags, "-mavx2", "-mfma", "-isystem", shim, "-Wno-psabi"]
     return one | {"flags": " ".join(flags), "isa": [*one["isa"], "avx2", "fma"]}
 
 
 def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
-    """Lines of a source with what it includes of the phase's and of common/ in its place, each file once."""
+    """Returns a source's lines with includes of the phase's files and of common/ expanded, each once."""
     path = next((folder / name for folder in folders if (folder / name).is_file()), None)
     if path is None or path in seen:
         return [] if path else [f'#include "{name}"']
@@ -134,7 +137,7 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
 
 
 def embed(root: str | None, folder: Path, output: Path) -> None:
-    """embedded.h: $.embedded, the root of a source that the program compiles where it runs, as strings."""
+    """Writes embedded.h: the source $.embedded as strings, which the program compiles at run time."""
     if root is None:
         return
     if not (folder / root).is_file():
@@ -147,7 +150,7 @@ def embed(root: str | None, folder: Path, output: Path) -> None:
 
 
 def replace(path: Path, text: str) -> None:
-    """Write only what changed, so that make rebuilds only what must be."""
+    """Writes a file only if its text changes, so that make rebuilds only what is necessary."""
     if not path.is_file() or path.read_text() != text:
         temporary = path.with_suffix(f".{os.getpid()}.tmp")
         temporary.write_text(text)
@@ -163,11 +166,11 @@ def main() -> None:
     cflags = " ".join(filter(None, [flags["cflags"], os.environ.get("CFLAGS_MORE")]))
     variants = phase.get("variants", [])
     if not knows_copies(compiler):
-        variants = [one | {"flags": without(one["flags"], *COPIES)} for one in variants]
+        variants = [one | {"flags": drop_flags(one["flags"], *COPY_FLAGS)} for one in variants]
     emulated = [bool(shim) and any(i.startswith("avx512") for i in one["isa"]) for one in variants]
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     names = " ".join(f"lanes{one['lanes']}" for one in variants)
-    run_here = names if shim else " ".join(here(variants))
+    run_here = names if shim else " ".join(supported(variants))
     about = {
         "cflags": cflags,
         "variants": names.split(),
@@ -175,13 +178,14 @@ def main() -> None:
         "rest": [one for one in names.split() if one not in run_here.split()],
         "each_variant": phase.get("each_variant", []),
         "flags": {
-            f"lanes{one['lanes']}": f"{one['flags']} -DLANES={one['lanes']} '-DVARIANT(a)=lanes{one['lanes']}_##a'"
+            f"lanes{n}": f"{one['flags']} -DLANES={n} '-DVARIANT(a)=lanes{n}_##a'"
             for one in variants
+            for n in [one["lanes"]]
         },
     }
     replace(folder / "flags.json", json.dumps(about, indent=1) + "\n")
     flags = " ".join(filter(None, [cflags, sanitizers]))
-    choice = [described(one, isa, flags, is_so) for one, is_so in zip(variants, emulated, strict=True)]
+    choice = [variant_line(one, isa, flags, is_so) for one, is_so in zip(variants, emulated, strict=True)]
     lines = [
         f"#define PHASE_NAME {json.dumps(name)}",
         f"#define PHASE_FLAGS_FROM {json.dumps(flags_from)}",
@@ -191,7 +195,7 @@ def main() -> None:
         f"#define PHASE_NEEDS(need) {needs(isa)}",
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
         f"#define PHASE_EMULATED {int(any(emulated))}",
-        f"// On this CPU: {run_here}",  # on another one all is built anew (rules.mk)
+        f"// On this CPU: {run_here}",  # so that another CPU rebuilds everything (rules.mk)
         f"// Sources: {' '.join(sorted(patches.files(name.partition('+')[0], PHASES.parent)))}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",

@@ -1,17 +1,17 @@
-// Kernels of arithmetic: fma, add, mul, minmax, div, sqrt and rsqrt, scalar to 512 bits, double and
-// single, and adds and multiplications mixed.
+// Arithmetic kernels: fma, add, mul, minmax, div, sqrt, rsqrt and mixes of add and mul, in double and
+// single precision, from scalar to 512 bits.
 //
-// All 16 registers come from `in` and go to `out`, one per slot of 64 bytes; between them `loops`
-// times the body, which is long: counting the loop may take an operation's place. Three forms, each
-// so that results tell how often the body ran, and with operands that stay normal:
-//   CHAINS  x = x op c in 14 registers, four times: 14 chains cover latency 4 at 3 a cycle. c is in
-//           14, the addend of fma in 15.
-//   APART   t = op(x) of 10 registers from 4 rising ones (x = x + c, 10 to 13), four times: square
-//           roots would converge.
-//   RISING  x = max(x, y) of 12 registers 16 times, then y = y + c (12): the maximum of a constant
-//           converges.
-// Scalar and 128 bits are in the legacy encoding (what a build without AVX executes), but for what
-// only VEX or EVEX has.
+// A kernel loads all 16 registers from `in`, executes its body `loops` times and stores the registers
+// to `out`. The body is long, because counting the loop may take the slot of an operation. Each of
+// the three forms keeps the operands normal and lets the result show how often the body ran:
+//   CHAINED      x = x op c in 14 registers, four times. 14 chains cover a latency of 4 cycles at 3
+//                operations per cycle. c is in register 14, the addend of fma in register 15.
+//   FROM_RISING  t = op(x) in 10 registers, from 4 registers x that rise (x = x + c), four times. For
+//                square roots, whose chains would converge.
+//   RUNNING_MAX  x = max(x, y) in 12 registers, 16 times, then y = y + c. A maximum with a constant
+//                would converge.
+// Scalar and 128-bit kernels use the legacy encoding, as a build without AVX does. Instructions that
+// exist only in VEX or EVEX encoding are the exception.
 #ifndef STEPWISE_CEILINGS_ARITHMETIC_H
 #define STEPWISE_CEILINGS_ARITHMETIC_H
 
@@ -19,26 +19,29 @@
 
 #include "registers.h"
 
-enum { TIMES = 4 }; // the body of CHAINS and APART has its operations so often
-enum form { CHAINS, APART, RISING };
+enum { BODY_REPEATS = 4 }; // repetitions of the operations in the body of CHAINED and FROM_RISING
+enum form { CHAINED, FROM_RISING, RUNNING_MAX };
 enum kind { FMA, ADD, MUL, MINMAX, DIV, SQRT, RSQRT, ADD_MUL, ADD_2MUL, TWO_ADD_MUL, KINDS };
 extern const char *const KIND_NAMES[KINDS];
 
-struct compute {
+struct arithmetic_kernel {
     enum kind kind;
     bool is_double;
-    int bits; // of what one instruction works on: the element's where scalar
+    int bits; // width of the operands; of the element in scalar code
     void (*run)(long loops, const void *in, void *out);
-    const char *needs; // of the CPU beyond x86-64, or NULL
-    double tolerance;  // relative; 0: bit for bit
+    const char *needs; // CPU feature beyond x86-64, or NULL
+    double tolerance;  // largest relative error; 0: exact bit for bit
 };
-enum { COMPUTES = 80 };
-extern const struct compute COMPUTE[COMPUTES];
+enum { ARITHMETIC_KERNEL_COUNT = 80 };
+extern const struct arithmetic_kernel ARITHMETIC_KERNELS[ARITHMETIC_KERNEL_COUNT];
 
-enum form form_of(enum kind kind);
-int per_loop(enum kind kind); // operations of the body
-int lanes_of(const struct compute *c);
-int flops_of(const struct compute *c); // of one operation; a fused one is two
-void name_of(const struct compute *c, char text[64]);
+enum form kernel_form(enum kind kind);
+// Operations of the kind in the body of the loop.
+int operations_per_loop(enum kind kind);
+int kernel_lanes(const struct arithmetic_kernel *c);
+// FLOPs of one instruction; a fused multiply-add is two per lane.
+int flops_per_operation(const struct arithmetic_kernel *c);
+// Writes a name for messages, such as "fma double 256 bits".
+void kernel_name(const struct arithmetic_kernel *c, char text[64]);
 
 #endif

@@ -1,3 +1,4 @@
+// The bandwidth kernels in assembly, and their check. See bandwidth.h.
 #include "bandwidth.h"
 
 #include <stdio.h>
@@ -5,12 +6,12 @@
 
 #include "registers.h"
 
-const char *const MOTION_NAMES[MOTIONS] = {"load", "store", "copy"};
+const char *const TRANSFER_NAMES[TRANSFER_KINDS] = {"load", "store", "copy"};
 
 #define LOAD_AT(MOV, R, BYTES, I) MOV " " #I "*" #BYTES "(%[p]), %%" R #I "\n\t"
 #define STORE_AT(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p])\n\t"
-#define STORE_FAR(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p],%[apart])\n\t"
-#define COPY_AT(MOV, R, BYTES, I) LOAD_AT(MOV, R, BYTES, I) STORE_FAR(MOV, R, BYTES, I)
+#define STORE_COPY(MOV, R, BYTES, I) MOV " %%" R #I ", " #I "*" #BYTES "(%[p],%[copy_distance])\n\t"
+#define COPY_AT(MOV, R, BYTES, I) LOAD_AT(MOV, R, BYTES, I) STORE_COPY(MOV, R, BYTES, I)
 // clang-format off
 #define ALL(M, MOV, R, BYTES)                                                   \
     M(MOV, R, BYTES, 0) M(MOV, R, BYTES, 1) M(MOV, R, BYTES, 2)                 \
@@ -20,7 +21,7 @@ const char *const MOTION_NAMES[MOTIONS] = {"load", "store", "copy"};
     M(MOV, R, BYTES, 12) M(MOV, R, BYTES, 13) M(MOV, R, BYTES, 14)              \
     M(MOV, R, BYTES, 15)
 // clang-format on
-#define MOTION(NAME, WIDTH, WHOLE, END, BYTES, BODY)                                               \
+#define TRANSFER_KERNEL(NAME, WIDTH, WHOLE, END, BYTES, BODY)                                      \
     static __attribute__((noinline)) void NAME(long loops, struct window *w, const void *in,       \
                                                void *out) {                                        \
         char *p;                                                                                   \
@@ -32,43 +33,45 @@ const char *const MOTION_NAMES[MOTIONS] = {"load", "store", "copy"};
                                      "and %[mask], %[offset]\n\t" BODY                             \
                                      "dec %[loops]\n\tjnz 1b\n\t" RUN16(OUT_##WIDTH, WHOLE) END    \
             : [loops] "+&r"(loops), [offset] "+&r"(offset), [p] "=&r"(p)                           \
-            : [in] "r"(in), [out] "r"(out), [base] "r"(w->base), [apart] "r"(w->apart),            \
-              [mask] "r"(w->mask)                                                                  \
+            : [in] "r"(in), [out] "r"(out), [base] "r"(w->base),                                   \
+              [copy_distance] "r"(w->copy_distance), [mask] "r"(w->mask)                           \
             : "memory", "cc", CLOBBERED);                                                          \
         w->offset = offset;                                                                        \
     }
-#define THREE(BITS, WIDTH, WHOLE, END, MOV, R, BYTES)                                              \
-    MOTION(load_##BITS, WIDTH, WHOLE, END, BYTES, ALL(LOAD_AT, MOV, R, BYTES))                     \
-    MOTION(store_##BITS, WIDTH, WHOLE, END, BYTES, ALL(STORE_AT, MOV, R, BYTES))                   \
-    MOTION(copy_##BITS, WIDTH, WHOLE, END, BYTES, ALL(COPY_AT, MOV, R, BYTES))
-THREE(64, 128, "movups", "", "movsd", "xmm", 8)
-THREE(128, 128, "movups", "", "movups", "xmm", 16)
-THREE(256, 256, "vmovups", "vzeroupper", "vmovups", "ymm", 32)
-THREE(512, 512, "vmovups", "vzeroupper", "vmovups", "zmm", 64)
+#define LOAD_STORE_COPY(BITS, WIDTH, WHOLE, END, MOV, R, BYTES)                                    \
+    TRANSFER_KERNEL(load_##BITS, WIDTH, WHOLE, END, BYTES, ALL(LOAD_AT, MOV, R, BYTES))            \
+    TRANSFER_KERNEL(store_##BITS, WIDTH, WHOLE, END, BYTES, ALL(STORE_AT, MOV, R, BYTES))          \
+    TRANSFER_KERNEL(copy_##BITS, WIDTH, WHOLE, END, BYTES, ALL(COPY_AT, MOV, R, BYTES))
+LOAD_STORE_COPY(64, 128, "movups", "", "movsd", "xmm", 8)
+LOAD_STORE_COPY(128, 128, "movups", "", "movups", "xmm", 16)
+LOAD_STORE_COPY(256, 256, "vmovups", "vzeroupper", "vmovups", "ymm", 32)
+LOAD_STORE_COPY(512, 512, "vmovups", "vzeroupper", "vmovups", "zmm", 64)
 
-#define MOVING(BITS, NEEDS)                                                                        \
+#define TRANSFER(BITS, NEEDS)                                                                      \
     {LOAD, BITS, load_##BITS, NEEDS}, {STORE, BITS, store_##BITS, NEEDS}, {                        \
         COPY, BITS, copy_##BITS, NEEDS                                                             \
     }
-const struct moving MOVINGS[] = {MOVING(64, NULL), MOVING(128, NULL), MOVING(256, "avx"),
-                                 MOVING(512, "avx512f")};
-int loop_bytes(const struct moving *m) {
-    return BLOCK * m->bits / 8 * (m->motion == COPY ? 2 : 1);
+const struct transfer_kernel TRANSFER_KERNELS[] = {TRANSFER(64, NULL), TRANSFER(128, NULL),
+                                                   TRANSFER(256, "avx"), TRANSFER(512, "avx512f")};
+int bytes_per_loop(const struct transfer_kernel *m) {
+    return BLOCK * m->bits / 8 * (m->kind == COPY ? 2 : 1);
 }
 
-uint64_t word_at(size_t index) {
+uint64_t test_word(size_t index) {
     return 0x9e3779b97f4a7c15u * (index + 1);
 }
 
-static bool complain_of(const struct moving *m, const char *what, size_t at, bool quiet) {
+static bool report_mismatch(const struct transfer_kernel *m, const char *what, size_t at,
+                            bool quiet) {
     if (!quiet)
         fprintf(stderr,
                 "ceilings: %s %d bits: wrong %s at byte %zu: the kernel did not do its work\n",
-                MOTION_NAMES[m->motion], m->bits, what, at);
+                TRANSFER_NAMES[m->kind], m->bits, what, at);
     return false;
 }
 
-bool moves_rightly(const struct moving *m, long loops, long pretend, bool quiet) {
+bool transfer_is_correct(const struct transfer_kernel *m, long loops, long expected_blocks,
+                         bool quiet) {
     enum { WINDOW = 4096, WORDS = WINDOW / 8 };
     _Alignas(64) static uint64_t memory[2 * WORDS], wanted[2 * WORDS];
     _Alignas(64) static union {
@@ -76,27 +79,26 @@ bool moves_rightly(const struct moving *m, long loops, long pretend, bool quiet)
     } in, out, last;
     size_t bytes = (size_t)m->bits / 8;
     for (size_t i = 0; i < 2 * WORDS; i++)
-        wanted[i] = memory[i] = word_at(i);
+        wanted[i] = memory[i] = test_word(i);
     for (size_t i = 0; i < REGISTERS * SLOT / 8; i++)
-        last.words[i / 8][i % 8] = in.words[i / 8][i % 8] = word_at(i + 1000000);
+        last.words[i / 8][i % 8] = in.words[i / 8][i % 8] = test_word(i + 1000000);
     struct window w = {(char *)memory, WINDOW, WINDOW - 1, 0};
     m->run(loops, &w, &in, &out);
-    for (long block = 0; block < pretend; block++)
+    for (long block = 0; block < expected_blocks; block++)
         for (size_t i = 0; i < BLOCK; i++) {
             size_t at = ((size_t)block * BLOCK + i) * bytes % WINDOW;
-            if (m->motion != STORE)
+            if (m->kind != STORE)
                 memcpy(last.words[i], (char *)wanted + at, bytes);
-            if (m->motion != LOAD)
-                memcpy((char *)wanted + at + (m->motion == COPY ? WINDOW : 0), last.words[i],
-                       bytes);
+            if (m->kind != LOAD)
+                memcpy((char *)wanted + at + (m->kind == COPY ? WINDOW : 0), last.words[i], bytes);
         }
     for (size_t i = 0; i < REGISTERS; i++)
         if (memcmp(out.words[i], last.words[i], bytes) != 0)
-            return complain_of(m, "register", i, quiet);
+            return report_mismatch(m, "register", i, quiet);
     for (size_t i = 0; i < 2 * WORDS; i++)
         if (memory[i] != wanted[i])
-            return complain_of(m, "memory", 8 * i, quiet);
-    if (w.offset != (size_t)pretend * BLOCK * bytes % WINDOW)
-        return complain_of(m, "offset", w.offset, quiet);
+            return report_mismatch(m, "memory", 8 * i, quiet);
+    if (w.offset != (size_t)expected_blocks * BLOCK * bytes % WINDOW)
+        return report_mismatch(m, "offset", w.offset, quiet);
     return true;
 }

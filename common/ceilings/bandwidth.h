@@ -1,8 +1,9 @@
-// Kernels of bandwidth: loads, stores and copies through a window of memory.
+// Bandwidth kernels: loads, stores and copies through a window of memory.
 //
-// `loops` blocks of 16 accesses each, one after the other through a window (a power of two of
-// bytes) from `offset` on and round again: without an inner loop there is no end of it to
-// mispredict. Returns the next offset. Registers as above.
+// A kernel executes `loops` blocks of 16 accesses each. Blocks follow each other through the window,
+// from `offset` to its end and again from its start. Masking the offset avoids an inner loop, whose
+// end would be mispredicted. The kernel updates `offset`, and loads and stores the 16 registers as
+// in arithmetic.h.
 #ifndef STEPWISE_CEILINGS_BANDWIDTH_H
 #define STEPWISE_CEILINGS_BANDWIDTH_H
 
@@ -10,32 +11,34 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum motion { LOAD, STORE, COPY, MOTIONS };
-extern const char *const MOTION_NAMES[MOTIONS];
+enum transfer_kind { LOAD, STORE, COPY, TRANSFER_KINDS };
+extern const char *const TRANSFER_NAMES[TRANSFER_KINDS];
 
 struct window {
     char *base;
-    ptrdiff_t apart; // from what a copy reads to what it writes
-    size_t mask, offset;
+    ptrdiff_t copy_distance; // bytes from the source of a copy to its destination
+    size_t mask, offset;     // mask: size of the window − 1; the size is a power of two
 };
 
-struct moving {
-    enum motion motion;
+struct transfer_kernel {
+    enum transfer_kind kind;
     int bits;
     void (*run)(long loops, struct window *w, const void *in, void *out);
     const char *needs;
 };
-enum { KINDS_OF_MOVING = 12, BLOCK = 16 };
-extern const struct moving MOVINGS[KINDS_OF_MOVING];
+enum { TRANSFER_KERNEL_COUNT = 12, BLOCK = 16 };
+extern const struct transfer_kernel TRANSFER_KERNELS[TRANSFER_KERNEL_COUNT];
 
-int loop_bytes(const struct moving *m); // of a block
+// Bytes that a block reads and writes; a copy counts both.
+int bytes_per_loop(const struct transfer_kernel *m);
 
-// A place's content: no two words alike, so that a wrong address shows.
-uint64_t word_at(size_t index);
+// Contents of memory in the tests: all words differ, so that a wrong address is noticed.
+uint64_t test_word(size_t index);
 
-// Runs `loops` blocks in a small window of known content and looks at every byte: what was moved,
-// from where to where, and that nothing else was touched. `pretend`: blocks that should have been moved;
-// `quiet`: without a word on what is wrong.
-bool moves_rightly(const struct moving *m, long loops, long pretend, bool quiet);
+// Runs `loops` blocks in a small window of known contents and compares every byte of memory and every
+// register with those after `expected_blocks` blocks. Returns whether all agree. Prints the first
+// difference on standard error, unless `quiet`.
+bool transfer_is_correct(const struct transfer_kernel *m, long loops, long expected_blocks,
+                         bool quiet);
 
 #endif

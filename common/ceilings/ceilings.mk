@@ -1,4 +1,4 @@
-# build/ceilings: no phase, no library, the same code whatever the phases' flags are.
+# build/ceilings depends on no phase and no library. Its flags are the same for every phase's build.
 CEILINGS := common/ceilings
 $(BUILD)/common/ceilings/%.o: $(CEILINGS)/%.c $(wildcard $(CEILINGS)/*.h) common/timing/timer.h $(CEILINGS)/ceilings.mk common/rules.mk $(BUILD)/common/toolchain
 	@mkdir -p $(@D)

@@ -1,35 +1,35 @@
-// Ceilings of this machine: what one core can do at best per cycle and per second.
+// Measures ceilings of this machine: the best rates of one core, per cycle and per second.
 //
 //   ceilings [--json] [--check] [--samples N]
 //
-// Arithmetic (arithmetic.c): throughput of fma, add, mul, minmax, div, sqrt and rsqrt, scalar to 512
-// bits, double and single, and of adds and multiplications mixed (add+mul: in turn; add+2mul: 5 to 9;
-// 2add+mul: 9 to 5): some cores have units for each and some for both, so that a mix issues more per
-// cycle than either, and which mix does most depends on the core. Bandwidth (bandwidth.c): load, store
-// and copy, out of L1, L2, L3 and memory (places.c). The estimate: samples.h.
+// Arithmetic (arithmetic.c): throughput of fma, add, mul, minmax, div, sqrt and rsqrt, in double and
+// single precision, from scalar to 512 bits. Also mixes of adds and multiplications: add+mul in
+// turn, add+2mul 5 to 9, 2add+mul 9 to 5. Some cores have separate units for both, so that a mix
+// issues more per cycle; which mix is fastest depends on the core. Bandwidth (bandwidth.c): load,
+// store and copy in L1, L2, L3 and memory (working_sets.h). The estimate is described in samples.h.
 //
-// Kernels are assembly, so that no compiler folds, hoists or drops them, and each says what it must
-// have done: after its samples the registers are held against the same arithmetic done one by one
-// in C, and what loads, stores and copies move is looked at byte by byte before they are timed.
+// Kernels are assembly, so that no compiler folds, hoists or removes them. All are checked: after its
+// samples, an arithmetic kernel's registers are compared with the same arithmetic in C. The bytes
+// that loads, stores and copies transfer are compared before they are timed.
 //
-// Methods: A. Fog, "Instruction tables" (agner.org/optimize), on chains and units; A. Abel, J.
-// Reineke, "uops.info", ASPLOS 2019, on measuring throughput; J. D. McCalpin's STREAM for
-// bandwidth, with bytes counted here as the core sees them (no write-allocate), as the cache-aware
-// roofline wants them: A. Ilic, F. Pratas, L. Sousa, IEEE Computer Architecture Letters 13(1),
-// 2014. Errors of rsqrt: Intel SDM vol. 2.
+// Sources: A. Fog, "Instruction tables" (agner.org/optimize), on chains and units. A. Abel and J.
+// Reineke, "uops.info", ASPLOS 2019, on measuring throughput. J. D. McCalpin's STREAM, on bandwidth;
+// bytes are counted as the core sees them, without write-allocate, for the cache-aware roofline (A.
+// Ilic, F. Pratas, L. Sousa, IEEE Computer Architecture Letters 13(1), 2014). Intel SDM vol. 2, on
+// the errors of rsqrt.
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "check.h"
 #include "measure.h"
 #include "report.h"
+#include "self_test.h"
 #include "timing/timer.h"
 
 struct options {
-    bool json, check;
+    bool json, self_test;
     int samples;
 };
 
@@ -45,7 +45,7 @@ static int usage(FILE *file, int status) {
     return status;
 }
 
-// OK, or the status to exit with (−1: --help was served).
+// Returns OK, an error's exit status, or −1 if the argument was --help and is answered.
 static int parse(int argc, char **argv, struct options *o) {
     *o = (struct options){.samples = 30};
     for (int i = 1; i < argc; i++) {
@@ -53,14 +53,14 @@ static int parse(int argc, char **argv, struct options *o) {
         if (strcmp(argv[i], "--json") == 0)
             o->json = true;
         else if (strcmp(argv[i], "--check") == 0)
-            o->check = true;
+            o->self_test = true;
         else if (strcmp(argv[i], "-h") == 0 || strcmp(argv[i], "--help") == 0)
             return usage(stdout, -1);
         else if (strcmp(argv[i], "--samples") == 0 && i + 1 < argc) {
             long value = strtol(argv[++i], &end, 10);
-            if (*end || end == argv[i] || value < 5 || value > MOST_SAMPLES) {
+            if (*end || end == argv[i] || value < 5 || value > MAX_SAMPLES) {
                 fprintf(stderr, "ceilings: --samples: 5 to %d is required, not \"%s\"\n",
-                        MOST_SAMPLES, argv[i]);
+                        MAX_SAMPLES, argv[i]);
                 return BAD_INPUT;
             }
             o->samples = (int)value;
@@ -102,5 +102,5 @@ int main(int argc, char **argv) {
     int status = parse(argc, argv, &o);
     if (status != OK)
         return status < 0 ? OK : status;
-    return o.check ? (int)check() : (int)measure(&o);
+    return o.self_test ? (int)self_test() : (int)measure(&o);
 }

@@ -1,22 +1,23 @@
-// All ceilings, measured: which kernels this machine has, how long their samples are, and the samples.
+// Measures all ceilings: the kernels that this CPU supports, the lengths of their samples, and the
+// samples.
 #ifndef STEPWISE_CEILINGS_MEASURE_H
 #define STEPWISE_CEILINGS_MEASURE_H
 
 #include "arithmetic.h"
 #include "bandwidth.h"
-#include "places.h"
 #include "samples.h"
+#include "working_sets.h"
 
 enum status { OK, WRONG_WORK, BAD_INPUT, OUT_OF_MEMORY = 5 };
 
-struct computing {
-    long loops; // of a sample
+struct arithmetic_run {
+    long loops; // in one sample
     union registers in, wanted;
     struct samples samples;
 };
 
-struct transfer {
-    const struct moving *moving;
+struct transfer_run {
+    const struct transfer_kernel *kernel;
     struct window window;
     long loops;
     struct samples samples;
@@ -24,18 +25,20 @@ struct transfer {
 
 struct ceilings {
     struct clocks clocks;
-    struct place places[LEVELS];
-    struct computing computing[COMPUTES]; // of what the CPU has
-    struct transfer transfers[LEVELS]
-                             [KINDS_OF_MOVING]; // of what it has, where there is such a place
+    struct working_set working_sets[LEVELS];
+    struct arithmetic_run arithmetic_runs[ARITHMETIC_KERNEL_COUNT]; // of supported kernels
+    struct transfer_run
+        transfer_runs[LEVELS][TRANSFER_KERNEL_COUNT]; // of supported kernels and measured levels
     char *memory;
-    size_t position; // in memory, where the last sample stopped
+    size_t position; // offset in the memory window where the last sample stopped
 };
 
-// Clocks, places, memory and how long each kernel's samples are. On failure says why.
+// Measures the clocks, chooses working sets, allocates memory, checks the transfer kernels and
+// chooses the samples' lengths. Returns OK, or an error's status after printing it.
 enum status ceilings_prepare(struct ceilings *all);
 
-// `samples` of each, in rounds. On failure says which kernel did not do its work.
+// Takes `samples` samples of each kernel, in rounds. Returns OK, or WRONG_WORK after printing which
+// kernel's results are wrong.
 enum status ceilings_measure(struct ceilings *all, int samples);
 
 #endif

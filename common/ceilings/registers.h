@@ -1,18 +1,19 @@
-// The 16 vector registers that every kernel takes from memory and leaves there, one per slot of 64 bytes: as
-// C sees them, and as assembly loads and stores them.
+// The 16 vector registers. Every kernel loads them from memory at its start and stores them at its
+// end, one per slot of 64 bytes. Here are their type in C, and the assembly that loads and stores.
 #ifndef STEPWISE_CEILINGS_REGISTERS_H
 #define STEPWISE_CEILINGS_REGISTERS_H
 
 #include <stdbool.h>
 
-enum { REGISTERS = 16, SLOT = 64 }; // bytes of the widest register
+enum { REGISTERS = 16, SLOT = 64 }; // SLOT: bytes of the widest register
 
-// The registers, as the lanes of either precision.
+// The registers as lanes of either precision.
 union registers {
     double d[REGISTERS][SLOT / 8];
     float f[REGISTERS][SLOT / 4];
 };
 
+// Lane i of register `at`.
 static inline double lane(const union registers *r, bool is_double, int at, int i) {
     return is_double ? r->d[at][i] : (double)r->f[at][i];
 }
@@ -24,7 +25,7 @@ static inline void set_lane(union registers *r, bool is_double, int at, int i, d
         r->f[at][i] = (float)value;
 }
 
-// --- in assembly ---
+// --- In assembly. M(OP, I) is the text for register I.
 
 // clang-format off
 #define RUN12(M, OP)                                                                               \

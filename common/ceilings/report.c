@@ -1,3 +1,4 @@
+// See report.h.
 #include "report.h"
 
 #include <stdio.h>
@@ -28,32 +29,33 @@ static void print_spread(struct samples *s, const char *unit, double instruction
            v.best / instruction, v.hz);
 }
 
-static void json_compute(const struct compute *c, struct samples *s) {
+static void json_arithmetic(const struct arithmetic_kernel *c, struct samples *s) {
     printf("{\"name\": \"%s\", \"precision\": \"%s\", \"bits\": %d, \"loop_operations\": %d, ",
-           KIND_NAMES[c->kind], c->is_double ? "double" : "single", c->bits, per_loop(c->kind));
-    if (has(c->needs))
-        print_spread(s, "flop", flops_of(c));
+           KIND_NAMES[c->kind], c->is_double ? "double" : "single", c->bits,
+           operations_per_loop(c->kind));
+    if (cpu_supports(c->needs))
+        print_spread(s, "flop", flops_per_operation(c));
     else
         print_missing("flop", LACKS, c->needs);
 }
 
-static void json_transfer(const struct moving *m, enum level level, const struct place *place,
-                          struct samples *s) {
+static void json_transfer(const struct transfer_kernel *m, enum level level,
+                          const struct working_set *set, struct samples *s) {
     printf("{\"name\": \"%s\", \"level\": \"%s\", \"bits\": %d, \"loop_bytes\": %d, "
            "\"working_set_bytes\": %zu, \"working_set\": \"%s\", ",
-           MOTION_NAMES[m->motion], LEVEL_NAMES[level], m->bits, loop_bytes(m), place->working_set,
-           place->rule);
-    if (!place->working_set)
-        print_missing("byte", place->why, NULL);
-    else if (!has(m->needs))
+           TRANSFER_NAMES[m->kind], LEVEL_NAMES[level], m->bits, bytes_per_loop(m), set->bytes,
+           set->rule);
+    if (!set->bytes)
+        print_missing("byte", set->missing, NULL);
+    else if (!cpu_supports(m->needs))
         print_missing("byte", LACKS, m->needs);
     else
         print_spread(s, "byte", m->bits / 8.0); // a copy: two instructions
 }
 
-// What all of them share, and the key of their list.
+// Prints what all ceilings have in common, and the key of their list.
 static void json_head(const struct ceilings *all) {
-    const struct place *places = all->places;
+    const struct working_set *working_sets = all->working_sets;
     double tsc_hz = all->clocks.tsc_hz, core_hz = timer_core_hz(tsc_hz, 8);
     printf("{\"schema\": 1, \"compiler\": \"" __VERSION__
            "\", \"tsc_hz\": %.10g, \"core_hz\": %.6g, \"core_hz_load\": {",
@@ -67,20 +69,21 @@ static void json_head(const struct ceilings *all) {
            "\"cache_bytes\": {\"L1\": %zu, \"L2\": %zu, \"L3\": %zu}, "
            "\"estimate\": \"value: the best that was seen three times; median, low and high: "
            "median and its 95 %% interval\", \"ceilings\": [",
-           (int)all->clocks.overhead, places[L1].cache, places[L2].cache, places[L3].cache);
+           (int)all->clocks.overhead, working_sets[L1].cache_bytes, working_sets[L2].cache_bytes,
+           working_sets[L3].cache_bytes);
 }
 
 void report_json(struct ceilings *all, uint64_t begin) {
     json_head(all);
-    for (int k = 0; k < COMPUTES; k++) {
+    for (int k = 0; k < ARITHMETIC_KERNEL_COUNT; k++) {
         fputs(k ? ",\n" : "\n", stdout);
-        json_compute(&COMPUTE[k], &all->computing[k].samples);
+        json_arithmetic(&ARITHMETIC_KERNELS[k], &all->arithmetic_runs[k].samples);
     }
     for (int level = 0; level < LEVELS; level++)
-        for (int k = 0; k < KINDS_OF_MOVING; k++) {
+        for (int k = 0; k < TRANSFER_KERNEL_COUNT; k++) {
             fputs(",\n", stdout);
-            json_transfer(&MOVINGS[k], (enum level)level, &all->places[level],
-                          &all->transfers[level][k].samples);
+            json_transfer(&TRANSFER_KERNELS[k], (enum level)level, &all->working_sets[level],
+                          &all->transfer_runs[level][k].samples);
         }
     printf("\n], \"seconds\": %.3f}\n", (double)(timer_ns() - begin) / 1e9);
 }
@@ -97,8 +100,8 @@ static void row(const char *name, const char *what, struct samples *s, const cha
            v.per_second / 1e9);
 }
 
-static void row_compute(const struct compute *c, struct samples *s) {
-    if (!has(c->needs)) {
+static void row_arithmetic(const struct arithmetic_kernel *c, struct samples *s) {
+    if (!cpu_supports(c->needs)) {
         printf("%-8s %d bits: %s%s\n", KIND_NAMES[c->kind], c->bits, LACKS, c->needs);
         return;
     }
@@ -107,12 +110,12 @@ static void row_compute(const struct compute *c, struct samples *s) {
     row(KIND_NAMES[c->kind], what, s, "flop");
 }
 
-static void row_transfer(const struct moving *m, enum level level, const struct place *place,
-                         struct samples *s) {
-    const char *name = MOTION_NAMES[m->motion];
-    if (!place->working_set || !has(m->needs)) {
+static void row_transfer(const struct transfer_kernel *m, enum level level,
+                         const struct working_set *set, struct samples *s) {
+    const char *name = TRANSFER_NAMES[m->kind];
+    if (!set->bytes || !cpu_supports(m->needs)) {
         printf("%-8s %s %d bits: %s%s\n", name, LEVEL_NAMES[level], m->bits,
-               place->working_set ? LACKS : place->why, place->working_set ? m->needs : "");
+               set->bytes ? LACKS : set->missing, set->bytes ? m->needs : "");
         return;
     }
     char what[64];
@@ -124,10 +127,10 @@ void report_table(struct ceilings *all, int samples) {
     double tsc_hz = all->clocks.tsc_hz;
     printf("TSC %.4f GHz, core %.3f GHz; best of %d samples\n", tsc_hz / 1e9,
            timer_core_hz(tsc_hz, 8) / 1e9, samples);
-    for (int k = 0; k < COMPUTES; k++)
-        row_compute(&COMPUTE[k], &all->computing[k].samples);
+    for (int k = 0; k < ARITHMETIC_KERNEL_COUNT; k++)
+        row_arithmetic(&ARITHMETIC_KERNELS[k], &all->arithmetic_runs[k].samples);
     for (int level = 0; level < LEVELS; level++)
-        for (int k = 0; k < KINDS_OF_MOVING; k++)
-            row_transfer(&MOVINGS[k], (enum level)level, &all->places[level],
-                         &all->transfers[level][k].samples);
+        for (int k = 0; k < TRANSFER_KERNEL_COUNT; k++)
+            row_transfer(&TRANSFER_KERNELS[k], (enum level)level, &all->working_sets[level],
+                         &all->transfer_runs[level][k].samples);
 }

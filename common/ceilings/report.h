@@ -1,13 +1,13 @@
-// Measured ceilings on standard output.
+// Prints measured ceilings on standard output.
 #ifndef STEPWISE_CEILINGS_REPORT_H
 #define STEPWISE_CEILINGS_REPORT_H
 
 #include "measure.h"
 
-// One JSON object (results/README.md). `begin`: when the program began, by timer_ns.
+// Prints one JSON object (fields: results/README.md). `begin`: timer_ns at the program's start.
 void report_json(struct ceilings *all, uint64_t begin);
 
-// A line for each.
+// Prints a line for each ceiling.
 void report_table(struct ceilings *all, int samples);
 
 #endif

@@ -1,3 +1,4 @@
+// See samples.h.
 #include "samples.h"
 
 #include <math.h>
@@ -5,20 +6,20 @@
 
 #include "timing/timer.h"
 
-double seconds_of(const struct clocks *clocks, uint64_t ticks) {
+double ticks_to_seconds(const struct clocks *clocks, uint64_t ticks) {
     return (double)(ticks > clocks->overhead ? ticks - clocks->overhead : 1) / clocks->tsc_hz;
 }
 
-void sample(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
-            bool warm, double work, int count) {
+void take_samples(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
+                  bool warm, double work, int count) {
     double before = timer_core_hz(clocks->tsc_hz, 1);
-    for (int tries = 0, good = 0; tries < 8 * count && good < count && s->count < MOST_SAMPLES;
+    for (int tries = 0, good = 0; tries < 8 * count && good < count && s->count < MAX_SAMPLES;
          tries++) {
         if (warm)
             one(what);
         uint64_t begin = timer_tsc_begin();
         one(what);
-        double seconds = seconds_of(clocks, timer_tsc_end() - begin);
+        double seconds = ticks_to_seconds(clocks, timer_tsc_end() - begin);
         double after = timer_core_hz(clocks->tsc_hz, 1);
         if (fabs(after / before - 1) < 0.003) {
             s->per_second[s->count] = work / seconds;
@@ -36,7 +37,8 @@ static int ascending(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-// The highest of `n` ascending values that has two more within 1 % below it, or else the median.
+// Returns the highest of `n` ascending values that has two others within 1 % below it, else the
+// median.
 static double repeated(const double *v, int n) {
     double median = n % 2 ? v[n / 2] : (v[n / 2 - 1] + v[n / 2]) / 2;
     for (int i = n - 1; i >= REPEATED - 1 && v[i] > median; i--)
@@ -45,7 +47,7 @@ static double repeated(const double *v, int n) {
     return median;
 }
 
-// 95 % interval of the median by order statistics (binomial, normal approximation): W. J. Conover,
+// The 95 % interval of the median uses order statistics (binomial, normal approximation): W. J. Conover,
 // Practical Nonparametric Statistics, 3rd ed. (1999), section 3.2.
 struct summary summarize(struct samples *s) {
     int n = s->count;

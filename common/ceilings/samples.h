@@ -1,18 +1,17 @@
-// Samples of a ceiling, and what they say.
+// Samples of a ceiling, and the estimate from them.
 //
-// The estimate is the best that was seen three times (within 1 %). A ceiling is what the core could
-// do undisturbed, and whatever disturbs (an interrupt, a neighbour on the other hyper-thread, a
-// stolen time slice) makes a sample slower, so the best of many short ones, spread over the
-// program's run time, comes nearest. But it may as well disturb the measuring of the clock, and
-// then a figure per cycle comes out too high: such ones scatter, a ceiling repeats itself. Beside
-// it stand the median, its 95 % interval and the worst: what was usual.
+// The estimate is the best rate that was seen three times, within 1 %. A ceiling is the rate of an
+// undisturbed core. Interrupts, a neighbour on the other hyper-thread and stolen time slices only
+// slow a sample down, so the best of many short samples comes nearest. They can also disturb the
+// measurement of the clock; the rate per cycle then comes out too high. Such rates scatter, while a
+// ceiling repeats. The median, its 95 % interval and the worst sample show what was usual.
 #ifndef STEPWISE_CEILINGS_SAMPLES_H
 #define STEPWISE_CEILINGS_SAMPLES_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { MOST_SAMPLES = 1000, REPEATED = 3 };
+enum { MAX_SAMPLES = 1000, REPEATED = 3 };
 
 struct clocks {
     double tsc_hz;
@@ -20,30 +19,29 @@ struct clocks {
 };
 
 struct samples {
-    double per_cycle[MOST_SAMPLES], per_second[MOST_SAMPLES], hz[MOST_SAMPLES];
+    double per_cycle[MAX_SAMPLES], per_second[MAX_SAMPLES], hz[MAX_SAMPLES];
     int count;
 };
 
-double seconds_of(const struct clocks *clocks, uint64_t ticks);
+// Seconds of a TSC difference, less the timer's overhead.
+double ticks_to_seconds(const struct clocks *clocks, uint64_t ticks);
 
-// One round: `one` is timed until `count` samples are good, each with a chain of adds (33 us at 3
-// GHz) before and after it. Dense 512-bit FMAs lower some clocks by more than the one FMA per cycle
-// of timer_core_hz_under_load does, and a clock takes longer to come back than the chain lasts: so
-// it is the chains right beside the sample that count. Where they differ, the clock moved or one of
-// them was disturbed (a busy hyper-thread slows it by 10 to 20 %, never twice alike): what a cycle
-// was is not known, no sample.
+// Times one(what), which does `work` units of work, until `count` samples are good or eight times as
+// many have been tried. `warm`: runs it once untimed before each sample. 512-bit code needs this:
+// the core powers up the upper halves first, which would make FMA, add and mul 2 to 5 % too slow.
 //
-// `warm`: what is timed runs once untimed before. After the scalar chain the first microseconds of
-// 512-bit code are slow, while the core brings its upper halves up: without this the ceilings of
-// FMA, add and mul at 512 bits came out 2 to 5 % low. From memory it would only be in the way.
-void sample(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
-            bool warm, double work, int count);
+// A chain of adds before and after each sample measures the core clock. Dense 512-bit FMAs lower
+// some clocks more than timer_core_hz_under_load does, and the clock recovers more slowly than a
+// chain takes (33 µs at 3 GHz). So the chains next to the sample give its clock. If they differ by
+// 0.3 % or more, the clock changed or a chain was disturbed, and the sample is dropped.
+void take_samples(struct samples *s, const struct clocks *clocks, void (*one)(void *), void *what,
+                  bool warm, double work, int count);
 
 struct summary {
     double best, median, low, high, worst, per_second, hz;
 };
 
-// Of REPEATED samples or more. Puts them in order.
+// Returns the statistics of at least REPEATED samples. Sorts the samples.
 struct summary summarize(struct samples *s);
 
 #endif

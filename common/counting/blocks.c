@@ -1,6 +1,6 @@
-// Executions of each basic block of the phase, for build/NAME/render-blocks. The counters are
-// raised by the phase's own code (scripts/study/assembly.py puts them there); what they stand for
-// is in table.json beside the program. 64 bits: at 10^10 blocks a second they last half a century.
+// Counts executions of each basic block of the phase, for build/NAME/render-blocks. The phase's own
+// code raises the counters: scripts/study/assembly.py inserts the instructions. table.json beside
+// the program says which block each counter belongs to.
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -9,7 +9,7 @@
 
 enum { COUNTERS = BLOCKS + MASKED + REPEATED };
 
-// Named by the phase's code, as is where it keeps rax and rcx meanwhile.
+// The inserted instructions refer to both by name; they save rax and rcx in stepwise_saved.
 extern _Thread_local uint64_t stepwise_counters[COUNTERS];
 extern _Thread_local uint64_t stepwise_saved[2];
 _Thread_local uint64_t stepwise_counters[COUNTERS];
@@ -46,7 +46,7 @@ static json_t *numbers(const uint64_t *from, size_t size) {
 json_t *count_result(void) {
     if (!complete)
         return NULL;
-    // A NULL among the objects frees the others and makes the whole NULL.
+    // If any object is NULL, json_pack releases the others and returns NULL.
     return json_pack("{s:s, s:s, s:o, s:o, s:o}", "counts", "basic blocks", "table", TABLE_HASH,
                      "blocks", numbers(counted, BLOCKS), "masked",
                      numbers(counted + BLOCKS, MASKED), "repeated",

@@ -1,6 +1,6 @@
-// What the driver asks of a counting build: counts of the timed region alone. Implemented by
-// flops.c (calls times declared costs) and by blocks.c (basic blocks of the assembly); a timing
-// build has neither.
+// Counters of the timed region. A counting build has one of two implementations: flops.c counts calls
+// and multiplies them by declared costs, blocks.c counts basic blocks of the assembly. A timing
+// build has none.
 #ifndef STEPWISE_COUNT_H
 #define STEPWISE_COUNT_H
 
@@ -9,22 +9,22 @@
 #include <stddef.h>
 #include <stdint.h>
 
-// Around phase_render: what is counted between the two, by all threads, is the result.
+// Called before and after phase_render. The result is what all threads count in between.
 void count_begin(void);
 void count_end(void);
 
-// A new object with what was counted, to be merged into the driver's record; NULL when memory is
-// short.
+// Returns a new JSON object with the counts, NULL if memory is short. The driver merges it into its
+// record (fields: results/README.md).
 json_t *count_result(void);
 
-// The rest is for those who implement it, on top of tally.c, which sums 64-bit counters over
-// threads.
+// The functions below connect an implementation with tally.c, which sums counters over threads.
 
-// The calling thread's counters, `*size` of them, the same number in every thread.
+// Defined by the implementation. Returns the calling thread's counters and their number, which is
+// the same in every thread.
 uint64_t *tally_own(size_t *size);
 
-// Adds up the counters of all threads, living and gone, into out[size]. The others must be idle.
-// False when memory was short at any thread's start: then nothing can be said.
+// Defined by tally.c. Sums the counters of all threads, running and ended, into out[size]. The other
+// threads must be idle. Returns false if counts were lost because memory was short.
 bool tally_sum(uint64_t *out, size_t size);
 
 #endif

@@ -1,4 +1,4 @@
-// Calls times declared costs, for build/NAME/render-count. See flops.h.
+// Counts calls and multiplies them by declared costs, for build/NAME/render-count. See flops.h.
 #include "counting/flops.h"
 
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include "counting/count.h"
 #include "driver/variant.h"
 
-// A width of LANES lanes is as many as the variant has that runs.
+// LANES as a width in costs.def: the number of lanes of the variant that runs.
 enum { LANES = 0, CLASSES = 9 };
 
 static const char *const class_names[CLASSES] = {"add",   "mul",    "fma",     "div", "sqrt",
@@ -31,7 +31,7 @@ _Thread_local struct flops_tally flops_tally[FLOPS_PARTS];
 _Thread_local unsigned flops_active = 1;
 
 enum { COUNTERS = 2 * FLOPS_PARTS };
-// Calls and lanes by turns, as in struct flops_tally.
+// Calls and lanes of part 0, calls and lanes of part 1, …: the layout of flops_tally.
 static uint64_t before[COUNTERS], counted[COUNTERS];
 static bool complete = true;
 
@@ -50,6 +50,7 @@ void count_end(void) {
         counted[i] -= before[i];
 }
 
+// FLOPs per lane by the two conventions of flops.h.
 static uint64_t machine(const struct cost *c) {
     const unsigned *n = c->per_lane;
     return n[ADD] + n[MUL] + 2u * n[FMA] + n[DIV] + n[SQRT] + n[RSQRT] + n[MINMAX];
@@ -61,12 +62,13 @@ static uint64_t paper(const struct cost *c) {
     return machine(c) + c->per_lane[CALL];
 }
 
-// Adds to a whole number of the object.
+// Adds to a whole number of the object, which starts at 0.
 static bool add(json_t *object, const char *key, uint64_t more) {
     json_int_t so_far = json_integer_value(json_object_get(object, key));
     return json_object_set_new(object, key, json_integer(so_far + (json_int_t)more)) == 0;
 }
 
+// Returns the object's member `key`, a new object if there is none yet.
 static json_t *child(json_t *object, const char *key) {
     json_t *found = json_object_get(object, key);
     if (!found && json_object_set_new(object, key, json_object()) == 0)
@@ -74,7 +76,7 @@ static json_t *child(json_t *object, const char *key) {
     return found;
 }
 
-// Part i's counts into the function's object and into the totals.
+// Adds part i's counts to its function's object, to the classes and to the totals.
 static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[4]) {
     const struct cost *c = &costs[i];
     uint64_t calls = counted[2 * i];
@@ -99,7 +101,7 @@ static bool account(size_t i, json_t *function, json_t *classes, uint64_t total[
 
 json_t *count_result(void) {
     json_t *functions = json_object(), *classes = json_object();
-    uint64_t total[4] = {0}; // paper, machine, useful of the machine's, useful of the paper's
+    uint64_t total[4] = {0}; // paper, machine, useful machine, useful paper FLOPs
     bool ok = functions && classes && complete;
     for (size_t i = 0; ok && i < FLOPS_PARTS; i++)
         ok = account(i, child(functions, costs[i].function), classes, total);

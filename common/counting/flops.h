@@ -1,28 +1,27 @@
-// FLOPs by the paper's method: calls of each function times its declared cost
-// (phases/NAME/costs.def). In a timing build all of this vanishes; the counting build is
-// build/NAME/render-count.
+// Counts FLOPs by the paper's method: the number of calls of each function times its declared cost
+// (phases/NAME/costs.def). Only the counting build (build/NAME/render-count) counts; in a timing
+// build COUNT and ACTIVE compile to nothing.
 //
-// A line of costs.def, in the order of the columns:
+// A line of costs.def has these columns:
 //
 //     COST(function, part, width, add, mul, fma, div, sqrt, rsqrt, minmax, compare, call) // derivation
 //
-// function, part  `call` is the entry of a function; other parts are branches and loop bodies of it
-//                 that do not run at every call. Costs are the function's own, without those of
-//                 functions that have lines of their own; a helper without a line belongs to its
-//                 callers.
-// width           lanes that the part's instructions work on: LANES, or 1 where it is scalar
-// add … compare   operations per lane: sums and differences; products; fused multiply-adds;
-//                 quotients; square roots; approximate reciprocals and their roots; minima and
-//                 maxima; comparisons
-// call            calls of math.h other than sqrt, or what stands in their place: sin, pow, fabs,
-//                 fmin, floor …
+// function, part  The part `call` is the function's entry. Other parts are branches and loop bodies
+//                 that do not run in every call. A cost excludes functions that have lines of their
+//                 own. It includes helper functions without a line.
+// width           Lanes that the part's instructions work on: LANES, or 1 for scalar code.
+// add … compare   Operations per lane: additions and subtractions; multiplications; fused
+//                 multiply-adds; divisions; square roots; approximate reciprocals and reciprocal
+//                 roots; minima and maxima; comparisons.
+// call            Calls of math.h other than sqrt, or their replacements: sin, pow, fabs, fmin,
+//                 floor …
 //
-// Two conventions, named wherever a figure stands; comparisons count in neither:
-//     machine = add + mul + 2·fma + div + sqrt + rsqrt + minmax: what hardware and SDE count.
-//               libm's inside apart.
-//     paper   = the same + call: one FLOP for each math.h call (section 2 of the paper).
-// COST_MATH declares a function that stands for a math.h call itself (a phase's own exp): in the
-// paper's convention its entry is one FLOP, whatever is inside.
+// FLOPs are counted by two conventions; every number says by which. Comparisons count in neither.
+//     machine = add + mul + 2·fma + div + sqrt + rsqrt + minmax. Hardware counters and Intel SDE
+//               count these. Operations inside libm are not included.
+//     paper   = machine + call: one FLOP for each math.h call (section 2 of the paper).
+// COST_MATH declares a function that replaces a math.h call, for example a phase's own exp. In the
+// paper's convention its entry is one FLOP and the rest of it none.
 #ifndef STEPWISE_FLOPS_H
 #define STEPWISE_FLOPS_H
 
@@ -45,11 +44,12 @@ struct flops_tally {
 extern _Thread_local struct flops_tally flops_tally[FLOPS_PARTS];
 extern _Thread_local unsigned flops_active;
 
-// The part is executed once, with the lanes that are active now.
+// Counts one execution of a part of a function, with the lanes that are active now.
 #define COUNT(function, part)                                                                      \
     (flops_tally[COST_##function##_##part].calls++,                                                \
      flops_tally[COST_##function##_##part].lanes += flops_active)
-// SIMD phases say, wherever it changes, how many lanes do useful work from here on.
+// Sets the number of lanes that do useful work from here on. SIMD phases call it wherever that
+// number changes.
 #define ACTIVE(lanes) (flops_active = (unsigned)(lanes))
 
 #else

@@ -1,118 +1,41 @@
-// A plugin for QEMU's user-mode emulator: how often each translated block of a program ran, with
-// its bytes, between the entry of one function and its return. scripts/study/qemu.py starts it and
-// reads what it writes.
+// A plugin for QEMU's user-mode emulator. It counts how often each translated block of a program runs
+// between the entry of one function and its return. scripts/study/qemu.py starts it;
+// qemu_recording.c keeps the counts and writes them. Tested with QEMU 7.2 only, with inline counters
+// and with callbacks.
 //
-// The API is QEMU's documented one (docs/devel/tcg-plugins.rst; the comments of qemu-plugin.h say
-// what changed from version to version). No header of it is shipped with distributions, so the few
-// declarations used stand here. What a version lacks is bound weakly:
-//   version 1 (QEMU 6 to 8)   inline counters; qemu_plugin_insn_data returns a pointer
-//   version 2 (QEMU 9.0)      inline counters became per vCPU: a callback counts instead
-//   version 3 (QEMU 9.1 …)    qemu_plugin_insn_data copies into a buffer
-// Run for real on 7.2 only, by inline counters and by callbacks.
-//
-// Arguments: out=FILE code=X (virtual address of the program's first executable segment) begin=X
-// end=X[+X …] (the function's entry and the instructions behind calls of it), addresses as in the
-// ELF file, in hexadecimal; jump=FROM+TARGET+NEXT, as often as
-// wanted: a conditional jump whose turns are told apart; callback=on to count by callbacks.
-// Counters are not atomic: a guest with a second thread is reported, not counted.
-#include <inttypes.h>
-#include <stdbool.h>
+// Arguments; addresses are hexadecimal, as in the ELF file:
+//   out=FILE                   the file to write
+//   code=X                     address of the program's first executable segment
+//   begin=X                    entry of the function
+//   end=X[+X …]                the instructions after the calls of the function
+//   jump=FROM+TARGET+NEXT      a conditional jump whose taken executions are counted; any number
+//   callback=on                counts by callbacks instead of inline counters
+// Counters are not atomic: a guest with a second thread is reported instead of counted.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define EXPORT __attribute__((visibility("default")))
-#define WEAK __attribute__((weak))
-
-typedef uint64_t plugin_id;
-struct qemu_plugin_tb;
-struct qemu_plugin_insn;
-enum { NO_REGS = 0, INLINE_ADD_U64 = 0, MEM_RW = 3, NEWEST_KNOWN = 3 };
-
-struct qemu_info {
-    const char *target_name;
-    struct {
-        int min, cur;
-    } version;
-    bool system_emulation;
-};
-
-typedef void (*on_vcpu)(plugin_id, unsigned);
-typedef void (*on_block)(plugin_id, struct qemu_plugin_tb *);
-typedef void (*on_finished)(plugin_id, void *);
-typedef void (*on_execution)(unsigned, void *);
-typedef void (*on_access)(unsigned, uint32_t, uint64_t, void *);
-
-void qemu_plugin_register_vcpu_init_cb(plugin_id, on_vcpu);
-void qemu_plugin_register_vcpu_tb_trans_cb(plugin_id, on_block);
-void qemu_plugin_register_atexit_cb(plugin_id, on_finished, void *);
-void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *, on_execution, int, void *);
-void qemu_plugin_register_vcpu_insn_exec_cb(struct qemu_plugin_insn *, on_execution, int, void *);
-void qemu_plugin_register_vcpu_mem_cb(struct qemu_plugin_insn *, on_access, int, int, void *);
-WEAK void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *, int, void *, uint64_t);
-size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *);
-uint64_t qemu_plugin_tb_vaddr(const struct qemu_plugin_tb *);
-struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *, size_t);
-size_t qemu_plugin_insn_size(const struct qemu_plugin_insn *);
-// One symbol, two prototypes (see above).
-const void *insn_data(const struct qemu_plugin_insn *) __asm__("qemu_plugin_insn_data");
-size_t copy_insn_data(const struct qemu_plugin_insn *, void *,
-                      size_t) __asm__("qemu_plugin_insn_data");
-unsigned qemu_plugin_mem_size_shift(uint32_t);
-bool qemu_plugin_mem_is_store(uint32_t);
-WEAK uint64_t qemu_plugin_start_code(void);
+#include "counting/qemu_api.h"
+#include "counting/qemu_recording.h"
 
 EXPORT int qemu_plugin_version = 1;
 EXPORT int qemu_plugin_install(plugin_id id, const struct qemu_info *info, int argc, char **argv);
 
-// One that was translated; the same bytes at the same place share it, however often QEMU drops and
-// translates them again. `before`: its count when the region began.
-struct block {
-    struct block *next;
-    uint64_t address, count, before, sum;
-    size_t size, instructions;
-    unsigned char bytes[];
-};
+enum { MAX_ENDS = 16 };
+static uint64_t begin, ends[MAX_ENDS];
+static int end_count;
+static bool by_callback, code_known, bias_known;
+static struct jump *pending; // the jump that was executed last, until the next block runs
 
-// A repeated string instruction of a block: its accesses to memory, which its count does not tell.
-struct repeated {
-    struct repeated *next;
-    const struct block *block;
-    uint64_t address, loaded, stored;
-};
-
-// A conditional jump: the next block that runs says whether it was taken.
-struct jump {
-    struct jump *more;
-    uint64_t places[3], taken; // places: of the jump, of its target, behind it
-};
-
-enum { BUCKETS = 1 << 16, MOST_ENDS = 16 };
-static struct block *blocks[BUCKETS];
-static struct repeated *repeats;
-static struct jump *jumps, *pending;
-static const char *out;
-static uint64_t code, begin, ends[MOST_ENDS], bias;
-static int end_count, api;
-static bool by_callback, placed, inside;
-static uint64_t left;
-static const char *trouble;
-static char *maps;
-
-// Before QEMU reads the version wanted: the oldest that this QEMU still takes.
+// Runs before QEMU reads the version, and chooses the oldest one that this QEMU accepts.
 __attribute__((constructor)) static void choose_version(void) {
     qemu_plugin_version = qemu_plugin_register_vcpu_tb_exec_inline ? 1 : 2;
-}
-
-static void fail(const char *what) {
-    if (!trouble)
-        trouble = what;
 }
 
 static void on_thread(plugin_id id, unsigned vcpu) {
     (void)id;
     if (vcpu > 0)
-        fail("threads");
+        recording_fail("threads");
 }
 
 static void count_block(unsigned vcpu, void *block) {
@@ -120,58 +43,14 @@ static void count_block(unsigned vcpu, void *block) {
     ((struct block *)block)->count++;
 }
 
-// The block that holds the boundary has been counted already when its first instruction says so:
-// it belongs to what comes, on entry and on return alike.
-static void each_block(struct block *current, bool entering) {
-    for (size_t i = 0; i < BUCKETS; i++)
-        for (struct block *b = blocks[i]; b; b = b->next) {
-            uint64_t now = b->count - (b == current);
-            if (entering)
-                b->before = now;
-            else
-                b->sum += now - b->before;
-        }
-}
-
 static void on_begin(unsigned vcpu, void *block) {
     (void)vcpu;
-    if (inside)
-        fail("recursion");
-    inside = true;
-    each_block(block, true);
-}
-
-// The files mapped into this process, the guest's among them.
-static void read_maps(void) {
-    FILE *file = fopen("/proc/self/maps", "r");
-    size_t size = 0, room = 0;
-    while (file) {
-        if (size + 1 >= room) {
-            char *more = realloc(maps, room = 2 * room + 65536);
-            if (!more) {
-                fail("memory");
-                break;
-            }
-            maps = more;
-        }
-        size_t got = fread(maps + size, 1, room - size - 1, file);
-        maps[size += got] = '\0';
-        if (got == 0)
-            break;
-    }
-    if (file)
-        fclose(file);
+    recording_enter(block);
 }
 
 static void on_end(unsigned vcpu, void *block) {
     (void)vcpu;
-    if (!inside) // reached by another way than the return
-        return;
-    inside = false;
-    left++;
-    each_block(block, false);
-    if (!maps)
-        read_maps();
+    recording_leave(block);
 }
 
 static void on_jump(unsigned vcpu, void *jump) {
@@ -179,9 +58,11 @@ static void on_jump(unsigned vcpu, void *jump) {
     pending = jump;
 }
 
+// The first instruction of a block that a counted jump leads to.
 static void on_arrival(unsigned vcpu, void *block) {
     (void)vcpu;
-    if (pending && inside && ((struct block *)block)->address == pending->places[1] + bias)
+    if (pending && recording.inside &&
+        ((struct block *)block)->address == pending->target + recording.bias)
         pending->taken++;
     pending = NULL;
 }
@@ -189,13 +70,13 @@ static void on_arrival(unsigned vcpu, void *block) {
 static void on_string(unsigned vcpu, uint32_t info, uint64_t address, void *data) {
     (void)vcpu, (void)address;
     struct repeated *r = data;
-    if (!inside)
+    if (!recording.inside)
         return;
     uint64_t bytes = (uint64_t)1 << qemu_plugin_mem_size_shift(info);
     *(qemu_plugin_mem_is_store(info) ? &r->stored : &r->loaded) += bytes;
 }
 
-// F2 or F3 among the prefixes and a string instruction behind them.
+// Returns whether this is a string instruction with a prefix F2 or F3.
 static bool is_repeated(const unsigned char *bytes, size_t size) {
     bool prefixed = false;
     size_t i = 0;
@@ -209,159 +90,72 @@ static bool is_repeated(const unsigned char *bytes, size_t size) {
            ((bytes[i] >= 0xa4 && bytes[i] <= 0xa7) || (bytes[i] >= 0xaa && bytes[i] <= 0xaf));
 }
 
-static void copy_instruction(const struct qemu_plugin_insn *insn, unsigned char *to, size_t size) {
-    if (api >= 3)
-        copy_insn_data(insn, to, size);
-    else
-        memcpy(to, insn_data(insn), size);
-}
-
-static struct block *find_block(const struct qemu_plugin_tb *tb) {
-    size_t count = qemu_plugin_tb_n_insns(tb), size = 0;
-    for (size_t i = 0; i < count; i++)
-        size += qemu_plugin_insn_size(qemu_plugin_tb_get_insn(tb, i));
-    struct block *made = calloc(1, sizeof *made + size);
-    if (!made)
-        return NULL;
-    made->address = qemu_plugin_tb_vaddr(tb);
-    made->size = size;
-    made->instructions = count;
-    unsigned char *to = made->bytes;
-    for (size_t i = 0; i < count; i++) {
-        const struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(tb, i);
-        size_t length = qemu_plugin_insn_size(insn);
-        copy_instruction(insn, to, length);
-        to += length;
-    }
-    struct block **place = &blocks[(made->address ^ made->address >> 16) % BUCKETS];
-    for (struct block *b = *place; b; b = b->next)
-        if (b->address == made->address && b->size == size &&
-            memcmp(b->bytes, made->bytes, size) == 0) {
-            free(made);
-            return b;
-        }
-    made->next = *place;
-    return *place = made;
-}
-
-static struct repeated *find_repeated(const struct block *block, uint64_t address) {
-    for (struct repeated *r = repeats; r; r = r->next)
-        if (r->block == block && r->address == address)
-            return r;
-    struct repeated *made = calloc(1, sizeof *made);
-    if (!made)
-        return NULL;
-    *made = (struct repeated){.next = repeats, .block = block, .address = address};
-    return repeats = made;
-}
-
 static bool is_end(uint64_t address) {
     for (int i = 0; i < end_count; i++)
-        if (address == ends[i] + bias)
+        if (address == ends[i] + recording.bias)
             return true;
     return false;
 }
 
-static void on_translation(plugin_id id, struct qemu_plugin_tb *tb) {
-    (void)id;
-    if (!placed) {
-        bias = qemu_plugin_start_code() - code;
-        placed = true;
-    }
-    struct block *block = find_block(tb);
-    if (!block) {
-        fail("memory");
-        return;
-    }
-    if (qemu_plugin_register_vcpu_tb_exec_inline && !by_callback)
-        qemu_plugin_register_vcpu_tb_exec_inline(tb, INLINE_ADD_U64, &block->count, 1);
-    else
-        qemu_plugin_register_vcpu_tb_exec_cb(tb, count_block, NO_REGS, block);
-    // A call, a return and a jump all start a block.
-    struct qemu_plugin_insn *first = qemu_plugin_tb_get_insn(tb, 0);
-    for (const struct jump *j = jumps; j; j = j->more)
-        if (block->address == j->places[1] + bias || block->address == j->places[2] + bias) {
-            qemu_plugin_register_vcpu_insn_exec_cb(first, on_arrival, NO_REGS, block);
-            break;
-        }
+// Registers callbacks for the instructions of a block that are jumps or repeated string instructions.
+static void watch_instructions(const struct qemu_plugin_tb *tb, const struct block *block) {
     size_t offset = 0;
     for (size_t i = 0; i < block->instructions; i++) {
         struct qemu_plugin_insn *insn = qemu_plugin_tb_get_insn(tb, i);
         size_t length = qemu_plugin_insn_size(insn);
         uint64_t address = block->address + offset;
         if (is_repeated(block->bytes + offset, length)) {
-            struct repeated *r = find_repeated(block, address);
+            struct repeated *r = recording_repeated(block, address);
             if (r)
                 qemu_plugin_register_vcpu_mem_cb(insn, on_string, NO_REGS, MEM_RW, r);
             else
-                fail("memory");
+                recording_fail("memory");
         }
-        for (struct jump *j = jumps; j; j = j->more)
-            if (address == j->places[0] + bias)
+        for (struct jump *j = recording.jumps; j; j = j->next)
+            if (address == j->jump + recording.bias)
                 qemu_plugin_register_vcpu_insn_exec_cb(insn, on_jump, NO_REGS, j);
         offset += length;
     }
-    if (block->address == begin + bias)
+}
+
+static void on_translation(plugin_id id, struct qemu_plugin_tb *tb) {
+    (void)id;
+    if (!bias_known) {
+        recording.bias = qemu_plugin_start_code() - recording.code;
+        bias_known = true;
+    }
+    struct block *block = recording_block(tb);
+    if (!block) {
+        recording_fail("memory");
+        return;
+    }
+    if (qemu_plugin_register_vcpu_tb_exec_inline && !by_callback)
+        qemu_plugin_register_vcpu_tb_exec_inline(tb, INLINE_ADD_U64, &block->count, 1);
+    else
+        qemu_plugin_register_vcpu_tb_exec_cb(tb, count_block, NO_REGS, block);
+    // Calls, returns and jumps lead to the start of a block.
+    struct qemu_plugin_insn *first = qemu_plugin_tb_get_insn(tb, 0);
+    for (const struct jump *j = recording.jumps; j; j = j->next)
+        if (block->address == j->target + recording.bias ||
+            block->address == j->fallthrough + recording.bias) {
+            qemu_plugin_register_vcpu_insn_exec_cb(first, on_arrival, NO_REGS, block);
+            break;
+        }
+    watch_instructions(tb, block);
+    if (block->address == begin + recording.bias)
         qemu_plugin_register_vcpu_insn_exec_cb(first, on_begin, NO_REGS, block);
     else if (is_end(block->address))
         qemu_plugin_register_vcpu_insn_exec_cb(first, on_end, NO_REGS, block);
 }
 
-static void print_maps(FILE *file) {
-    char *rest = maps;
-    for (char *line; rest && (line = strsep(&rest, "\n"));) {
-        uint64_t start, stop, offset;
-        char mode[5];
-        int path = 0;
-        if (sscanf(line, "%" SCNx64 "-%" SCNx64 " %4s %" SCNx64 " %*s %*s %n", &start, &stop, mode,
-                   &offset, &path) == 4 &&
-            path > 0 && line[path] == '/')
-            fprintf(file, "map %" PRIx64 " %" PRIx64 " %" PRIx64 " %s\n", start, stop, offset,
-                    line + path);
-    }
-}
-
 static void on_finish(plugin_id id, void *data) {
     (void)id, (void)data;
-    if (inside)
-        fail("unfinished");
-    FILE *file = fopen(out, "w");
-    if (!file) {
-        fprintf(stderr, "qemu_plugin: %s cannot be written\n", out);
-        return;
-    }
-    fprintf(file, "stepwise-qemu 1\ntrouble %s\nstart %" PRIx64 "\nregions %" PRIu64 "\n",
-            trouble ? trouble : "none", bias + code, left);
-    print_maps(file);
-    uint64_t lines = 0;
-    for (size_t i = 0; i < BUCKETS; i++)
-        for (const struct block *b = blocks[i]; b; b = b->next) {
-            if (!b->sum)
-                continue;
-            lines++;
-            fprintf(file, "block %" PRIx64 " %" PRIu64 " ", b->address, b->sum);
-            for (size_t j = 0; j < b->size; j++)
-                fprintf(file, "%02x", b->bytes[j]);
-            fputc('\n', file);
-        }
-    for (const struct repeated *r = repeats; r; r = r->next)
-        if (r->block->sum) {
-            lines++;
-            fprintf(file, "repeated %" PRIx64 " %" PRIx64 " %zu %" PRIu64 " %" PRIu64 "\n",
-                    r->address, r->block->address, r->block->size, r->loaded, r->stored);
-        }
-    for (const struct jump *j = jumps; j; j = j->more)
-        if (j->taken) {
-            lines++;
-            fprintf(file, "taken %" PRIx64 " %" PRIu64 "\n", j->places[0] + bias, j->taken);
-        }
-    fprintf(file, "end %" PRIu64 "\n", lines);
-    if (ferror(file) | fclose(file))
-        fprintf(stderr, "qemu_plugin: %s cannot be written\n", out);
+    recording_write();
 }
 
-static bool addresses(const char *text, uint64_t *to, int most, int *count) {
-    for (*count = 0; *count < most; text++) {
+// Reads 1 to `max` hexadecimal addresses separated by '+'. Returns false if the text is anything else.
+static bool parse_addresses(const char *text, uint64_t *to, int max, int *count) {
+    for (*count = 0; *count < max; text++) {
         char *stop;
         to[(*count)++] = strtoull(text, &stop, 16);
         if (stop == text || (*stop && *stop != '+'))
@@ -373,48 +167,60 @@ static bool addresses(const char *text, uint64_t *to, int most, int *count) {
     return false;
 }
 
-static bool add_jump(const char *text) {
-    struct jump *made = calloc(1, sizeof *made);
+static bool parse_address(const char *text, uint64_t *to) {
     int count;
-    if (!made || !addresses(text, made->places, 3, &count) || count != 3) {
+    return parse_addresses(text, to, 1, &count);
+}
+
+static bool add_jump(const char *text) {
+    uint64_t addresses[3];
+    int count;
+    struct jump *made = calloc(1, sizeof *made);
+    if (!made || !parse_addresses(text, addresses, 3, &count) || count != 3) {
         free(made);
         return false;
     }
-    made->more = jumps;
-    jumps = made;
+    *made = (struct jump){.next = recording.jumps,
+                          .jump = addresses[0],
+                          .target = addresses[1],
+                          .fallthrough = addresses[2]};
+    recording.jumps = made;
+    return true;
+}
+
+// Reads one argument NAME=VALUE; false if it is not valid.
+static bool parse_argument(const char *argument) {
+    const char *equals = strchr(argument, '=');
+    char name[16];
+    if (!equals || equals - argument >= (ptrdiff_t)sizeof name)
+        return false;
+    snprintf(name, sizeof name, "%.*s", (int)(equals - argument), argument);
+    const char *value = equals + 1;
+    if (strcmp(name, "out") == 0)
+        recording.out = value;
+    else if (strcmp(name, "code") == 0)
+        return code_known = parse_address(value, &recording.code);
+    else if (strcmp(name, "begin") == 0)
+        return parse_address(value, &begin);
+    else if (strcmp(name, "end") == 0)
+        return parse_addresses(value, ends, MAX_ENDS, &end_count);
+    else if (strcmp(name, "jump") == 0)
+        return add_jump(value);
+    else if (strcmp(name, "callback") == 0)
+        by_callback = strcmp(value, "on") == 0;
+    else
+        return false;
     return true;
 }
 
 int qemu_plugin_install(plugin_id id, const struct qemu_info *info, int argc, char **argv) {
-    int given = 0, count;
-    api = info->version.cur < NEWEST_KNOWN ? info->version.cur : NEWEST_KNOWN;
-    for (int i = 0; i < argc; i++) {
-        char *value = strchr(argv[i], '=');
-        size_t length = value ? (size_t)(value++ - argv[i]) : 0;
-        bool good = true;
-#define IS(name) (length == strlen(name) && strncmp(argv[i], name, length) == 0)
-        if (IS("out"))
-            out = value;
-        else if (IS("code"))
-            good = addresses(value, &code, 1, &count);
-        else if (IS("begin"))
-            good = addresses(value, &begin, 1, &count);
-        else if (IS("end"))
-            good = addresses(value, ends, MOST_ENDS, &end_count);
-        else if (IS("jump"))
-            good = add_jump(value);
-        else if (IS("callback"))
-            by_callback = strcmp(value, "on") == 0;
-        else
-            good = false;
-#undef IS
-        if (!good) {
-            fprintf(stderr, "qemu_plugin: %s is no argument of it\n", argv[i]);
+    recording.api = info->version.cur < NEWEST_KNOWN ? info->version.cur : NEWEST_KNOWN;
+    for (int i = 0; i < argc; i++)
+        if (!parse_argument(argv[i])) {
+            fprintf(stderr, "qemu_plugin: %s is not a valid argument\n", argv[i]);
             return 1;
         }
-        given++;
-    }
-    if (!out || !begin || !end_count || given < 4) {
+    if (!recording.out || !code_known || !begin || !end_count) {
         fprintf(stderr, "qemu_plugin: out=, code=, begin= and end= are required\n");
         return 1;
     }

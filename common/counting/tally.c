@@ -1,6 +1,6 @@
-// Per-thread counters summed over threads. Linked with --wrap=pthread_create, so that every thread
-// of a phase is known from its start on, and its counts are kept at its end; the phase itself does
-// nothing for it.
+// Sums per-thread counters over all threads. The program is linked with --wrap=pthread_create, so
+// that each thread registers its counters when it starts and adds them to a total when it ends. The
+// phase needs no code for this.
 #include <errno.h>
 #include <pthread.h>
 #include <stdbool.h>
@@ -8,51 +8,52 @@
 
 #include "counting/count.h"
 
-struct watched {
+struct thread_counters {
     uint64_t *counters;
-    struct watched *next;
+    struct thread_counters *next;
 };
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static struct watched *living;
-static uint64_t *gone; // counts of threads that have ended
+static struct thread_counters *running;
+static uint64_t *ended; // sums of the threads that have ended
 static bool short_of_memory;
 
 struct start {
     void *(*routine)(void *);
     void *argument;
-    struct watched watched;
+    struct thread_counters thread_counters;
 };
 
+// Adds a thread's counters to `ended` and forgets the thread.
 static void retire(void *data) {
     struct start *start = data;
     pthread_mutex_lock(&lock);
-    struct watched **link = &living;
-    while (*link != &start->watched)
+    struct thread_counters **link = &running;
+    while (*link != &start->thread_counters)
         link = &(*link)->next;
-    *link = start->watched.next;
+    *link = start->thread_counters.next;
     size_t size;
     const uint64_t *own = tally_own(&size);
-    if (!gone)
-        gone = calloc(size, sizeof *gone);
-    if (gone)
+    if (!ended)
+        ended = calloc(size, sizeof *ended);
+    if (ended)
         for (size_t i = 0; i < size; i++)
-            gone[i] += own[i];
+            ended[i] += own[i];
     else
         short_of_memory = true;
     pthread_mutex_unlock(&lock);
     free(start);
 }
 
-static void *watched_thread(void *data) {
+static void *counted_thread(void *data) {
     struct start *start = data;
     size_t size;
     pthread_mutex_lock(&lock);
-    start->watched = (struct watched){tally_own(&size), living};
-    living = &start->watched;
+    start->thread_counters = (struct thread_counters){tally_own(&size), running};
+    running = &start->thread_counters;
     pthread_mutex_unlock(&lock);
     void *result;
-    pthread_cleanup_push(retire, start); // pthread_exit and cancellation come here too
+    pthread_cleanup_push(retire, start); // also runs on pthread_exit and cancellation
     result = start->routine(start->argument);
     pthread_cleanup_pop(1);
     return result;
@@ -68,7 +69,7 @@ int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *attributes,
     if (!start)
         return EAGAIN;
     *start = (struct start){.routine = routine, .argument = argument};
-    int error = __real_pthread_create(thread, attributes, watched_thread, start);
+    int error = __real_pthread_create(thread, attributes, counted_thread, start);
     if (error)
         free(start);
     return error;
@@ -79,8 +80,8 @@ bool tally_sum(uint64_t *out, size_t size) {
     const uint64_t *own = tally_own(&own_size);
     pthread_mutex_lock(&lock);
     for (size_t i = 0; i < size; i++)
-        out[i] = own[i] + (gone ? gone[i] : 0);
-    for (const struct watched *w = living; w; w = w->next)
+        out[i] = own[i] + (ended ? ended[i] : 0);
+    for (const struct thread_counters *w = running; w; w = w->next)
         if (w->counters != own)
             for (size_t i = 0; i < size; i++)
                 out[i] += w->counters[i];

@@ -1,12 +1,12 @@
-// What the operating system says of this process and machine.
+// Counters of the operating system for this process and machine.
 #include <sched.h>
 #include <stdio.h>
 #include <sys/resource.h>
 
 #include "driver/driver.h"
 
-// VmHWM, of this program alone: getrusage's ru_maxrss outlives exec, so that it is the parent's where a script with
-// more memory than the render has started it. 0: not told.
+// Peak resident memory (VmHWM) in KiB, 0 if unknown. getrusage's ru_maxrss would not do: it survives
+// exec, so under a script that uses more memory than the renderer it is the script's peak.
 static long peak_rss_kib(void) {
     long kib = 0;
     char line[256];

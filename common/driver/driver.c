@@ -1,4 +1,5 @@
-// The only main: reads a scene, times the phase it is linked to, writes the picture and the record.
+// The only main: reads a scene, renders it with the phase that this program is linked to, times
+// the frames, writes the picture and the records.
 #include "driver/driver.h"
 
 #include <errno.h>
@@ -14,7 +15,7 @@
 #include "timing/timer.h"
 
 #ifdef STEPWISE_COUNT
-// Counts of the exact picture; its times are those of the counting, not of the phase.
+// Counts operations of the frame with the exact camera. This build's times are not the phase's.
 #include "counting/count.h"
 #else
 #define count_begin() ((void)0)
@@ -23,23 +24,26 @@
 
 enum { FRAMES_PER_SECOND = 60 };
 
+// Width in bits of the phase's vector instructions, 0 for scalar code.
 static int vector_bits(const struct program *program) {
     int lanes = program->variant.lanes;
     int bits = lanes * (strcmp(program->precision, "float") == 0 ? 32 : 64);
-    // A phase's lanes may be several vectors.
+    // The lanes may fill several vectors.
     int widest = strstr(program->variant.isa, "avx512") ? 512 : 256;
     return lanes == 1 ? 0 : bits > widest ? widest : bits;
 }
 
-// A hair: a millionth of a scene unit per frame, so that nothing of the last frame can be kept.
-static struct view moved(const struct view *exact, int hairs) {
+// Moves the camera by 1e-6 scene units per frame, along right and up. A phase then cannot gain time
+// by keeping results of the last frame.
+static struct view displaced(const struct view *exact, int frames) {
     struct view view = *exact;
     for (int i = 0; i < 3; i++)
-        view.position[i] += 1e-6 * hairs * (view.right[i] + view.up[i]);
+        view.position[i] += 1e-6 * frames * (view.right[i] + view.up[i]);
     return view;
 }
 
-// The frame's time is that of rendering, and in an animation of the update before it.
+// Renders one frame and times it. In an animation the time includes phase_update. False: memory is
+// short.
 static bool timed_frame(struct session *s, const struct view *view, struct measured *m) {
     bool moves = s->options.frames > 0, done = true;
     m->core_before = s->tsc_hz > 0 ? timer_core_hz(s->tsc_hz, 8) : 0;
@@ -66,10 +70,11 @@ static bool write_picture(const struct session *s, char *error) {
                : frame_write_exr(frame, s->options.out, error);
 }
 
-static int one_frame(struct session *s, int index, bool warmup, bool first) {
+// Renders, times and records frame `index`; negative: warm-up. Returns an exit status.
+static int render_frame(struct session *s, int index, bool warmup, bool first) {
     bool moves = s->options.frames > 0, exact = index == s->options.first_frame;
-    // Of an animation nothing can be kept anyway, and frame k is the same picture wherever it begins.
-    struct view view = moves ? s->scene.view : moved(&s->scene.view, index);
+    // An animation keeps its camera: frame k must not depend on the frame that the run starts with.
+    struct view view = moves ? s->scene.view : displaced(&s->scene.view, index);
     struct measured m = {.scene_time = moves ? (double)index / FRAMES_PER_SECOND : 0};
     if (moves)
         model_move(&s->scene.model, m.scene_time, &s->moving);
@@ -79,7 +84,7 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
     if (exact)
         count_end();
     if (!done)
-        return driver_complain(NO_MEMORY, "out of memory while rendering");
+        return driver_error(NO_MEMORY, "out of memory while rendering");
     if (s->rgb8) {
         m.present_ns = timer_ns();
         frame_present(s->presenter, &s->frame, s->rgb8);
@@ -88,7 +93,7 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
     if (exact && s->options.out) {
         char error[512];
         if (!write_picture(s, error))
-            return driver_complain(BAD_INPUT, "%s", error);
+            return driver_error(BAD_INPUT, "%s", error);
     }
     json_t *record = driver_record(&m, s, index, warmup, first);
     if (s->options.jsonl) {
@@ -96,15 +101,15 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
         if (!line || !record || json_object_update(line, record) != 0) {
             json_decref(line);
             json_decref(record);
-            return driver_complain(NO_MEMORY, "out of memory");
+            return driver_error(NO_MEMORY, "out of memory");
         }
         json_decref(record);
         if (!driver_print(line))
-            return driver_complain(BAD_INPUT, "standard output cannot be written: %s",
-                                   strerror(errno));
+            return driver_error(BAD_INPUT, "standard output cannot be written: %s",
+                                strerror(errno));
     } else if (s->options.json) {
         if (!record || json_array_append_new(s->frames, record) != 0)
-            return driver_complain(NO_MEMORY, "out of memory");
+            return driver_error(NO_MEMORY, "out of memory");
     } else {
         json_decref(record);
         double pixels = (double)s->frame.width * s->frame.height;
@@ -117,29 +122,30 @@ static int one_frame(struct session *s, int index, bool warmup, bool first) {
     return OK;
 }
 
-// What the frames are rendered into; false: memory is short.
-static bool create_pictures(struct session *s) {
+// Allocates the frame and the displayed picture; false: memory is short.
+static bool allocate_pictures(struct session *s) {
     const struct options *o = &s->options;
     static const char *const planes[] = {PHASE_PLANES NULL};
     s->presenter = presenter_create(o->threads);
     if (!s->presenter)
         return false;
     if (o->display && PHASE_DISPLAY)
-        return frame_create_shown(&s->frame, o->width, o->height, s->presenter);
+        return frame_create_display(&s->frame, o->width, o->height, s->presenter);
     s->rgb8 = malloc(3 * (size_t)o->width * (size_t)o->height);
     return s->rgb8 && frame_create(&s->frame, o->width, o->height, o->aov, planes);
 }
 
 static int run(struct session *s) {
     const struct options *o = &s->options;
-    if (!create_pictures(s) || !(s->frames = json_array()))
-        return driver_complain(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
+    if (!allocate_pictures(s) || !(s->frames = json_array()))
+        return driver_error(NO_MEMORY, "out of memory for %d x %d pixels", o->width, o->height);
     s->scene.model.animated = o->frames > 0;
     s->moving = s->scene.model;
     s->moving.shapes = malloc((size_t)s->moving.shape_count * sizeof *s->moving.shapes);
     if (!s->moving.shapes)
-        return driver_complain(NO_MEMORY, "out of memory for %d shapes", s->moving.shape_count);
-    // The clocks' rates cost 25 ms, many times a small picture: 0 where it is all that is wanted.
+        return driver_error(NO_MEMORY, "out of memory for %d shapes", s->moving.shape_count);
+    // Measuring the clocks takes 25 ms, much longer than a small picture. Tests that want only the
+    // picture turn it off; the rates are 0 then.
     bool timed = getenv("STEPWISE_UNTIMED") == NULL;
     int bits = vector_bits(&s->program);
     s->tsc_hz = timed ? timer_tsc_hz(20) : 0;
@@ -149,26 +155,26 @@ static int run(struct session *s) {
     s->prepared = phase_prepare(&s->scene.model, s->options.threads);
     s->prepare_ns = timer_ns() - begin;
     if (!s->prepared)
-        return driver_complain(NO_MEMORY, "out of memory while preparing the scene");
-    int begin_with = o->first_frame - o->warmup, end = o->frames ? o->frames : o->reps;
-    for (int i = begin_with; i < end; i++) {
-        int status = one_frame(s, i, i < o->first_frame, i == begin_with);
+        return driver_error(NO_MEMORY, "out of memory while preparing the scene");
+    int begin_index = o->first_frame - o->warmup, end = o->frames ? o->frames : o->reps;
+    for (int i = begin_index; i < end; i++) {
+        int status = render_frame(s, i, i < o->first_frame, i == begin_index);
         if (status != OK)
             return status;
     }
     if (o->json) {
         json_t *object = driver_header(s);
         if (!object || json_object_set(object, "frames", s->frames) != 0)
-            return driver_complain(NO_MEMORY, "out of memory");
+            return driver_error(NO_MEMORY, "out of memory");
 #ifdef STEPWISE_COUNT
         json_t *counts = count_result();
         if (!counts || json_object_update(object, counts) != 0)
-            return driver_complain(NO_MEMORY, "out of memory while counting");
+            return driver_error(NO_MEMORY, "out of memory while counting");
         json_decref(counts);
 #endif
         if (!driver_print(object))
-            return driver_complain(BAD_INPUT, "standard output cannot be written: %s",
-                                   strerror(errno));
+            return driver_error(BAD_INPUT, "standard output cannot be written: %s",
+                                strerror(errno));
     }
     return driver_flush();
 }
@@ -178,54 +184,52 @@ static bool same_file(const char *a, const char *b) {
     return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
 }
 
-// A phase's packets are on the stack: of one that is too small (`ulimit -s`) it would die without a word. opt7_tiles
-// did with 320 KiB where mirrors face each other (256 bounces), and opt6_wide with 256.
-enum { LEAST_STACK = 1 << 20 };
+// Phases keep packets on the stack and recurse at mirrors. On a small stack (`ulimit -s`) they would
+// crash without a message: opt7_tiles needs more than 320 KiB for 256 bounces between two mirrors.
+enum { MIN_STACK = 1 << 20 };
 
 static bool stack_is_small(void) {
     struct rlimit stack;
-    return getrlimit(RLIMIT_STACK, &stack) == 0 && stack.rlim_cur < LEAST_STACK;
+    return getrlimit(RLIMIT_STACK, &stack) == 0 && stack.rlim_cur < MIN_STACK;
 }
 
 int main(int argc, char **argv) {
     struct session s = {
         .program = {PHASE_NAME, PHASE_FLAGS_FROM, PHASE_PRECISION, PHASE_COMPILER, variant_here()}};
-    signal(SIGXFSZ,
-           SIG_IGN); // a file beyond `ulimit -f` is an error of its write, that can be said
+    signal(SIGXFSZ, SIG_IGN); // beyond `ulimit -f` write() fails, and the error can be printed
     int status = driver_parse(argc, argv, &s.options);
     if (status != OK)
         return status < 0 ? driver_flush() : status;
-    if (!variant_limit_known())
-        return driver_complain(BAD_INPUT, "STEPWISE_ISA_LIMIT is %s: avx2 or none is required",
-                               getenv("STEPWISE_ISA_LIMIT"));
+    if (!variant_limit_valid())
+        return driver_error(BAD_INPUT, "STEPWISE_ISA_LIMIT is %s: avx2 or none is required",
+                            getenv("STEPWISE_ISA_LIMIT"));
     if (stack_is_small())
-        return driver_complain(BAD_INPUT, "a stack of %d KiB is required: ulimit -s %d or more",
-                               LEAST_STACK >> 10, LEAST_STACK >> 10);
+        return driver_error(BAD_INPUT, "a stack of %d KiB is required: ulimit -s %d or more",
+                            MIN_STACK >> 10, MIN_STACK >> 10);
     const char *missing = variant_missing();
     if (missing)
-        return driver_complain(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);
+        return driver_error(NO_ISA, "%s needs %s, which this CPU lacks", PHASE_NAME, missing);
     if (s.options.threads > 1 && !PHASE_THREADS)
-        return driver_complain(UNSUPPORTED, "%s runs on one thread; --threads 1 is all it takes",
-                               PHASE_NAME);
+        return driver_error(UNSUPPORTED, "%s runs on one thread; --threads 1 is all it takes",
+                            PHASE_NAME);
     char error[SCENE_ERROR_SIZE];
     if (!scene_load(s.options.scene, &s.options.overrides, &s.scene, error))
-        return driver_complain(BAD_INPUT, "%s", error);
+        return driver_error(BAD_INPUT, "%s", error);
     const char *unsupported = phase_unsupported(&s.scene);
     if (!unsupported && phase_picture_unsupported)
         unsupported = phase_picture_unsupported(&s.scene, s.options.width, s.options.height);
     if (unsupported)
-        status = driver_complain(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
+        status = driver_error(UNSUPPORTED, "%s: %s", s.options.scene, unsupported);
     else if (s.options.frames && !s.scene.model.features.motion)
-        status =
-            driver_complain(BAD_INPUT,
-                            "%s: --frames: no shape has a path, so that all frames would be one; "
-                            "--reps renders a still picture again",
-                            s.options.scene);
+        status = driver_error(BAD_INPUT,
+                              "%s: --frames: no shape has a path, so that all frames would be one; "
+                              "--reps renders a still picture again",
+                              s.options.scene);
     else if (s.options.out && same_file(s.options.out, s.options.scene))
-        status = driver_complain(
-            BAD_INPUT, "%s: cannot be written: it is the scene, or a link to it", s.options.out);
+        status = driver_error(BAD_INPUT, "%s: cannot be written: it is the scene, or a link to it",
+                              s.options.out);
     else if (s.options.out && !frame_writable(s.options.out, error))
-        status = driver_complain(BAD_INPUT, "%s", error); // before a long render, not after
+        status = driver_error(BAD_INPUT, "%s", error); // before a long render, not after
     else
         status = run(&s);
     if (s.prepared)

@@ -1,4 +1,4 @@
-// What the driver's parts share: its arguments, a session, and what is said of a frame.
+// What the files of the driver share: options, the session, and the functions of each file.
 #ifndef STEPWISE_DRIVER_H
 #define STEPWISE_DRIVER_H
 
@@ -6,72 +6,76 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "driver/errors.h"
 #include "driver/variant.h"
 #include "frame/frame.h"
 #include "phase.h"
 #include "scene/scene.h"
 
-enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
-
 struct options {
-    const char *scene, *out;
+    const char *scene, *out; // paths
     int height, width, threads, reps, warmup;
     int frames, first_frame; // of an animation; 0 frames: a still picture
     bool aov, display, json, jsonl;
     struct scene_overrides overrides;
 };
 
-// What the operating system says of this process and machine, to be taken as differences.
+// Counters of the operating system. Only differences of two readings have a meaning, except for
+// max_rss_kib, the peak of resident memory.
 struct conditions {
     long steal_ticks, ctx_voluntary, ctx_involuntary, faults_minor, faults_major, max_rss_kib;
 };
 
-// What is built in: phase_info.h.
+// What the build fixed, from the generated phase_info.h.
 struct program {
     const char *phase, *flags_from, *precision, *compiler;
     struct variant variant;
 };
 
+// One run of the program. Times are nanoseconds, clocks Hz, the overhead TSC cycles.
 struct session {
     struct options options;
     struct scene scene;
-    struct model moving; // the scene's, with shapes where a frame of an animation has them
+    struct model moving; // the scene's model with the shapes where the current frame has them
     struct prepared *prepared;
     struct frame frame;
     struct presenter *presenter;
     struct program program;
-    uint8_t *rgb8; // NULL where the phase makes the picture as it is displayed: frame.shown
+    uint8_t *rgb8; // the displayed picture; NULL if the phase itself writes frame.shown
     double tsc_hz, core_hz_load;
     uint64_t overhead, prepare_ns;
-    json_t *frames;
+    json_t *frames; // with --json: one record per frame
 };
 
-// What a frame is, beside the picture that it leaves.
+// What was measured around one frame. Times are nanoseconds, tsc is TSC cycles, clocks are Hz,
+// scene_time is seconds of the animation.
 struct measured {
     struct conditions before, after;
     double core_before, core_after, scene_time;
     uint64_t ns, tsc, update_ns, present_ns;
 };
 
-// driver_options.c
-// A line on standard error; returns `status`.
-int driver_complain(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));
-// What was printed so far has arrived, or that is the error.
-int driver_flush(void);
-// Parses into `o`; returns OK, or the status to exit with (−1: --help or --list was served).
+// options.c: parses the command line into `o` and checks it. Returns OK, an error's exit status
+// after printing the error, or −1 if the arguments were --help or --list and are answered.
 int driver_parse(int argc, char **argv, struct options *o);
 
-// driver_phases.c: --list. The status to exit with; −1: served.
+// phases.c: prints a line for each phase (--list). Returns −1, or BAD_INPUT after printing an error.
 int driver_list_phases(void);
 
-// driver_conditions.c
+// conditions.c: the counters now. A counter that the system does not provide is 0.
 struct conditions driver_conditions(void);
-int driver_cpu(void); // the only one that this process may run on; −1: there are several
+// conditions.c: the CPU that this process is pinned to, −1 if it may run on several.
+int driver_cpu(void);
 
-// driver_record.c: JSON objects; NULL: out of memory.
+// record.c: a new JSON object with what all frames have in common, NULL if memory is short. The
+// fields are listed in results/README.md. The caller releases it.
 json_t *driver_header(const struct session *s);
+// record.c: a new JSON object with the measurements of frame `index`, NULL if memory is short.
+// `first`: the first frame that this process renders, warm-up included.
 json_t *driver_record(const struct measured *m, const struct session *s, int index, bool warmup,
                       bool first);
-bool driver_print(json_t *object); // and releases it; false: not there, or not written
+// record.c: prints the object on a line of standard output and releases it. Returns false if
+// `object` is NULL or the line could not be written.
+bool driver_print(json_t *object);
 
 #endif

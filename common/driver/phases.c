@@ -1,4 +1,4 @@
-// --list: the phases and what they are.
+// --list: prints the phases found in phases/*/phase.json, by ladder order.
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,12 +14,13 @@ static int by_order(const void *a, const void *b) {
     return (p > q) - (p < q);
 }
 
-// The phases lie in ROOT/phases; this program is ROOT/build/NAME/render, or build/asan/NAME/render.
+// Looks for phases/ in each folder above this program, which is ROOT/build/NAME/render or lies one
+// folder deeper. Title, idea and order are in every phase's own phase.json, also in derived phases.
 int driver_list_phases(void) {
     char path[4096] = "";
     ssize_t length = readlink("/proc/self/exe", path, sizeof path - 64);
-    enum { MOST = 256 };
-    json_t *phases[MOST];
+    enum { MAX_PHASES = 256 };
+    json_t *phases[MAX_PHASES];
     size_t count = 0;
     while (length > 0 && count == 0) {
         while (length > 0 && path[--length] != '/')
@@ -28,13 +29,13 @@ int driver_list_phases(void) {
         glob_t found;
         if (glob(path, 0, NULL, &found) != 0)
             continue;
-        for (size_t i = 0; i < found.gl_pathc && count < MOST; i++)
+        for (size_t i = 0; i < found.gl_pathc && count < MAX_PHASES; i++)
             if ((phases[count] = json_load_file(found.gl_pathv[i], 0, NULL)))
                 count++;
         globfree(&found);
     }
     if (count == 0)
-        return driver_complain(BAD_INPUT, "%s: no phase found", path);
+        return driver_error(BAD_INPUT, "%s: no phase found", path);
     qsort(phases, count, sizeof *phases, by_order);
     for (size_t i = 0; i < count; i++) {
         const char *name = json_string_value(json_object_get(phases[i], "name"));

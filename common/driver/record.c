@@ -1,4 +1,4 @@
-// The record: what a frame took, and under which conditions.
+// JSON records: what a frame took, and under which conditions (fields: results/README.md).
 #include <gnu/libc-version.h>
 #include <math.h>
 #include <stdio.h>
@@ -8,8 +8,7 @@
 
 enum { SCHEMA = 1 };
 
-// JSON is UTF-8, file names are bytes: what is not ASCII is replaced where
-// only a record is written.
+// Copies `text` with '?' for every byte beyond ASCII. File names are bytes, JSON must be UTF-8.
 static const char *in_ascii(const char *text, char ascii[4096]) {
     size_t i = 0;
     for (; text && text[i] && i < 4095; i++)
@@ -18,8 +17,8 @@ static const char *in_ascii(const char *text, char ascii[4096]) {
     return text ? ascii : NULL;
 }
 
-// What kernel a phase that generates them runs: all null of one that does not.
-static bool add_kernel(json_t *header, const struct session *s) {
+// Adds the facts of a generated kernel; null for a phase that generates none.
+static bool add_kernel_facts(json_t *header, const struct session *s) {
     const struct kernel_facts *facts = phase_kernel ? phase_kernel(s->prepared) : NULL;
     char said[320] = "generated", ascii[4096];
     if (facts && !facts->generated)
@@ -57,7 +56,7 @@ json_t *driver_header(const struct session *s) {
         !s->options.display ? NULL
         : s->rgb8           ? "driver"
                             : "phase");
-    if (add_kernel(about, s))
+    if (add_kernel_facts(about, s))
         return about;
     json_decref(about);
     return NULL;

@@ -1,3 +1,4 @@
+// Checks the CPU for instruction sets and picks the variant to run.
 #include "driver/variant.h"
 
 #include <stdbool.h>
@@ -6,7 +7,8 @@
 
 #include "phase_info.h"
 
-// __builtin_cpu_supports takes literals only: what it says comes in as `supported`.
+// True if the CPU lacks the feature or STEPWISE_ISA_LIMIT hides it. `supported` is the answer of
+// __builtin_cpu_supports, which takes only literals and so cannot be called here.
 static bool lacks(const char *feature, bool supported) {
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
     if (limit && strcmp(limit, "none") == 0)
@@ -18,7 +20,7 @@ static bool lacks(const char *feature, bool supported) {
 
 #define LACKS(feature) lacks(feature, __builtin_cpu_supports(feature))
 
-bool variant_limit_known(void) {
+bool variant_limit_valid(void) {
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
     return !limit || !*limit || strcmp(limit, "avx2") == 0 || strcmp(limit, "none") == 0;
 }
@@ -30,13 +32,13 @@ const char *variant_missing(void) {
         return feature;
     PHASE_NEEDS(NEED)
 #undef NEED
-    (void)lacks; // a phase may need nothing
+    (void)lacks; // unused if the phase needs nothing
     return NULL;
 }
 
 struct variant variant_here(void) {
     __builtin_cpu_init();
-// Of what is emulated the CPU is not asked, the limit is.
+// An emulated feature does not depend on the CPU, only on STEPWISE_ISA_LIMIT.
 #define EMULATED(feature) (PHASE_EMULATED && strncmp(feature, "avx512", 6) == 0)
 #define ALSO_NEED(feature) &&!lacks(feature, EMULATED(feature) || __builtin_cpu_supports(feature))
 #define VARIANT(lanes, isa, flags, needs)                                                          \

@@ -1,7 +1,7 @@
-// Which of its variants a phase runs on this CPU. A phase may have some of its files built several times
-// for other numbers of lanes and instruction sets (phase.json: variants, each_variant; rules.mk); each of
-// them is compiled with LANES and VARIANT(name), and of its symbols the rest of the phase sees only those
-// of that form: lanes16_name, say.
+// Which variant of a phase runs on this CPU. A phase can have some of its files compiled several
+// times, for different numbers of lanes and instruction sets (phase.json: "variants" and
+// "each_variant"; common/rules.mk). Each time LANES and VARIANT(name) are defined. The rest of the
+// phase sees only a variant's symbols of the form VARIANT(name), for example lanes16_name.
 #ifndef STEPWISE_VARIANT_H
 #define STEPWISE_VARIANT_H
 
@@ -9,17 +9,18 @@
 
 struct variant {
     int lanes;
-    const char *isa, *flags; // all it needs: avx2+fma, say; the compiler's
+    const char *isa, *flags; // instruction sets that it needs, e.g. avx2+fma; compiler flags
 };
 
-// The widest that the CPU has; of a phase without variants what its phase.json says.
+// Returns the widest variant that this CPU supports. For a phase without variants: lanes,
+// instruction sets and flags of its phase.json.
 struct variant variant_here(void);
 
-// The first instruction set that the phase needs and the CPU lacks, NULL where it has all.
-// STEPWISE_ISA_LIMIT in the environment makes the CPU a smaller one: "avx2" one without AVX-512, "none"
-// one without anything beyond x86-64.
+// Returns the first instruction set that the phase needs and the CPU lacks, NULL if it lacks none.
+// The environment variable STEPWISE_ISA_LIMIT hides features, for tests of smaller CPUs: "avx2"
+// hides AVX-512, "none" hides everything beyond x86-64.
 const char *variant_missing(void);
-// Whether it is one of these, or not set.
-bool variant_limit_known(void);
+// Returns whether STEPWISE_ISA_LIMIT is unset, empty, "avx2" or "none".
+bool variant_limit_valid(void);
 
 #endif

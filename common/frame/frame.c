@@ -1,4 +1,4 @@
-// The frame: memory, float EXR through OpenEXR's C library, gamma and 8 bits.
+// The frame: memory, OpenEXR files (by OpenEXR's C library) and PPM files.
 #include "frame/frame.h"
 
 #include <errno.h>
@@ -14,20 +14,22 @@
 
 enum { ERROR_SIZE = 512, LARGE_PAGE = 1 << 21 };
 
-// 64: a cache line, and the widest vector. What fills large pages is on them, so that the CPU looks up fewer.
-static void *aligned(size_t size) {
+// Aligned to a cache line, which is also the widest vector. Large blocks are aligned to huge pages,
+// which cost fewer TLB misses.
+static void *allocate_aligned(size_t size) {
     size_t unit = size < LARGE_PAGE ? 64 : LARGE_PAGE;
     size = (size + unit - 1) / unit * unit;
     void *memory = aligned_alloc(unit, size);
     if (memory && unit == LARGE_PAGE)
-        (void)madvise(memory, size, MADV_HUGEPAGE); // where there are none, small ones
+        (void)madvise(memory, size, MADV_HUGEPAGE); // without huge pages it has no effect
     return memory;
 }
 
+// Allocates a plane of NaN if it is wanted; clears `ok` if memory is short.
 static float *plane(size_t samples, bool wanted, bool *ok) {
     if (!wanted)
         return NULL;
-    float *memory = aligned(samples * sizeof(float));
+    float *memory = allocate_aligned(samples * sizeof(float));
     if (!memory) {
         *ok = false;
         return NULL;
@@ -47,22 +49,22 @@ bool frame_create(struct frame *frame, int width, int height, bool aov, const ch
     frame->normal = plane(3 * pixels, aov, &ok);
     frame->evals = plane(pixels, aov, &ok);
     frame->plane_names = names;
-    for (int i = 0; aov && names && names[i] && i < FRAME_MOST_PLANES; i++)
+    for (int i = 0; aov && names && names[i] && i < FRAME_MAX_PLANES; i++)
         frame->planes[frame->plane_count++] = plane(pixels, true, &ok);
     if (!ok)
         frame_free(frame);
     return ok;
 }
 
-bool frame_create_shown(struct frame *frame, int width, int height,
-                        const struct presenter *presenter) {
+bool frame_create_display(struct frame *frame, int width, int height,
+                          const struct presenter *presenter) {
     size_t samples = 3 * (size_t)width * (size_t)height;
     *frame = (struct frame){.width = width, .height = height};
     frame->presenter = presenter;
     frame->show = presenter_show;
-    frame->shown = aligned(samples);
+    frame->shown = allocate_aligned(samples);
     for (size_t i = 0; frame->shown && i < samples; i++)
-        frame->shown[i] = i % 2 ? 255 : 0; // what a phase forgot has the colours of no scene
+        frame->shown[i] = i % 2 ? 255 : 0; // colours of no scene, so that forgotten pixels show
     return frame->shown;
 }
 
@@ -84,26 +86,28 @@ struct channel {
     int stride; // in floats
 };
 
-static void quiet(exr_const_context_t context, exr_result_t code, const char *message) {
+static void ignore_message(exr_const_context_t context, exr_result_t code, const char *message) {
     (void)context;
     (void)code;
-    (void)message; // the caller turns the returned code into its own one line
+    (void)message; // the caller reports the returned code in one line of its own
 }
 
 struct compressor {
     exr_result_t (*compress)(exr_encode_pipeline_t *encoder);
 };
 
-// A chunk that is as large as it was is by the format not compressed, and is read as such. OpenEXR 3.1 keeps what it
-// compressed to the same number of bytes (small pictures come to it), and nobody can read that.
+// Works around a fault of OpenEXR 3.1. By the file format, a chunk of the uncompressed size is stored
+// uncompressed. OpenEXR 3.1 writes the compressed bytes even if they have exactly that size, which
+// happens with small pictures, and no reader can read them.
 static exr_result_t compress_or_store(exr_encode_pipeline_t *encoder) {
-    const struct compressor *house = encoder->encoding_user_data;
-    exr_result_t result = house->compress(encoder);
+    const struct compressor *original = encoder->encoding_user_data;
+    exr_result_t result = original->compress(encoder);
     if (result == EXR_ERR_SUCCESS && encoder->compressed_bytes == encoder->packed_bytes)
         memcpy(encoder->compressed_buffer, encoder->packed_buffer, encoder->packed_bytes);
     return result;
 }
 
+// Compresses and writes the scan lines from row `y` on. `first`: sets the encoder up.
 static exr_result_t write_chunk(exr_context_t context, int part, const struct frame *frame, int y,
                                 const struct channel *channels, exr_encode_pipeline_t *encoder,
                                 struct compressor *compressor, bool first) {
@@ -156,43 +160,45 @@ static exr_result_t write_image(exr_context_t context, const struct frame *frame
         result = exr_get_scanlines_per_chunk(context, part, &lines);
     exr_encode_pipeline_t encoder = EXR_ENCODE_PIPELINE_INITIALIZER;
     struct compressor compressor;
-    bool begun = false;
+    bool started = false;
     for (int y = 0; y < frame->height && result == EXR_ERR_SUCCESS; y += lines) {
-        result = write_chunk(context, part, frame, y, channels, &encoder, &compressor, !begun);
-        begun = true;
+        result = write_chunk(context, part, frame, y, channels, &encoder, &compressor, !started);
+        started = true;
     }
-    if (begun)
+    if (started)
         exr_encoding_destroy(context, &encoder);
     return result;
 }
 
-// A file under its temporary name, which a signal that ends the program takes along. SIGKILL leaves it.
+// Temporary name of the file being written. A signal that ends the program removes it first, except
+// for SIGKILL.
 static char unfinished[4096];
-enum { ENDING = 3 };
-static const int ending[ENDING] = {SIGINT, SIGTERM, SIGHUP};
+enum { SIGNAL_COUNT = 3 };
+static const int SIGNALS[SIGNAL_COUNT] = {SIGINT, SIGTERM, SIGHUP};
 
-static void take_along(int number) {
+static void remove_unfinished(int number) {
     unlink(unfinished);
-    raise(number); // SA_RESETHAND: by default it ends the program
+    raise(number); // ends the program: SA_RESETHAND has restored the default
 }
 
-static void begin_file(const char *temporary, struct sigaction before[ENDING]) {
+static void begin_file(const char *temporary, struct sigaction before[SIGNAL_COUNT]) {
     snprintf(unfinished, sizeof unfinished, "%s", temporary);
-    struct sigaction action = {.sa_handler = take_along, .sa_flags = (int)SA_RESETHAND};
+    struct sigaction action = {.sa_handler = remove_unfinished, .sa_flags = (int)SA_RESETHAND};
     sigemptyset(&action.sa_mask);
-    for (int i = 0; i < ENDING; i++)
-        if (sigaction(ending[i], NULL, &before[i]) == 0 && before[i].sa_handler == SIG_DFL)
-            sigaction(ending[i], &action, NULL); // what is ignored (nohup) stays so
+    for (int i = 0; i < SIGNAL_COUNT; i++)
+        if (sigaction(SIGNALS[i], NULL, &before[i]) == 0 && before[i].sa_handler == SIG_DFL)
+            sigaction(SIGNALS[i], &action, NULL); // an ignored signal (nohup) stays ignored
 }
 
-static void end_file(const struct sigaction before[ENDING]) {
-    for (int i = 0; i < ENDING; i++)
-        sigaction(ending[i], &before[i], NULL);
+static void end_file(const struct sigaction before[SIGNAL_COUNT]) {
+    for (int i = 0; i < SIGNAL_COUNT; i++)
+        sigaction(SIGNALS[i], &before[i], NULL);
 }
 
-// Under its own name if all of it was written, else gone. reason: errno of a name that cannot be given.
+// Renames the file if all of it was written, else removes it. If the renaming fails, `reason` is its
+// errno. Returns whether the file is complete.
 static bool finish_file(bool written, const char *temporary, const char *path, int *reason,
-                        const struct sigaction before[ENDING]) {
+                        const struct sigaction before[SIGNAL_COUNT]) {
     bool done = written && rename(temporary, path) == 0;
     if (!done) {
         if (written)
@@ -220,7 +226,7 @@ bool frame_writable(const char *path, char *error) {
     char temporary[4096];
     if (!temporary_name(path, temporary, error))
         return false;
-    struct sigaction before[ENDING];
+    struct sigaction before[SIGNAL_COUNT];
     begin_file(temporary, before);
     FILE *probe = fopen(temporary, "wb");
     int reason = errno;
@@ -238,12 +244,12 @@ bool frame_writable(const char *path, char *error) {
 }
 
 bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
-    // The finished file takes its name in one step: no reader ever sees half of it.
+    // Renaming is atomic: no reader ever sees half a file.
     char temporary[4096];
     if (!temporary_name(path, temporary, error))
         return false;
-    const float *normal = frame->normal ? frame->normal : frame->rgb; // no offsets from NULL
-    struct channel channels[10 + FRAME_MOST_PLANES] = {
+    const float *normal = frame->normal ? frame->normal : frame->rgb; // avoids arithmetic on NULL
+    struct channel channels[10 + FRAME_MAX_PLANES] = {
         {"B", frame->rgb + 2, 3}, {"G", frame->rgb + 1, 3},   {"N.x", normal, 3},
         {"N.y", normal + 1, 3},   {"N.z", normal + 2, 3},     {"R", frame->rgb, 3},
         {"Z", frame->depth, 1},   {"evals", frame->evals, 1}, {"id", frame->id, 1},
@@ -254,8 +260,8 @@ bool frame_write_exr(const struct frame *frame, const char *path, char *error) {
         memcpy(channels, (struct channel[]){channels[0], channels[1], channels[5], {0}},
                4 * sizeof *channels);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    setup.error_handler_fn = quiet;
-    struct sigaction before[ENDING];
+    setup.error_handler_fn = ignore_message;
+    struct sigaction before[SIGNAL_COUNT];
     begin_file(temporary, before);
     exr_context_t context = NULL;
     errno = 0;
@@ -276,7 +282,7 @@ bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *pat
     char temporary[4096];
     if (!temporary_name(path, temporary, error))
         return false;
-    struct sigaction before[ENDING];
+    struct sigaction before[SIGNAL_COUNT];
     begin_file(temporary, before);
     FILE *file = fopen(temporary, "wb");
     size_t samples = 3 * (size_t)width * (size_t)height;

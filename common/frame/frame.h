@@ -1,4 +1,5 @@
-// The frame: what a phase writes, how it is stored, and how it is shown.
+// The frame: the planes that a phase writes, the files they are stored in, and the picture as
+// displayed.
 #ifndef STEPWISE_FRAME_H
 #define STEPWISE_FRAME_H
 
@@ -6,56 +7,72 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { FRAME_MOST_PLANES = 32 };
+enum { FRAME_MAX_PLANES = 32 };
 
 struct presenter;
 
-// Row-major, top row first. `rgb` is linear, neither clamped nor gamma-corrected. The other planes
-// are NULL unless asked for: a phase writes those that are not.
+// Rows from top to bottom, pixels of a row next to each other. A phase writes every plane that is
+// not NULL. `rgb` is linear, neither clamped nor gamma-corrected.
 struct frame {
     int width, height;
     float *rgb;      // 3 per pixel
     float *depth;    // hit distance t along the camera ray, +inf on a miss
     float *id;       // index of the shape hit, −1 on a miss
     float *normal;   // 3 per pixel, unit length, towards the ray; 0 on a miss
-    float *evals;    // distance evaluations (of the whole scene) of the camera ray's march
-    int plane_count; // the planes of phase.json's "planes", in its order; 0 unless asked for
-    float *planes[FRAME_MOST_PLANES];
-    const char *const *plane_names; // of channels
-    // A picture that is only to be displayed, asked of a phase whose phase.json says "display": all planes above are
-    // NULL, and it hands finished linear samples to `show`, which writes as many bytes of `shown`.
+    float *evals;    // distance evaluations (of the whole scene) in the camera ray's march
+    int plane_count; // number of the phase's own planes (phase.json: "planes"), 0 without --aov
+    float *planes[FRAME_MAX_PLANES];
+    const char *const *plane_names; // EXR channel of each
+    // For a picture that is only displayed, by a phase whose phase.json says "display": all planes
+    // above are NULL. The phase passes finished linear samples to `show`, which writes one byte of
+    // `shown` per sample.
     uint8_t *shown; // 3 per pixel
     const struct presenter *presenter;
     void (*show)(const struct presenter *presenter, const float *linear, size_t samples,
                  uint8_t *shown);
 };
 
-// Every sample is preset to NaN, so that a pixel a phase forgot cannot pass for a colour. `names`: of the
-// phase's own planes, up to a NULL; they are there with `aov` only.
+// Allocates the planes; with `aov` also all others than `rgb`. Returns false if memory is short.
+// `names`: the phase's own planes, ending with NULL, or NULL if it has none; they must outlive the
+// frame. Samples start as NaN, so that a pixel that a phase forgets is noticed.
 bool frame_create(struct frame *frame, int width, int height, bool aov, const char *const *names);
-// One to be displayed, of which `presenter` outlives it.
-bool frame_create_shown(struct frame *frame, int width, int height,
-                        const struct presenter *presenter);
+
+// Allocates a frame that is only displayed: `shown` and no planes. Returns false if memory is
+// short. `presenter` must outlive the frame.
+bool frame_create_display(struct frame *frame, int width, int height,
+                          const struct presenter *presenter);
+
+// Frees what either of them allocated, and clears the frame.
 void frame_free(struct frame *frame);
 
-// Writes float channels R G B [Z id N.x N.y N.z evals and the phase's own] with ZIP compression under a temporary name,
-// then renames it. Returns false with one line in `error` (at least 512 bytes).
+// Writes a ZIP-compressed OpenEXR file of float channels: R G B, and with the other planes also Z,
+// id, N.x, N.y, N.z, evals and the phase's own. The file is written under a temporary name and then
+// renamed. Returns false with one line in `error` (at least 512 bytes).
 bool frame_write_exr(const struct frame *frame, const char *path, char *error);
 
-// The picture as displayed, 3 bytes a pixel, as a binary PPM; the same otherwise.
+// Writes the displayed picture, 3 bytes per pixel, as a binary PPM. Temporary name, result and
+// `error` as for frame_write_exr.
 bool frame_write_ppm(int width, int height, const uint8_t *rgb8, const char *path, char *error);
 
-// Whether `path` could be written: asked before a long render.
+// Returns whether `path` can be written. If not, `error` (at least 512 bytes) gets one line. Called
+// before a long render.
 bool frame_writable(const char *path, char *error);
 
-// Gamma and 8 bits: trunc(255·min(1, c^0.4545)) of each linear value, 0 for negatives and NaN, in
-// exact agreement with that formula evaluated in double (present.c), by the widest vectors there are and, of a
-// picture large enough for them, up to `threads` threads, on the CPUs that the caller has when it creates it.
+// The presenter turns linear samples into displayed bytes: trunc(255·min(1, c^0.4545)) for a
+// positive c, and 0 for negative numbers and NaN. Every byte equals that formula in double
+// precision.
+
+// Returns a presenter, or NULL if memory is short. frame_present will use up to `threads` threads,
+// on the CPUs that the calling thread may run on now.
 struct presenter *presenter_create(int threads);
 void presenter_free(struct presenter *presenter);
-// On the caller's thread, of samples that it has just written; a frame's `show`.
+
+// Converts `samples` samples on the calling thread. Fast for samples that were just written and are
+// still in the cache; a frame's `show` is this function.
 void presenter_show(const struct presenter *presenter, const float *linear, size_t samples,
                     uint8_t *shown);
+
+// Converts the frame's `rgb` to rgb8, 3 bytes per pixel, on several threads if it is large enough.
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8);
 
 #endif

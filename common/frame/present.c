@@ -1,9 +1,11 @@
-// Gamma and 8 bits: a float is shown by finding its place among 255 thresholds, to the bit as the formula in
-// double has it. The bits of a positive float grow with its value: their upper half names a bin that has at
-// most one threshold in it (a bin of a binade is 1/128 of its start wide, two thresholds at 0.5 to 1 are 1.1 %
-// apart at the least), from which on the lower half carries. One look-up and one addition a sample, 16, 8 or one at
-// a time. Two polynomials (log2 and 2^x, a table look-up where they end within 2^-10 of a whole number) took 1.05
-// times as long as by_8's gather, on Zen 3.
+// Gamma and 8 bits by one table look-up and one addition per sample, exactly as the formula in
+// double precision.
+//
+// The displayed byte is the number of the 255 thresholds that a sample reaches. The bits of a
+// positive float grow with its value, so their upper half selects a bin of a table. A bin is 1/128
+// of its start wide and the closest thresholds are 1.1 % apart, so a bin contains at most one
+// threshold. The table word makes the addition carry out of the lower half exactly from that
+// threshold on. This is 5 % faster than polynomials for log2 and 2^x (Zen 3, AVX2).
 #include <immintrin.h>
 #include <math.h>
 #include <pthread.h>
@@ -14,35 +16,33 @@
 
 #include "frame/frame.h"
 
-// Bins of the floats from FIRST << HALF, below the first threshold, to 1. A bin's word is what its floats' bits lack, of 32
-// bits, to the byte left of the lower half: the byte of the bin's start, and as much that the lower half carries
-// from the bin's threshold on.
+// Bins FIRST to LAST cover the floats from below the first threshold to 1. bits + table word has the
+// displayed byte in bits 16 to 23.
 enum { HALF = 16, CARRY = 1 << HALF, FIRST = 0x3600, LAST = 0x3f80 };
 
-// A look-up's loads leave the CPU no room to see far ahead, and a picture is larger than its nearer caches:
-// samples are fetched this many before they are shown.
-enum { AHEAD = 1024 };
+// Samples to prefetch ahead. A picture is larger than L2, and the look-up's own loads fill the
+// out-of-order window.
+enum { PREFETCH_DISTANCE = 1024 };
 
-static inline void fetch_ahead(const float *from) {
-    uintptr_t place =
-        (uintptr_t)from + AHEAD * sizeof *from; // past the picture's end it does no harm
-    _mm_prefetch((const char *)place, _MM_HINT_T0);
+static inline void prefetch(const float *from) {
+    // Prefetching an address beyond the picture does no harm.
+    uintptr_t address = (uintptr_t)from + PREFETCH_DISTANCE * sizeof *from;
+    _mm_prefetch((const char *)address, _MM_HINT_T0);
 }
 
-// A thread more is started for this many samples: 50 µs of one thread's work, which its start takes too.
-enum { APIECE = 1 << 16, WHOLE_LINES = 64, MOST = 64 };
+// Each thread gets at least this many samples: 50 µs of work, about the time that starting it takes.
+enum { SAMPLES_PER_THREAD = 1 << 16, CACHE_LINE_SAMPLES = 64, MAX_THREADS = 64 };
 
 typedef void convert(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown);
 
 struct presenter {
-    convert *far, *near; // of samples in memory, and of some that were just written
+    convert *stream, *cached; // for samples in memory; for samples that are in the cache
     int threads;
-    cpu_set_t
-        cpus; // the process's before a phase pins its caller: a thread started later would stay beside that one
+    cpu_set_t cpus; // of the process before a phase pins the calling thread
     uint32_t bins[LAST - FIRST + 1];
 };
 
-static int level(float c) {
+static int displayed_level(float c) {
     return (int)(fmin(1.0, pow((double)c, 0.4545)) * 255.0);
 }
 
@@ -52,12 +52,12 @@ static float from_bits(uint32_t bits) {
     return value;
 }
 
-// The smallest float that shows as k or more, as its bits.
+// Bits of the smallest float that is displayed as k or more, by bisection.
 static uint32_t threshold(int k) {
-    uint32_t lo = 0, hi = (uint32_t)LAST << HALF; // level(lo) < k <= level(hi)
+    uint32_t lo = 0, hi = (uint32_t)LAST << HALF; // displayed_level(lo) < k <= displayed_level(hi)
     while (hi - lo > 1) {
         uint32_t middle = lo + (hi - lo) / 2;
-        if (level(from_bits(middle)) >= k)
+        if (displayed_level(from_bits(middle)) >= k)
             hi = middle;
         else
             lo = middle;
@@ -65,7 +65,9 @@ static uint32_t threshold(int k) {
     return hi;
 }
 
-static void one_by_one(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown) {
+// One sample at a time, on every CPU.
+static void convert_scalar(const uint32_t *bins, const float *linear, size_t samples,
+                           uint8_t *shown) {
     for (size_t i = 0; i < samples; i++) {
         float c = linear[i], least = from_bits((uint32_t)FIRST << HALF);
         c = c > least ? c : least; // NaN too
@@ -76,100 +78,103 @@ static void one_by_one(const uint32_t *bins, const float *linear, size_t samples
     }
 }
 
-// Two lanes' bins: an element is asked for by its own load, of which 8 lanes take 8.2 TSC cycles where the gather's
-// take 10.6 (Zen 3, samples in its nearest cache, by turns).
-__attribute__((target("avx2"))) static inline __m128i two_bins(const uint32_t *bins,
-                                                               uint64_t places) {
-    __m128i one = _mm_cvtsi32_si128((int)bins[(size_t)(uint32_t)places - FIRST]);
-    return _mm_insert_epi32(one, (int)bins[(size_t)(places >> 32) - FIRST], 1);
+// Table words of two lanes. Separate loads take 8.2 TSC cycles for 8 lanes, a gather instruction
+// 10.6 (Zen 3, samples in L1).
+__attribute__((target("avx2"))) static inline __m128i gather_2(const uint32_t *bins,
+                                                               uint64_t indices) {
+    __m128i one = _mm_cvtsi32_si128((int)bins[(size_t)(uint32_t)indices - FIRST]);
+    return _mm_insert_epi32(one, (int)bins[(size_t)(indices >> 32) - FIRST], 1);
 }
 
-__attribute__((target("avx2"))) static inline __m128i four_bins(const uint32_t *bins,
-                                                                __m128i places) {
-    return _mm_unpacklo_epi64(two_bins(bins, (uint64_t)_mm_cvtsi128_si64(places)),
-                              two_bins(bins, (uint64_t)_mm_extract_epi64(places, 1)));
+__attribute__((target("avx2"))) static inline __m128i gather_4(const uint32_t *bins,
+                                                               __m128i indices) {
+    return _mm_unpacklo_epi64(gather_2(bins, (uint64_t)_mm_cvtsi128_si64(indices)),
+                              gather_2(bins, (uint64_t)_mm_extract_epi64(indices, 1)));
 }
 
-__attribute__((target("avx2"))) static inline void by_8(const uint32_t *bins, const float *linear,
-                                                        size_t samples, uint8_t *shown, bool far) {
+__attribute__((target("avx2"))) static inline void convert_8(const uint32_t *bins,
+                                                             const float *linear, size_t samples,
+                                                             uint8_t *shown, bool from_memory) {
     const __m256 least = _mm256_castsi256_ps(_mm256_set1_epi32(FIRST << HALF));
     // The third byte of each 32-bit lane, of 128 bits at a time.
     const __m256i bytes = _mm256_broadcastsi128_si256(
         _mm_setr_epi8(2, 6, 10, 14, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1));
     size_t i = 0;
     for (; i + 8 <= samples; i += 8) {
-        if (far)
-            fetch_ahead(linear + i);
+        if (from_memory)
+            prefetch(linear + i);
         // maxps returns its second operand where the first is NaN.
         __m256 c = _mm256_max_ps(_mm256_loadu_ps(linear + i), least);
         __m256i bits = _mm256_castps_si256(_mm256_min_ps(c, _mm256_set1_ps(1.0f)));
-        __m256i place = _mm256_srli_epi32(bits, HALF);
-        __m128i low = four_bins(bins, _mm256_castsi256_si128(place)),
-                high = four_bins(bins, _mm256_extracti128_si256(place, 1));
+        __m256i index = _mm256_srli_epi32(bits, HALF);
+        __m128i low = gather_4(bins, _mm256_castsi256_si128(index)),
+                high = gather_4(bins, _mm256_extracti128_si256(index, 1));
         __m256i bin = _mm256_inserti128_si256(_mm256_castsi128_si256(low), high, 1);
         __m256i byte = _mm256_shuffle_epi8(_mm256_add_epi32(bits, bin), bytes);
         __m128i both =
             _mm_unpacklo_epi32(_mm256_castsi256_si128(byte), _mm256_extracti128_si256(byte, 1));
         _mm_storel_epi64((__m128i *)(shown + i), both);
     }
-    _mm256_zeroupper(); // see by_16
-    one_by_one(bins, linear + i, samples - i, shown + i);
+    _mm256_zeroupper(); // see convert_16
+    convert_scalar(bins, linear + i, samples - i, shown + i);
 }
 
-__attribute__((target("avx512f"))) static inline void
-by_16(const uint32_t *bins, const float *linear, size_t samples, uint8_t *shown, bool far) {
+__attribute__((target("avx512f"))) static inline void convert_16(const uint32_t *bins,
+                                                                 const float *linear,
+                                                                 size_t samples, uint8_t *shown,
+                                                                 bool from_memory) {
     const __m512 least = _mm512_castsi512_ps(_mm512_set1_epi32(FIRST << HALF));
     size_t i = 0;
     for (; i + 16 <= samples; i += 16) {
-        if (far)
-            fetch_ahead(linear + i);
+        if (from_memory)
+            prefetch(linear + i);
         __m512 c = _mm512_max_ps(_mm512_loadu_ps(linear + i), least);
         __m512i bits = _mm512_castps_si512(_mm512_min_ps(c, _mm512_set1_ps(1.0f)));
-        __m512i place = _mm512_sub_epi32(_mm512_srli_epi32(bits, HALF), _mm512_set1_epi32(FIRST));
-        __m512i bin = _mm512_i32gather_epi32(place, bins, 4);
+        __m512i index = _mm512_sub_epi32(_mm512_srli_epi32(bits, HALF), _mm512_set1_epi32(FIRST));
+        __m512i bin = _mm512_i32gather_epi32(index, bins, 4);
         __m512i byte = _mm512_srli_epi32(_mm512_add_epi32(bits, bin), HALF);
         _mm_storeu_si128((__m128i *)(shown + i), _mm512_cvtepi32_epi8(byte));
     }
-    // gcc 12 leaves it out before a call in last place of a function that is built for AVX in a file that is not.
-    // With upper halves in use every SSE instruction of the next frame keeps them: it waits for its register's last
-    // writer (Intel's optimization manual, "Mixing AVX code with SSE code"), and scalar frames took 3 to 10 times
-    // as long on Emerald Rapids (results/reference/README.md).
+    // Required: gcc 12 omits vzeroupper before a tail call in a file that is not compiled for AVX. With
+    // dirty upper halves every SSE instruction depends on its register's last writer (Intel
+    // optimization manual, "Mixing AVX code with SSE code"). Scalar frames then took 3 to 10 times
+    // as long on Emerald Rapids (tests/c/test_upper_halves.c).
     _mm256_zeroupper();
-    one_by_one(bins, linear + i, samples - i, shown + i);
+    convert_scalar(bins, linear + i, samples - i, shown + i);
 }
 
-__attribute__((target("avx2"))) static void far_by_8(const uint32_t *bins, const float *linear,
+__attribute__((target("avx2"))) static void stream_8(const uint32_t *bins, const float *linear,
                                                      size_t samples, uint8_t *shown) {
-    by_8(bins, linear, samples, shown, true);
+    convert_8(bins, linear, samples, shown, true);
 }
 
-__attribute__((target("avx2"))) static void near_by_8(const uint32_t *bins, const float *linear,
-                                                      size_t samples, uint8_t *shown) {
-    by_8(bins, linear, samples, shown, false);
+__attribute__((target("avx2"))) static void cached_8(const uint32_t *bins, const float *linear,
+                                                     size_t samples, uint8_t *shown) {
+    convert_8(bins, linear, samples, shown, false);
 }
 
-__attribute__((target("avx512f"))) static void far_by_16(const uint32_t *bins, const float *linear,
+__attribute__((target("avx512f"))) static void stream_16(const uint32_t *bins, const float *linear,
                                                          size_t samples, uint8_t *shown) {
-    by_16(bins, linear, samples, shown, true);
+    convert_16(bins, linear, samples, shown, true);
 }
 
-__attribute__((target("avx512f"))) static void near_by_16(const uint32_t *bins, const float *linear,
-                                                          size_t samples, uint8_t *shown) {
-    by_16(bins, linear, samples, shown, false);
+__attribute__((target("avx512f"))) static void cached_16(const uint32_t *bins, const float *linear,
+                                                         size_t samples, uint8_t *shown) {
+    convert_16(bins, linear, samples, shown, false);
 }
 
-// STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the phases (variant.h).
+// STEPWISE_ISA_LIMIT hides instruction sets, as for the phases (driver/variant.h).
 static void choose_widest(struct presenter *p) {
     const char *limit = getenv("STEPWISE_ISA_LIMIT");
     bool none = limit && strcmp(limit, "none") == 0, narrow = limit && strcmp(limit, "avx2") == 0;
     __builtin_cpu_init();
-    p->far = p->near = one_by_one;
+    p->stream = p->cached = convert_scalar;
     if (!none && !narrow && __builtin_cpu_supports("avx512f")) {
-        p->far = far_by_16;
-        p->near = near_by_16;
+        p->stream = stream_16;
+        p->cached = cached_16;
     } else if (!none && __builtin_cpu_supports("avx2")) {
-        p->far = far_by_8;
-        p->near = near_by_8;
+        p->stream = stream_8;
+        p->cached = cached_8;
     }
 }
 
@@ -180,10 +185,10 @@ struct presenter *presenter_create(int threads) {
     choose_widest(p);
     p->threads = sched_getaffinity(0, sizeof p->cpus, &p->cpus) == 0 ? threads : 1;
     for (uint32_t bin = FIRST; bin <= LAST; bin++)
-        p->bins[bin - FIRST] = ((uint32_t)level(from_bits(bin << HALF)) - bin) << HALF;
+        p->bins[bin - FIRST] = ((uint32_t)displayed_level(from_bits(bin << HALF)) - bin) << HALF;
     for (int k = 1; k < 256; k++) {
         uint32_t bits = threshold(k), low = bits & (CARRY - 1);
-        if (low > 0) // else its bin begins with it
+        if (low > 0) // else the bin starts with the threshold
             p->bins[(bits >> HALF) - FIRST] += CARRY - low;
     }
     return p;
@@ -193,7 +198,7 @@ void presenter_free(struct presenter *presenter) {
     free(presenter);
 }
 
-// What a thread does of a picture.
+// The samples that one thread converts.
 struct part {
     const struct presenter *presenter;
     const float *linear;
@@ -203,45 +208,45 @@ struct part {
 
 static void *present_part(void *data) {
     const struct part *p = data;
-    p->presenter->far(p->presenter->bins, p->linear, p->samples, p->shown);
+    p->presenter->stream(p->presenter->bins, p->linear, p->samples, p->shown);
     return NULL;
 }
 
-// Another thread for `part`, where the process may run.
-static bool begin_part(pthread_t *thread, struct part *part) {
+// Starts a thread for `part` on any CPU of the process; false if there is none to be had.
+static bool start_part(pthread_t *thread, struct part *part) {
     pthread_attr_t attributes;
     if (pthread_attr_init(&attributes) != 0)
         return false;
     const cpu_set_t *cpus = &part->presenter->cpus;
-    bool begun = pthread_attr_setaffinity_np(&attributes, sizeof *cpus, cpus) == 0 &&
-                 pthread_create(thread, &attributes, present_part, part) == 0;
+    bool started = pthread_attr_setaffinity_np(&attributes, sizeof *cpus, cpus) == 0 &&
+                   pthread_create(thread, &attributes, present_part, part) == 0;
     pthread_attr_destroy(&attributes);
-    return begun;
+    return started;
 }
 
 void presenter_show(const struct presenter *presenter, const float *linear, size_t samples,
                     uint8_t *shown) {
-    presenter->near(presenter->bins, linear, samples, shown);
+    presenter->cached(presenter->bins, linear, samples, shown);
 }
 
 void frame_present(const struct presenter *presenter, const struct frame *frame, uint8_t *rgb8) {
     const size_t samples = 3 * (size_t)frame->width * (size_t)frame->height;
-    size_t count = samples / APIECE < MOST ? samples / APIECE : MOST;
+    size_t count =
+        samples / SAMPLES_PER_THREAD < MAX_THREADS ? samples / SAMPLES_PER_THREAD : MAX_THREADS;
     if (count > (size_t)presenter->threads)
         count = (size_t)presenter->threads;
-    size_t each = count > 1 ? samples / count / WHOLE_LINES * WHOLE_LINES : 0;
-    struct part parts[MOST];
-    pthread_t threads[MOST];
-    size_t begun =
-        0; // behind one another; the caller has the rest, which is all of them if no thread begins
-    for (; begun + 1 < count; begun++) {
-        size_t at = begun * each;
-        parts[begun] = (struct part){presenter, frame->rgb + at, each, rgb8 + at};
-        if (!begin_part(&threads[begun], &parts[begun]))
+    size_t each = count > 1 ? samples / count / CACHE_LINE_SAMPLES * CACHE_LINE_SAMPLES : 0;
+    struct part parts[MAX_THREADS];
+    pthread_t threads[MAX_THREADS];
+    size_t started = 0; // the calling thread converts the rest, which is all if no thread starts
+    for (; started + 1 < count; started++) {
+        size_t at = started * each;
+        parts[started] = (struct part){presenter, frame->rgb + at, each, rgb8 + at};
+        if (!start_part(&threads[started], &parts[started]))
             break;
     }
-    size_t at = begun * each;
-    presenter->far(presenter->bins, frame->rgb + at, samples - at, rgb8 + at);
-    for (size_t i = 0; i < begun; i++)
+    size_t at = started * each;
+    presenter->stream(presenter->bins, frame->rgb + at, samples - at, rgb8 + at);
+    for (size_t i = 0; i < started; i++)
         pthread_join(threads[i], NULL);
 }

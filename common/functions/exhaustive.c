@@ -1,5 +1,5 @@
-// Float functions of one argument over every float of their segments, against the C library's
-// double ones: their own error, at most 2 ulp of double (1/sqrt has two roundings), is 2^-28 of float.
+// Errors of float functions of one argument, over every float of their segments. The reference is the
+// C library's double function. Its error, at most 2 ulp of double, is 2^-28 ulp of float.
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -10,12 +10,13 @@
 
 enum { BLOCK = 4096, GROUP = 64, QUICK_STRIDE = 12289, LANES = 8 };
 
-struct job { // BLOCK · GROUP arguments of one segment
+struct job { // at most BLOCK · GROUP arguments of one segment
     const struct target *target;
     uint32_t first, last, stride;
 };
 
-struct work {
+// What all threads share.
+struct search {
     const struct job *jobs;
     size_t job_count, count;
     const struct runnable *all;
@@ -27,10 +28,10 @@ struct work {
 
 struct buffers {
     float a[BLOCK], got[BLOCK];
-    double exact[BLOCK], per_ulp[BLOCK]; // per_ulp: 1 / ulp of exact, as a float
+    double exact[BLOCK], per_ulp[BLOCK]; // per_ulp: 1 / (ulp of exact in float)
 };
 
-// 2^(23 − e) for 2^e ≤ |exact| < 2^(e+1), e ≥ −126
+// 1 / (ulp of exact in float): 2^(23 − e) for 2^e ≤ |exact| < 2^(e+1), e ≥ −126.
 static double ulps_per_unit(double exact) {
     uint64_t bits;
     memcpy(&bits, &exact, sizeof bits);
@@ -42,7 +43,7 @@ static double ulps_per_unit(double exact) {
     return result;
 }
 
-// `count` ≤ BLOCK. A result that is no number counts as non-finite, and its error is infinite.
+// Errors of `count` ≤ BLOCK results. A NaN or infinity counts as non-finite, with an infinite error.
 static inline __attribute__((always_inline)) struct error compare_each(const struct buffers *at,
                                                                        size_t count) {
     double most[LANES] = {0}, squares[LANES] = {0}, good[LANES] = {0};
@@ -59,24 +60,24 @@ static inline __attribute__((always_inline)) struct error compare_each(const str
     double numbers = 0;
     for (size_t k = 0; k < LANES; k++) {
         numbers += good[k];
-        sum.squares += squares[k];
-        sum.most = most[k] > sum.most ? most[k] : sum.most;
+        sum.sum_of_squares += squares[k];
+        sum.largest = most[k] > sum.largest ? most[k] : sum.largest;
     }
     for (size_t i = whole; i < count; i++) {
         double e = fabs((double)at->got[i] - at->exact[i]) * at->per_ulp[i];
         if (e <= 0x1p1000) {
             numbers++;
-            sum.squares += e * e;
-            sum.most = e > sum.most ? e : sum.most;
+            sum.sum_of_squares += e * e;
+            sum.largest = e > sum.largest ? e : sum.largest;
         }
     }
     sum.non_finite = count - (uint64_t)numbers;
     if (sum.non_finite)
-        sum.most = INFINITY;
+        sum.largest = INFINITY;
     return sum;
 }
 
-// Half of the search's time is spent here.
+// For AVX2, because half of the search's time is spent here.
 __attribute__((target("avx2"))) static struct error compare_avx2(const struct buffers *at,
                                                                  size_t count) {
     return compare_each(at, count);
@@ -86,18 +87,20 @@ static struct error compare(const struct buffers *at, size_t count) {
     return __builtin_cpu_supports("avx2") ? compare_avx2(at, count) : compare_each(at, count);
 }
 
+// Looks for the argument of the largest error, which `error` already holds.
 static void find_worst(const struct buffers *at, size_t count, struct error *error) {
     for (size_t i = 0; i < count; i++) {
         double e = fabs((double)at->got[i] - at->exact[i]) * at->per_ulp[i];
-        if (!(e < error->most)) {
+        if (!(e < error->largest)) {
             error->worst_a = at->a[i];
             return;
         }
     }
 }
 
-static void do_job(const struct work *work, const struct job *job, struct buffers *at,
-                   struct error *errors) {
+// Runs all float entries of the job's function on its arguments.
+static void run_job(const struct search *search, const struct job *job, struct buffers *at,
+                    struct error *errors) {
     uint64_t bits = job->first;
     while (bits <= job->last) {
         size_t count = 0;
@@ -109,45 +112,45 @@ static void do_job(const struct work *work, const struct job *job, struct buffer
         for (size_t i = 0; i < count; i++)
             at->per_ulp[i] = ulps_per_unit(at->exact[i]);
         for (size_t i = count; i % 16; i++)
-            at->a[i] = at->a[0]; // kernels take whole vectors
-        for (size_t k = 0; k < work->count; k++) {
-            const struct runnable *one = &work->all[k];
+            at->a[i] = at->a[0]; // fills the last vector
+        for (size_t k = 0; k < search->count; k++) {
+            const struct runnable *one = &search->all[k];
             if (one->missing || one->of->is_double ||
                 strcmp(one->entry->function, job->target->name) != 0)
                 continue;
             one->entry->stream(one->external, (count + 15) / 16 * 16, at->a, NULL, at->got);
             struct error here = compare(at, count);
-            if (here.most > 0 && !(here.most < errors[k].most))
+            if (here.largest > 0 && !(here.largest < errors[k].largest))
                 find_worst(at, count, &here);
             error_add(&errors[k], &here);
         }
     }
 }
 
-static void *worker(void *given) {
-    struct work *work = given;
+static void *worker(void *argument) {
+    struct search *search = argument;
     struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
-    struct error *errors = calloc(work->count, sizeof *errors);
+    struct error *errors = calloc(search->count, sizeof *errors);
     if (!at || !errors)
-        work->failed = true;
-    for (size_t i; !work->failed && (i = work->next++) < work->job_count;)
-        do_job(work, &work->jobs[i], at, errors);
-    if (!work->failed) {
-        pthread_mutex_lock(&work->lock);
-        for (size_t k = 0; k < work->count; k++)
-            error_add(&work->errors[k], &errors[k]);
-        pthread_mutex_unlock(&work->lock);
+        search->failed = true;
+    for (size_t i; !search->failed && (i = search->next++) < search->job_count;)
+        run_job(search, &search->jobs[i], at, errors);
+    if (!search->failed) {
+        pthread_mutex_lock(&search->lock);
+        for (size_t k = 0; k < search->count; k++)
+            error_add(&search->errors[k], &errors[k]);
+        pthread_mutex_unlock(&search->lock);
     }
     free(errors);
     free(at);
     return NULL;
 }
 
-// Segments cut into jobs; `jobs` NULL: only counted.
-static size_t cut(const struct settings *settings, struct job *jobs) {
+// Splits all segments into jobs and returns their number. `jobs` NULL: only counts them.
+static size_t split_into_jobs(const struct settings *settings, struct job *jobs) {
     size_t count = 0;
     for (size_t t = 0; t < target_count; t++)
-        for (int s = 0; s < MOST_SEGMENTS && targets[t].segments[s].stride; s++) {
+        for (int s = 0; s < MAX_SEGMENTS && targets[t].segments[s].stride; s++) {
             const struct segment *segment = &targets[t].segments[s];
             uint64_t stride = segment->stride * (settings->quick ? (uint64_t)QUICK_STRIDE : 1);
             for (uint64_t first = segment->first; first <= segment->last;
@@ -163,26 +166,26 @@ static size_t cut(const struct settings *settings, struct job *jobs) {
     return count;
 }
 
-bool measure_errors(const struct runnable *all, size_t count, const struct settings *settings,
-                    struct error *errors) {
-    struct work work = {.all = all, .count = count, .errors = errors};
-    work.job_count = cut(settings, NULL);
-    struct job *jobs = calloc(work.job_count, sizeof *jobs);
+bool measure_exhaustive(const struct runnable *all, size_t count, const struct settings *settings,
+                        struct error *errors) {
+    struct search search = {.all = all, .count = count, .errors = errors};
+    search.job_count = split_into_jobs(settings, NULL);
+    struct job *jobs = calloc(search.job_count, sizeof *jobs);
     pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
     bool ok = jobs && threads;
     if (ok) {
-        cut(settings, jobs);
-        work.jobs = jobs;
-        pthread_mutex_init(&work.lock, NULL);
+        split_into_jobs(settings, jobs);
+        search.jobs = jobs;
+        pthread_mutex_init(&search.lock, NULL);
         int started = 0;
         while (started < settings->threads - 1 &&
-               pthread_create(&threads[started], NULL, worker, &work) == 0)
+               pthread_create(&threads[started], NULL, worker, &search) == 0)
             started++;
-        worker(&work);
+        worker(&search);
         for (int i = 0; i < started; i++)
             pthread_join(threads[i], NULL);
-        pthread_mutex_destroy(&work.lock);
-        ok = !work.failed;
+        pthread_mutex_destroy(&search.lock);
+        ok = !search.failed;
     }
     free(threads);
     free(jobs);

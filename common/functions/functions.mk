@@ -1,21 +1,41 @@
-# build/functions/bench (scripts/functions.py): every file for the instruction set in its name, called only where
-# the CPU has it. MPFR is the truth of the double entries where its header is; libmvec and SLEEF are found at run time.
+# build/functions/bench (scripts/functions.py). scalar_kernels.c is compiled for float and for double,
+# vector_kernels.c for both at each vector width. The bench calls an object's functions only if the
+# CPU has its instruction set. libmvec and SLEEF are loaded at run time. MPFR, if its header is
+# installed, gives the exact values of the double functions.
 FUNCTIONS := common/functions
-FUNCTIONS_OBJECTS := $(patsubst $(FUNCTIONS)/%.c,$(BUILD)/functions/%.o,$(wildcard $(FUNCTIONS)/*.c))
 FUNCTIONS_MPFR := $(if $(wildcard /usr/include/mpfr.h /usr/local/include/mpfr.h),-lmpfr -lgmp)
-# No automatic vectors: scalar code stays scalar, and vectors are as wide as written. libm's sqrt is an instruction.
-FUNCTIONS_KERNEL := -O3 -ffp-contract=off -fno-math-errno -fno-tree-vectorize -fno-tree-slp-vectorize
-functions_flags = $(if $(findstring avx512,$(1)),-mavx512f -mavx512dq -mfma,$(if $(findstring avx2,$(1)),-mavx2 -mfma,$(if $(findstring sse,$(1)),-msse4.1)))
+FUNCTIONS_NEEDED = $(wildcard $(FUNCTIONS)/*.h) common/timing/timer.h $(FUNCTIONS)/functions.mk $(BUILD)/common/toolchain $(BUILD)/functions/mpfr
+FUNCTIONS_CC = $(CC) -std=c11 -D_GNU_SOURCE -Icommon $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR)
 
-# MPFR installed later builds anew.
+# Instruction set and vector width of each group of kernels.
+FUNCTIONS_scalar :=
+FUNCTIONS_sse := -DBITS=128 -msse4.1
+FUNCTIONS_avx2 := -DBITS=256 -mavx2 -mfma
+FUNCTIONS_avx512 := -DBITS=512 -mavx512f -mavx512dq -mfma
+FUNCTIONS_SCALAR := $(foreach type,float double,$(BUILD)/functions/scalar_$(type).o)
+FUNCTIONS_VECTOR := $(foreach isa,sse avx2 avx512,$(foreach type,float double,$(BUILD)/functions/$(isa)_$(type).o))
+FUNCTIONS_PARTS := $(patsubst $(FUNCTIONS)/%.c,$(BUILD)/functions/%.o,$(filter-out %_kernels.c,$(wildcard $(FUNCTIONS)/*.c)))
+
+# No automatic vectorization: scalar code stays scalar, vectors are as wide as written. Without errno
+# the compiler turns libm's sqrt into an instruction.
+FUNCTIONS_KERNEL_CFLAGS := -O3 -ffp-contract=off -fno-math-errno -fno-tree-vectorize -fno-tree-slp-vectorize
+functions_isa = $(FUNCTIONS_$(firstword $(subst _, ,$(@F))))
+compile_functions_kernel = $(FUNCTIONS_CC) $(FUNCTIONS_KERNEL_CFLAGS) $(functions_isa) -DDOUBLE=$(if $(findstring double,$(@F)),1,0) -c $< -o $@
+
+# Everything is compiled again when MPFR is installed or removed.
 $(BUILD)/functions/mpfr: LINE = $(FUNCTIONS_MPFR)
 $(BUILD)/functions/mpfr: FORCE
 	$(write_line)
 
-$(BUILD)/functions/%.o: $(FUNCTIONS)/%.c $(wildcard $(FUNCTIONS)/*.h) common/timing/timer.h $(FUNCTIONS)/functions.mk $(BUILD)/common/toolchain $(BUILD)/functions/mpfr
+$(FUNCTIONS_SCALAR): $(FUNCTIONS)/scalar_kernels.c $(FUNCTIONS_NEEDED)
 	@mkdir -p $(@D)
-	$(CC) -std=c11 -D_GNU_SOURCE -Icommon $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR) \
-	    $(if $(filter wide_% scalar_%,$*),$(FUNCTIONS_KERNEL),-O3 -fno-trapping-math) $(call functions_flags,$*) -c $< -o $@
+	$(compile_functions_kernel)
+$(FUNCTIONS_VECTOR): $(FUNCTIONS)/vector_kernels.c $(FUNCTIONS_NEEDED)
+	@mkdir -p $(@D)
+	$(compile_functions_kernel)
+$(FUNCTIONS_PARTS): $(BUILD)/functions/%.o: $(FUNCTIONS)/%.c $(FUNCTIONS_NEEDED)
+	@mkdir -p $(@D)
+	$(FUNCTIONS_CC) -O3 -fno-trapping-math -c $< -o $@
 
-$(BUILD)/functions/bench: $(FUNCTIONS_OBJECTS) $(BUILD)/common/timing/timer.o
+$(BUILD)/functions/bench: $(FUNCTIONS_PARTS) $(FUNCTIONS_SCALAR) $(FUNCTIONS_VECTOR) $(BUILD)/common/timing/timer.o
 	$(CC) $(SANITIZERS) $^ $(FUNCTIONS_MPFR) -lm -ldl -lpthread -o $@

@@ -1,5 +1,6 @@
-// Streams and chains around an expression of the vector x (and y). simd.h comes first; V may be one
-// lane wide there: scalar.h has its own.
+// Macros that make a stream and a chain of an expression of x (and y); see bench.h. The including
+// file first defines V, vload, vstore and the rest: vector_kernels.c by simd.h, scalar_kernels.c
+// with one lane.
 #ifndef STEPWISE_FUNCTIONS_KERNELS_H
 #define STEPWISE_FUNCTIONS_KERNELS_H
 
@@ -9,45 +10,47 @@ typedef V unary(V);
 typedef V binary(V, V);
 
 #define UNARY(NAME, EXPRESSION)                                                                    \
-    static void NAME##_stream(any_function f, size_t n, const void *a, const void *b, void *out) { \
+    static void NAME##_stream(library_function f, size_t n, const void *a, const void *b,          \
+                              void *out) {                                                         \
         (void)f, (void)b;                                                                          \
         const elem *from = a;                                                                      \
         elem *to = out;                                                                            \
-        for (size_t i = 0; i < n; i += WIDE) {                                                     \
+        for (size_t i = 0; i < n; i += VECTOR_LANES) {                                             \
             V x = vload(from + i);                                                                 \
             vstore(to + i, EXPRESSION);                                                            \
         }                                                                                          \
     }                                                                                              \
-    static void NAME##_chain(any_function f, size_t n, const void *a, const void *b,               \
+    static void NAME##_chain(library_function f, size_t n, const void *a, const void *b,           \
                              const void *zero, void *out) {                                        \
         (void)f, (void)b;                                                                          \
         const elem *from = a;                                                                      \
-        V last = vset(0), none = vload(zero);                                                      \
+        V last = vsplat(0), none = vload(zero);                                                    \
         for (size_t i = 0; i < n; i++) {                                                           \
-            V x = linked(vload(from + i * WIDE), last, none);                                      \
+            V x = depend(vload(from + i * VECTOR_LANES), last, none);                              \
             last = EXPRESSION;                                                                     \
         }                                                                                          \
         vstore(out, last);                                                                         \
     }
 
 #define BINARY(NAME, EXPRESSION)                                                                   \
-    static void NAME##_stream(any_function f, size_t n, const void *a, const void *b, void *out) { \
+    static void NAME##_stream(library_function f, size_t n, const void *a, const void *b,          \
+                              void *out) {                                                         \
         (void)f;                                                                                   \
         const elem *from = a, *and_from = b;                                                       \
         elem *to = out;                                                                            \
-        for (size_t i = 0; i < n; i += WIDE) {                                                     \
+        for (size_t i = 0; i < n; i += VECTOR_LANES) {                                             \
             V x = vload(from + i), y = vload(and_from + i);                                        \
             vstore(to + i, EXPRESSION);                                                            \
         }                                                                                          \
     }                                                                                              \
-    static void NAME##_chain(any_function f, size_t n, const void *a, const void *b,               \
+    static void NAME##_chain(library_function f, size_t n, const void *a, const void *b,           \
                              const void *zero, void *out) {                                        \
         (void)f;                                                                                   \
         const elem *from = a, *and_from = b;                                                       \
-        V last = vset(0), none = vload(zero);                                                      \
+        V last = vsplat(0), none = vload(zero);                                                    \
         for (size_t i = 0; i < n; i++) {                                                           \
-            V x = linked(vload(from + i * WIDE), last, none);                                      \
-            V y = linked(vload(and_from + i * WIDE), last, none);                                  \
+            V x = depend(vload(from + i * VECTOR_LANES), last, none);                              \
+            V y = depend(vload(and_from + i * VECTOR_LANES), last, none);                          \
             last = EXPRESSION;                                                                     \
         }                                                                                          \
         vstore(out, last);                                                                         \
@@ -55,11 +58,11 @@ typedef V binary(V, V);
 
 #define ENTRY(FUNCTION, FAMILY, NAME, KERNEL)                                                      \
     {FUNCTION, FAMILY, NAME, NULL, KERNEL##_stream, KERNEL##_chain}
-// From a shared library, by name, at run time.
-#define FOUND(FUNCTION, FAMILY, NAME, SYMBOL, KERNEL)                                              \
+// An entry whose function is in a shared library, found by name at run time.
+#define LIBRARY_ENTRY(FUNCTION, FAMILY, NAME, SYMBOL, KERNEL)                                      \
     {FUNCTION, FAMILY, NAME, SYMBOL, KERNEL##_stream, KERNEL##_chain}
 
-// y(1.5 − x/2·y²): a step of Newton's method for 1/√x.
+// One step of Newton's method for 1/√x: y(1.5 − x/2·y²).
 static inline V newton(V x, V y) {
     return y * ((elem)1.5 - (elem)0.5 * x * y * y);
 }

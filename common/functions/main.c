@@ -1,5 +1,5 @@
-// The bench of scripts/functions.py: what it has, errors, times, and values for given arguments.
-// All output is JSON but that of evaluate.
+// The function bench (scripts/functions.py): lists its entries, measures their errors and times, and
+// evaluates an entry. Output is JSON, except for `evaluate`, which writes binary numbers.
 #include <dlfcn.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -10,37 +10,20 @@
 
 #include "bench.h"
 
-enum { OK = 0, BAD_INPUT = 2, OUT_OF_MEMORY = 5, MOST_THREADS = 1024, MOST_ROUNDS = 1000 };
+enum { OK = 0, BAD_INPUT = 2, OUT_OF_MEMORY = 5, MAX_THREADS = 1024, MAX_ROUNDS = 1000 };
 
 static const struct entries *const FILES[] = {&scalar_float, &scalar_double, &sse_float,
                                               &sse_double,   &avx2_float,    &avx2_double,
                                               &avx512_float, &avx512_double};
 enum { FILE_COUNT = sizeof FILES / sizeof *FILES };
 
-bool has_isa(const char *needs) {
-    static const char *const known[] = {"sse2", "sse4.1", "avx2", "fma", "avx512f", "avx512dq"};
-    __builtin_cpu_init();
-    const bool here[] = {__builtin_cpu_supports("sse2"),    __builtin_cpu_supports("sse4.1"),
-                         __builtin_cpu_supports("avx2"),    __builtin_cpu_supports("fma"),
-                         __builtin_cpu_supports("avx512f"), __builtin_cpu_supports("avx512dq")};
-    for (const char *word = needs; *word; word += strspn(word, " ")) {
-        size_t length = strcspn(word, " ");
-        bool found = false;
-        for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-            found |= strlen(known[i]) == length && !strncmp(word, known[i], length) && here[i];
-        if (!found)
-            return false;
-        word += length;
-    }
-    return true;
-}
-
 struct libraries {
     void *libmvec, *sleef;
 };
 
-static struct runnable look_up(const struct entries *of, const struct entry *entry,
-                               const struct libraries *libraries) {
+// Checks whether an entry can run here, and finds its library function.
+static struct runnable resolve_entry(const struct entries *of, const struct entry *entry,
+                                     const struct libraries *libraries) {
     struct runnable one = {.of = of, .entry = entry};
     if (!has_isa(of->needs))
         one.missing = "the CPU lacks the instruction set";
@@ -48,7 +31,7 @@ static struct runnable look_up(const struct entries *of, const struct entry *ent
         bool sleef = entry->symbol[0] == 'S';
         void *library = sleef ? libraries->sleef : libraries->libmvec;
         void *found = library ? dlsym(library, entry->symbol) : NULL;
-        memcpy(&one.external, &found, sizeof found); // ISO C has no cast of it
+        memcpy(&one.external, &found, sizeof found); // ISO C has no cast from void * to a function
         if (!library)
             one.missing = sleef ? "libsleef.so.3 is not installed" : "libmvec.so.1 is not here";
         else if (!found)
@@ -62,13 +45,13 @@ static void print_span(const char *name, const struct span *span) {
            span->high, span->both_signs ? "true" : "false");
 }
 
-// What each function is tried on: floats of one argument by segments, the rest by samples.
+// Prints the arguments of each function: segments of floats, ranges of samples.
 static void print_targets(void) {
     printf("], \"targets\": [");
     for (size_t t = 0; t < target_count; t++) {
         const struct target *target = &targets[t];
         printf("%s\n{\"function\": \"%s\", \"float_segments\": [", t ? "," : "", target->name);
-        for (int s = 0; s < MOST_SEGMENTS && target->segments[s].stride; s++) {
+        for (int s = 0; s < MAX_SEGMENTS && target->segments[s].stride; s++) {
             float ends[2];
             memcpy(&ends[0], &target->segments[s].first, sizeof ends[0]);
             memcpy(&ends[1], &target->segments[s].last, sizeof ends[1]);
@@ -93,7 +76,7 @@ static void print_list(const struct runnable *all, size_t count) {
     printf("{\"mpfr\": %s, \"entries\": [", has_mpfr ? "true" : "false");
     for (size_t i = 0; i < count; i++) {
         const struct runnable *one = &all[i];
-        const struct target *target = target_of(one->entry->function);
+        const struct target *target = find_target(one->entry->function);
         printf("%s\n{\"id\": %zu, \"function\": \"%s\", \"family\": \"%s\", \"name\": \"%s\", "
                "\"isa\": \"%s\", \"bits\": %d, \"precision\": \"%s\", \"arguments\": %d, "
                "\"missing\": ",
@@ -115,7 +98,7 @@ static void print_number(const char *name, double value) {
 static bool print_errors(const struct runnable *all, size_t count,
                          const struct settings *settings) {
     struct error *errors = calloc(count, sizeof *errors);
-    bool ok = errors && measure_errors(all, count, settings, errors) &&
+    bool ok = errors && measure_exhaustive(all, count, settings, errors) &&
               measure_sampled(all, count, settings, errors);
     if (ok)
         printf("{\"entries\": [");
@@ -124,11 +107,12 @@ static bool print_errors(const struct runnable *all, size_t count,
         printf("%s\n{\"id\": %zu, \"count\": %" PRIu64 ", \"non_finite\": %" PRIu64, i ? "," : "",
                i, e->count, e->non_finite);
         if (e->count) {
-            print_number("max_ulp", e->most);
-            // to as many digits as the order of the threads leaves alone
+            print_number("max_ulp", e->largest);
+            // The order of the threads changes the digits beyond these.
             printf(", \"rms_ulp\": %.9g",
-                   e->count > e->non_finite ? sqrt(e->squares / (double)(e->count - e->non_finite))
-                                            : 0.0);
+                   e->count > e->non_finite
+                       ? sqrt(e->sum_of_squares / (double)(e->count - e->non_finite))
+                       : 0.0);
             print_number("worst_a", e->worst_a);
             print_number("worst_b", e->worst_b);
         }
@@ -140,11 +124,11 @@ static bool print_errors(const struct runnable *all, size_t count,
     return ok;
 }
 
-// Standard input: arguments a, then as many b where there are two; floats or doubles, a multiple of
-// 16 of each. Standard output: the results.
+// Reads arguments from standard input: all a, then all b if the function has two. They are floats or
+// doubles, a multiple of 16 of each. Writes the results to standard output.
 static int evaluate(const struct runnable *one) {
     size_t size = one->of->is_double ? 8 : 4, room = 1 << 20, length = 0;
-    const struct target *target = target_of(one->entry->function);
+    const struct target *target = find_target(one->entry->function);
     size_t arguments = target ? (size_t)target->arguments : 1;
     char *in = malloc(room);
     for (size_t got; in && (got = fread(in + length, 1, room - length, stdin)) > 0;) {
@@ -182,8 +166,8 @@ static int usage(FILE *to, int status) {
     return status;
 }
 
-static bool whole(const char *name, const char *text, uint64_t least, uint64_t most,
-                  uint64_t *value) {
+static bool parse_whole(const char *name, const char *text, uint64_t least, uint64_t most,
+                        uint64_t *value) {
     char *end = NULL;
     errno = 0;
     *value = strtoull(text, &end, 10);
@@ -209,15 +193,15 @@ static bool parse(int argc, char **argv, size_t count, struct options *options) 
             continue;
         }
         const char *text = i + 1 < argc ? argv[++i] : "";
-        if (strcmp(name, "--threads") == 0 && whole(name, text, 1, MOST_THREADS, &value))
+        if (strcmp(name, "--threads") == 0 && parse_whole(name, text, 1, MAX_THREADS, &value))
             settings->threads = (int)value;
-        else if (strcmp(name, "--rounds") == 0 && whole(name, text, 1, MOST_ROUNDS, &value))
+        else if (strcmp(name, "--rounds") == 0 && parse_whole(name, text, 1, MAX_ROUNDS, &value))
             settings->rounds = (int)value;
-        else if (strcmp(name, "--vectors") == 0 && whole(name, text, 1024, 1u << 30, &value))
+        else if (strcmp(name, "--vectors") == 0 && parse_whole(name, text, 1024, 1u << 30, &value))
             settings->vectors = value / 16 * 16;
-        else if (strcmp(name, "--seed") == 0 && whole(name, text, 0, UINT64_MAX, &value))
+        else if (strcmp(name, "--seed") == 0 && parse_whole(name, text, 0, UINT64_MAX, &value))
             settings->seed = value;
-        else if (strcmp(name, "--id") == 0 && whole(name, text, 0, count - 1, &value))
+        else if (strcmp(name, "--id") == 0 && parse_whole(name, text, 0, count - 1, &value))
             options->id = value;
         else {
             usage(stderr, BAD_INPUT);
@@ -227,8 +211,8 @@ static bool parse(int argc, char **argv, size_t count, struct options *options) 
     return true;
 }
 
-static int act(const char *command, const struct runnable *all, size_t count,
-               const struct options *options) {
+static int run_command(const char *command, const struct runnable *all, size_t count,
+                       const struct options *options) {
     const struct settings *settings = &options->settings;
     bool ok = true;
     if (strcmp(command, "list") == 0)
@@ -274,8 +258,8 @@ int main(int argc, char **argv) {
     size_t i = 0;
     for (size_t f = 0; f < FILE_COUNT; f++)
         for (size_t k = 0; k < FILES[f]->count; k++)
-            all[i++] = look_up(FILES[f], &FILES[f]->entry[k], &libraries);
-    int status = act(argv[1], all, count, &options);
+            all[i++] = resolve_entry(FILES[f], &FILES[f]->entry[k], &libraries);
+    int status = run_command(argv[1], all, count, &options);
     free(all);
     if (libraries.sleef)
         dlclose(libraries.sleef);

@@ -1,8 +1,7 @@
 // Vector normalisation in place, after the benchmark of J. Bikker, "Architecture of a Real-Time
-// Ray-Tracer": 20 million vectors, scalar over triples (AoS) against SIMD over three arrays (SoA).
-// Random directions and lengths; sizes from the L1 cache to 240 MB, and beside them a kernel that
-// loads and stores the same bytes and computes next to nothing: where it takes as long, memory is
-// what is measured.
+// Ray-Tracer": 20 million vectors, scalar code on triples (AoS) against SIMD on three arrays (SoA).
+// Vectors have random directions and lengths; sizes range from the L1 cache to 240 MB. One kernel
+// loads and stores the same bytes without arithmetic: if it takes as long, memory is the limit.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,16 +9,16 @@
 #include "bench.h"
 #include "timing/timer.h"
 
-enum { MOST = 32, PASS_NS = 300000 }; // least length of a sample, well under a time slice
+enum { MAX_RUNNERS = 32, SAMPLE_NS = 300000 }; // minimum length of a sample
 
 struct runner {
     const struct entries *of;
     const struct normaliser *one;
     bool triples;
-    double most, squares, count; // error in ulp of each component
+    double largest, sum_of_squares, count; // errors of the components, in ulp
 };
 
-// A length that is no multiple of 16 would leave the last vectors out.
+// Multiples of 16, as kernels require.
 static const uint64_t SIZES[] = {1024, 16384, 262144, 2097152, 20000000};
 
 static void fill(float *v, uint64_t n, bool triples, uint64_t seed) {
@@ -29,7 +28,7 @@ static void fill(float *v, uint64_t n, bool triples, uint64_t seed) {
             v[triples ? 3 * i + k : k * n + i] = (float)(2 * random_unit(&random) - 1);
 }
 
-// Errors of a block of fresh vectors.
+// Adds the errors of n newly drawn vectors.
 static void check(struct runner *runner, float *v, uint64_t n, uint64_t seed) {
     fill(v, n, runner->triples, seed);
     runner->one->run(n, v, v + n, v + 2 * n);
@@ -47,13 +46,14 @@ static void check(struct runner *runner, float *v, uint64_t n, uint64_t seed) {
             frexp(unit, &exponent);
             double e = fabs((double)got - unit) / ldexp(1, exponent - 24);
             e = isfinite(e) ? e : INFINITY;
-            runner->most = e > runner->most ? e : runner->most;
-            runner->squares += e * e;
+            runner->largest = e > runner->largest ? e : runner->largest;
+            runner->sum_of_squares += e * e;
             runner->count++;
         }
     }
 }
 
+// Time per vector in ns.
 static double ns_of(const struct runner *runner, float *v, uint64_t n, uint64_t passes) {
     uint64_t begin = timer_ns();
     for (uint64_t i = 0; i < passes; i++)
@@ -61,17 +61,17 @@ static double ns_of(const struct runner *runner, float *v, uint64_t n, uint64_t 
     return (double)(timer_ns() - begin) / (double)(passes * n);
 }
 
-// ns per vector of each runner: rounds in turn, each beginning with another one.
+// Times each runner, in ns per vector. Every round starts with another runner.
 static void time_size(struct runner *runners, size_t count, float *v, uint64_t n,
                       const struct settings *settings, double *ns) {
-    uint64_t passes[MOST];
+    uint64_t passes[MAX_RUNNERS];
     for (int round = -1; round < settings->rounds; round++)
         for (size_t i = 0; i < count; i++) {
             size_t k = (i + (size_t)(round + 1)) % count;
-            if (round < 0) { // fills the cache and tells how long a pass takes
+            if (round < 0) { // warms the cache and measures the length of a pass
                 fill(v, n, runners[k].triples, settings->seed);
                 double pass = ns_of(&runners[k], v, n, 1) * (double)n;
-                passes[k] = pass < PASS_NS ? (uint64_t)(PASS_NS / pass) + 1 : 1;
+                passes[k] = pass < SAMPLE_NS ? (uint64_t)(SAMPLE_NS / pass) + 1 : 1;
             } else
                 ns[k * (size_t)settings->rounds + (size_t)round] =
                     ns_of(&runners[k], v, n, passes[k]);
@@ -83,9 +83,9 @@ static void print_runner(const struct runner *runner, uint64_t n, const double *
            "\"%s\", \"max_ulp\": ",
            (unsigned long long)n, runner->of->isa, runner->of->bits, runner->one->name,
            runner->one->layout);
-    if (runner->count > 0 && isfinite(runner->most))
-        printf("%.6g, \"rms_ulp\": %.6g, \"ns\": [", runner->most,
-               sqrt(runner->squares / runner->count));
+    if (runner->count > 0 && isfinite(runner->largest))
+        printf("%.6g, \"rms_ulp\": %.6g, \"ns\": [", runner->largest,
+               sqrt(runner->sum_of_squares / runner->count));
     else
         printf("null, \"rms_ulp\": null, \"ns\": [");
     for (int i = 0; i < rounds; i++)
@@ -95,7 +95,7 @@ static void print_runner(const struct runner *runner, uint64_t n, const double *
 
 bool print_normalise(const struct entries *const *files, size_t count,
                      const struct settings *settings) {
-    struct runner runners[MOST];
+    struct runner runners[MAX_RUNNERS];
     size_t used = 0;
     for (size_t f = 0; f < count; f++)
         for (size_t i = 0; has_isa(files[f]->needs) && i < files[f]->normalisers; i++)
@@ -103,14 +103,14 @@ bool print_normalise(const struct entries *const *files, size_t count,
                                               .one = &files[f]->normaliser[i],
                                               .triples = files[f]->normaliser[i].layout[0] == 'A'};
     uint64_t largest = settings->vectors;
-    // one array: triples, or x, y and z one after the other
+    // Holds triples, or the arrays x, y and z one after the other.
     float *v = aligned_alloc(64, (size_t)(largest * 12 + 63) / 64 * 64);
     double *ns = calloc(used * (size_t)settings->rounds, sizeof *ns);
     bool ok = v && ns;
     bool first = true;
     if (ok) {
         for (size_t k = 0; k < used; k++)
-            if (runners[k].one->name[0] != 'n') // "no arithmetic" is no normalisation
+            if (runners[k].one->name[0] != 'n') // not for "no arithmetic", which normalises nothing
                 for (uint64_t block = 0; block < 16; block++)
                     check(&runners[k], v, 1024, settings->seed + block);
         printf("{\"rows\": [");

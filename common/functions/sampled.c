@@ -1,5 +1,6 @@
-// Stratified samples: doubles against MPFR (L. Fousse, G. Hanrot, V. Lefèvre, P. Pélissier and P.
-// Zimmermann, ACM TOMS 33(2), 2007), float functions of two arguments against libm's in double.
+// Errors over stratified samples. Double functions are compared with MPFR (L. Fousse, G. Hanrot, V.
+// Lefèvre, P. Pélissier and P. Zimmermann, ACM TOMS 33(2), 2007), float functions of two arguments
+// with the C library's double functions.
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -17,13 +18,14 @@ const bool has_mpfr = false;
 
 enum {
     BLOCK = 1024,
-    DOUBLES = 1 << 20, // samples in all, and in a quick run
+    DOUBLES = 1 << 20, // samples per function
     QUICK_DOUBLES = 1 << 12,
     FLOATS = 1 << 24,
     QUICK_FLOATS = 1 << 16
 };
 
-struct work {
+// What all threads share.
+struct search {
     const struct runnable *all;
     size_t count;
     const struct settings *settings;
@@ -33,14 +35,15 @@ struct work {
     pthread_mutex_t lock;
 };
 
-// Exact values as hi + lo.
+// Arguments, results, and exact values as hi + lo.
 struct buffers {
     double a[BLOCK], b[BLOCK], got[BLOCK], hi[BLOCK], lo[BLOCK];
     float fa[BLOCK], fb[BLOCK], fgot[BLOCK];
 };
 
 #ifdef WITH_MPFR
-static void exactly(const struct target *target, double a, double b, double *hi, double *lo) {
+static void mpfr_reference(const struct target *target, double a, double b, double *hi,
+                           double *lo) {
     enum { PRECISION = 140 };
     mpfr_t x, y, exact, rest;
     mpfr_inits2(PRECISION, x, y, exact, rest, (mpfr_ptr)0);
@@ -65,14 +68,16 @@ static void exactly(const struct target *target, double a, double b, double *hi,
     mpfr_clears(x, y, exact, rest, (mpfr_ptr)0);
 }
 #else
-static void exactly(const struct target *target, double a, double b, double *hi, double *lo) {
-    *hi = target->exact(a, b); // never called for doubles: measure_sampled leaves them out
+static void mpfr_reference(const struct target *target, double a, double b, double *hi,
+                           double *lo) {
+    *hi = target->exact(a, b); // not called: without MPFR, doubles are left out
     *lo = 0;
 }
 #endif
 
-// Half by value, half by bits; of sin and cos in double a quarter next to multiples of π/2, where
-// they cancel. The second argument's strata are in another, fixed order.
+// Draws BLOCK arguments, from sample `first` of `total` on, and computes their exact values. Half of
+// the strata have equal widths, half have equally many floats. For sin and cos in double a quarter
+// lies next to multiples of π/2, where range reduction cancels. The strata of b are permuted.
 static void draw(const struct target *target, bool is_double, uint64_t first, uint64_t total,
                  struct random *random, struct buffers *at) {
     bool turns =
@@ -87,14 +92,14 @@ static void draw(const struct target *target, bool is_double, uint64_t first, ui
                 k == 0 ? at->a[i] : nextafter(k * M_PI_2, random_unit(random) < 0.5 ? 0 : 1e9);
         }
         uint64_t other =
-            (which * 0x9e3779b1u) % total; // odd, and total a power of 2: a permutation
+            (which * 0x9e3779b1u) % total; // a permutation: odd factor, total a power of 2
         at->b[i] = target->arguments == 2 ? sample(&target->b[is_double], other, total,
                                                    which >> 1 & 1, is_double, random)
                                           : 0;
         at->fa[i] = (float)at->a[i];
         at->fb[i] = (float)at->b[i];
         if (is_double)
-            exactly(target, at->a[i], at->b[i], &at->hi[i], &at->lo[i]);
+            mpfr_reference(target, at->a[i], at->b[i], &at->hi[i], &at->lo[i]);
         else {
             at->hi[i] = target->exact(at->a[i], at->b[i]);
             at->lo[i] = 0;
@@ -111,9 +116,9 @@ static struct error compare(const struct buffers *at, bool is_double) {
             sum.non_finite++;
             e = INFINITY;
         } else
-            sum.squares += e * e;
-        if (e > sum.most) {
-            sum.most = e;
+            sum.sum_of_squares += e * e;
+        if (e > sum.largest) {
+            sum.largest = e;
             sum.worst_a = at->a[i];
             sum.worst_b = at->b[i];
         }
@@ -121,14 +126,15 @@ static struct error compare(const struct buffers *at, bool is_double) {
     return sum;
 }
 
-// Block `index` of a target and precision: its numbers depend on nothing else.
-static void do_block(const struct work *work, const struct target *target, bool is_double,
-                     uint64_t first, uint64_t total, struct buffers *at, struct error *errors) {
-    struct random random = {work->settings->seed ^ (first << 8) ^
+// Runs all entries of a target and precision on one block. The random numbers depend only on the
+// seed, the target, the precision and `first`, not on the threads.
+static void run_block(const struct search *search, const struct target *target, bool is_double,
+                      uint64_t first, uint64_t total, struct buffers *at, struct error *errors) {
+    struct random random = {search->settings->seed ^ (first << 8) ^
                             (uint64_t)(target - targets) << 2 ^ is_double};
     draw(target, is_double, first, total, &random, at);
-    for (size_t k = 0; k < work->count; k++) {
-        const struct runnable *one = &work->all[k];
+    for (size_t k = 0; k < search->count; k++) {
+        const struct runnable *one = &search->all[k];
         if (one->missing || one->of->is_double != is_double ||
             strcmp(one->entry->function, target->name) != 0)
             continue;
@@ -141,28 +147,28 @@ static void do_block(const struct work *work, const struct target *target, bool 
     }
 }
 
-static void *worker(void *given) {
-    struct work *work = given;
+static void *worker(void *argument) {
+    struct search *search = argument;
     struct buffers *at = aligned_alloc(64, (sizeof *at + 63) / 64 * 64);
-    struct error *errors = calloc(work->count, sizeof *errors);
+    struct error *errors = calloc(search->count, sizeof *errors);
     if (!at || !errors)
-        work->failed = true;
-    bool quick = work->settings->quick;
+        search->failed = true;
+    bool quick = search->settings->quick;
     uint64_t doubles = has_mpfr ? quick ? QUICK_DOUBLES : DOUBLES : 0;
     uint64_t floats = quick ? QUICK_FLOATS : FLOATS, blocks = (doubles + floats) / BLOCK;
-    for (size_t i; !work->failed && (i = work->next++) < blocks * target_count;) {
+    for (size_t i; !search->failed && (i = search->next++) < blocks * target_count;) {
         const struct target *target = &targets[i / blocks];
         uint64_t first = i % blocks * BLOCK;
         if (first < doubles)
-            do_block(work, target, true, first, doubles, at, errors);
+            run_block(search, target, true, first, doubles, at, errors);
         else if (target->arguments == 2)
-            do_block(work, target, false, first - doubles, floats, at, errors);
+            run_block(search, target, false, first - doubles, floats, at, errors);
     }
-    if (!work->failed) {
-        pthread_mutex_lock(&work->lock);
-        for (size_t k = 0; k < work->count; k++)
-            error_add(&work->errors[k], &errors[k]);
-        pthread_mutex_unlock(&work->lock);
+    if (!search->failed) {
+        pthread_mutex_lock(&search->lock);
+        for (size_t k = 0; k < search->count; k++)
+            error_add(&search->errors[k], &errors[k]);
+        pthread_mutex_unlock(&search->lock);
     }
     free(errors);
     free(at);
@@ -174,19 +180,19 @@ static void *worker(void *given) {
 
 bool measure_sampled(const struct runnable *all, size_t count, const struct settings *settings,
                      struct error *errors) {
-    struct work work = {.all = all, .count = count, .settings = settings, .errors = errors};
+    struct search search = {.all = all, .count = count, .settings = settings, .errors = errors};
     pthread_t *threads = calloc((size_t)settings->threads, sizeof *threads);
     if (!threads)
         return false;
-    pthread_mutex_init(&work.lock, NULL);
+    pthread_mutex_init(&search.lock, NULL);
     int started = 0;
     while (started < settings->threads - 1 &&
-           pthread_create(&threads[started], NULL, worker, &work) == 0)
+           pthread_create(&threads[started], NULL, worker, &search) == 0)
         started++;
-    worker(&work);
+    worker(&search);
     for (int i = 0; i < started; i++)
         pthread_join(threads[i], NULL);
-    pthread_mutex_destroy(&work.lock);
+    pthread_mutex_destroy(&search.lock);
     free(threads);
-    return !work.failed;
+    return !search.failed;
 }

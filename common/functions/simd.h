@@ -1,6 +1,6 @@
-// One vector type for kernels of any width: BITS (128, 256, 512) and DOUBLE (0, 1) are set by the
-// file that includes this. gcc's and clang's operators do + − × ÷ and comparisons; what they lack
-// is named by MM(op), the intrinsic of that width and precision.
+// One vector type V for kernels of any width. The including file or the command line defines BITS
+// (128, 256 or 512) and DOUBLE (0 or 1). gcc and clang provide + − × ÷ and comparisons of vectors.
+// MM(op) names the intrinsic of that width and precision for other operations.
 #ifndef STEPWISE_FUNCTIONS_SIMD_H
 #define STEPWISE_FUNCTIONS_SIMD_H
 
@@ -22,7 +22,7 @@
 #if DOUBLE
 #define MM(OP) JOIN3(MM_PREFIX, OP, _pd)
 typedef double elem;
-typedef int64_t whole;
+typedef int64_t ielem;
 enum { MANTISSA = 52 };
 #if BITS == 128
 typedef __m128d V;
@@ -34,7 +34,7 @@ typedef __m512d V;
 #else
 #define MM(OP) JOIN3(MM_PREFIX, OP, _ps)
 typedef float elem;
-typedef int32_t whole;
+typedef int32_t ielem;
 enum { MANTISSA = 23 };
 #if BITS == 128
 typedef __m128 V;
@@ -45,17 +45,17 @@ typedef __m512 V;
 #endif
 #endif
 
-// Masks and bits of V: all bits of a lane set, or none.
-typedef whole I __attribute__((vector_size(BITS / 8)));
-enum { WIDE = BITS / 8 / sizeof(elem) };
+// Integers of the lanes' size: the bits of V, and masks (all bits of a lane set, or none).
+typedef ielem I __attribute__((vector_size(BITS / 8)));
+enum { VECTOR_LANES = BITS / 8 / sizeof(elem) };
 
-static inline V vset(elem a) {
+static inline V vsplat(elem a) {
     return MM(set1)(a);
 }
 
-static inline I iset(whole a) {
+static inline I isplat(ielem a) {
     I all;
-    for (size_t i = 0; i < WIDE; i++)
+    for (size_t i = 0; i < VECTOR_LANES; i++)
         all[i] = a;
     return all;
 }
@@ -68,24 +68,25 @@ static inline void vstore(elem *to, V a) {
     MM(storeu)(to, a);
 }
 
-static inline V pick(I where, V yes, V no) {
+// yes where the mask is set, no elsewhere.
+static inline V vselect(I where, V yes, V no) {
     return (V)((where & (I)yes) | (~where & (I)no));
 }
 
 static inline I sign_bits(V a) {
-    return (I)a & (I)vset((elem)-0.0);
+    return (I)a & (I)vsplat((elem)-0.0);
 }
 
-static inline V magnitude(V a) {
+static inline V vabs(V a) {
     return (V)((I)a ^ sign_bits(a));
 }
 
-#if BITS > 128 // the wider ones come with FMA
-static inline V fma_(V a, V b, V c) {
+#if BITS > 128 // kernels of 256 and 512 bits require FMA
+static inline V vfma(V a, V b, V c) {
     return MM(fmadd)(a, b, c);
 }
 
-static inline V fnma(V a, V b, V c) {
+static inline V vfnma(V a, V b, V c) {
     return MM(fnmadd)(a, b, c);
 }
 #endif

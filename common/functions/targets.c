@@ -1,4 +1,4 @@
-// What is asked of each function: over which arguments, and against what.
+// The functions under test: exact values, arguments, random samples and errors.
 #include <math.h>
 #include <string.h>
 
@@ -17,21 +17,21 @@ ONE_ARGUMENT(exact_sin, sin(a))
 ONE_ARGUMENT(exact_cos, cos(a))
 ONE_ARGUMENT(exact_acos, acos(a))
 
-// Floats by their bits.
-#define LEAST 0x00800000u    // 2^-126
-#define GREATEST 0x7f7fffffu // FLT_MAX
-#define TINY 0x30800000u     // 2^-30
+// Bit patterns of floats.
+#define SMALLEST_NORMAL 0x00800000u // 2^-126
+#define LARGEST_FINITE 0x7f7fffffu  // FLT_MAX
+#define TINY 0x30800000u            // 2^-30
 #define ONE 0x3f800000u
-#define WHOLE_CIRCLES 0x46000000u // 8192
+#define MAX_ANGLE 0x46000000u // 8192
 #define NEGATIVE 0x80000000u
-// Every float of both signs from 2^-30 up to LAST; below it f(x) is x, 1 or π/2 to within half an
-// ulp, and 1 in 251 (a prime), zeros and denormals with them, are enough.
+// Every float of both signs with magnitude from 2^-30 to LAST. Below 2^-30, f(x) equals x, 1 or π/2
+// within half an ulp. There one float in 251 (a prime) is enough, zeros and denormals included.
 #define BOTH_SIGNS(LAST_POSITIVE, LAST_NEGATIVE)                                                   \
     {{TINY, LAST_POSITIVE, 1},                                                                     \
      {NEGATIVE | TINY, NEGATIVE | (LAST_NEGATIVE), 1},                                             \
      {0, TINY - 1, 251},                                                                           \
      {NEGATIVE, (NEGATIVE | TINY) - 1, 251}}
-#define NORMALS {{LEAST, GREATEST, 1}}
+#define NORMALS {{SMALLEST_NORMAL, LARGEST_FINITE, 1}}
 
 const struct target targets[] = {
     {.name = "sqrt",
@@ -67,13 +67,13 @@ const struct target targets[] = {
     {.name = "sin",
      .arguments = 1,
      .exact = exact_sin,
-     .segments = BOTH_SIGNS(WHOLE_CIRCLES, WHOLE_CIRCLES),
+     .segments = BOTH_SIGNS(MAX_ANGLE, MAX_ANGLE),
      .a = {{0}, {0x1p-60, 1e5, true}},
      .timed = {{0.001, 10, true}}},
     {.name = "cos",
      .arguments = 1,
      .exact = exact_cos,
-     .segments = BOTH_SIGNS(WHOLE_CIRCLES, WHOLE_CIRCLES),
+     .segments = BOTH_SIGNS(MAX_ANGLE, MAX_ANGLE),
      .a = {{0}, {0x1p-60, 1e5, true}},
      .timed = {{0.001, 10, true}}},
     {.name = "atan2",
@@ -91,7 +91,7 @@ const struct target targets[] = {
 };
 const size_t target_count = sizeof targets / sizeof *targets;
 
-const struct target *target_of(const char *function) {
+const struct target *find_target(const char *function) {
     for (size_t i = 0; i < target_count; i++)
         if (strcmp(targets[i].name, function) == 0)
             return &targets[i];
@@ -112,18 +112,18 @@ double random_unit(struct random *random) {
 
 double sample(const struct span *span, uint64_t which, uint64_t strata, bool by_bits,
               bool is_double, struct random *random) {
-    double place = ((double)which + random_unit(random)) / (double)strata, value;
+    double position = ((double)which + random_unit(random)) / (double)strata, value;
     bool negative = span->both_signs && next(random) & 1;
-    if (by_bits) { // as many in each binade
+    if (by_bits) { // interpolates the bit pattern: each binade gets equally many samples
         uint64_t low, high;
         memcpy(&low, &span->low, 8);
         memcpy(&high, &span->high, 8);
-        low += (uint64_t)(place * (double)(high - low));
-        // the lowest bits by chance: place has 53
+        low += (uint64_t)(position * (double)(high - low));
+        // position has 53 random bits; the lowest bit of the pattern is drawn separately
         low = low < high ? low ^ (next(random) & 1) : high;
         memcpy(&value, &low, 8);
     } else
-        value = span->low + place * (span->high - span->low);
+        value = span->low + position * (span->high - span->low);
     if (!is_double)
         value = (double)(float)value;
     value = value < span->low ? span->low : value > span->high ? span->high : value;
@@ -133,19 +133,19 @@ double sample(const struct span *span, uint64_t which, uint64_t strata, bool by_
 double ulp_of(double exact, bool is_double) {
     int exponent;
     frexp(exact, &exponent);
-    int least = is_double ? -1021 : -125, digits = is_double ? 53 : 24;
-    return ldexp(1, (exponent < least ? least : exponent) - digits);
+    int smallest = is_double ? -1021 : -125, digits = is_double ? 53 : 24;
+    return ldexp(1, (exponent < smallest ? smallest : exponent) - digits);
 }
 
 void error_add(struct error *total, const struct error *part) {
-    // of equal errors the one at the larger argument: in whatever order the threads come
-    bool tie = part->most == total->most && part->worst_a > total->worst_a;
-    if (!(part->most <= total->most) || tie) {
-        total->most = part->most;
+    // Of equal errors the one at the larger argument is kept, whatever order the threads end in.
+    bool tie = part->largest == total->largest && part->worst_a > total->worst_a;
+    if (!(part->largest <= total->largest) || tie) {
+        total->largest = part->largest;
         total->worst_a = part->worst_a;
         total->worst_b = part->worst_b;
     }
-    total->squares += part->squares;
+    total->sum_of_squares += part->sum_of_squares;
     total->count += part->count;
     total->non_finite += part->non_finite;
 }

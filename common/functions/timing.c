@@ -1,26 +1,28 @@
-// Time per element: streams over arrays that stay in the L1 cache (throughput), and chains in which
-// each call waits for the last one's result (latency; the chain of "link" is what the waiting
-// itself costs). Rounds in which every entry comes once, in random order.
+// Time per element. Throughput: streams over arrays that stay in the L1 cache. Latency: chains in
+// which each call needs the last one's result; the entry "link", which computes nothing, gives the
+// chain's own cost. Each round runs every entry once, in random order.
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "bench.h"
 #include "timing/timer.h"
 
-enum { ELEMENTS = 1024, NS = 60000 }; // NS: least length of a sample
+enum { ELEMENTS = 1024, SAMPLE_NS = 60000 }; // SAMPLE_NS: minimum length of a sample
 
+// An entry's repetitions of the stream and of the chain in one sample, and its times, in ns per
+// element, by round.
 struct plan {
-    uint64_t calls, links; // repetitions of a stream and of a chain in one sample
+    uint64_t stream_runs, chain_runs;
     double *stream, *chain;
 };
 
-struct arrays { // doubles, or floats in the first half
+struct arrays { // doubles; or floats, which fill the first half
     double a[ELEMENTS], b[ELEMENTS], out[ELEMENTS];
     double zero[8];
 };
 
 static void fill(const struct runnable *one, struct arrays *at) {
-    const struct target *target = target_of(one->entry->function);
+    const struct target *target = find_target(one->entry->function);
     struct span any = {0.001, 10, false};
     struct random random = {1};
     float *a = (float *)(void *)at->a, *b = (float *)(void *)at->b;
@@ -29,7 +31,7 @@ static void fill(const struct runnable *one, struct arrays *at) {
         double y = target && target->arguments == 2 ? sample(&target->timed[1], i * 389 % ELEMENTS,
                                                              ELEMENTS, false, true, &random)
                                                     : 0;
-        size_t to = i * 701 % ELEMENTS; // branches find no order
+        size_t to = i * 701 % ELEMENTS; // shuffled, so that branches cannot be predicted
         if (one->of->is_double)
             at->a[to] = x, at->b[to] = y;
         else
@@ -41,7 +43,7 @@ static size_t lanes(const struct runnable *one) {
     return (size_t)one->of->bits / (one->of->is_double ? 64 : 32);
 }
 
-// ns of `repeat` runs over the arrays
+// Time in ns of `repeat` runs over the arrays.
 static double run(const struct runnable *one, struct arrays *at, uint64_t repeat, bool chain,
                   double ns_per_tick) {
     uint64_t begin = timer_tsc_begin();
@@ -54,10 +56,11 @@ static double run(const struct runnable *one, struct arrays *at, uint64_t repeat
     return (double)(timer_tsc_end() - begin) * ns_per_tick;
 }
 
+// Returns how many runs take at least SAMPLE_NS.
 static uint64_t repetitions(const struct runnable *one, struct arrays *at, bool chain,
                             double ns_per_tick) {
     uint64_t repeat = 1;
-    while (run(one, at, repeat, chain, ns_per_tick) < NS)
+    while (run(one, at, repeat, chain, ns_per_tick) < SAMPLE_NS)
         repeat *= 2;
     return repeat;
 }
@@ -77,6 +80,8 @@ static void print_list(const char *name, const double *values, int count) {
     printf("]");
 }
 
+// Measures all entries in rounds; clocks[w · rounds + round] gets the core clock of scalar, 128-, 256-
+// and 512-bit code. False: memory is short.
 static bool measure(const struct runnable *all, size_t count, const struct settings *settings,
                     struct plan *plans, size_t *order, struct arrays *at, double *clocks) {
     double tsc_hz = timer_tsc_hz(20), ns_per_tick = 1e9 / tsc_hz;
@@ -90,8 +95,8 @@ static bool measure(const struct runnable *all, size_t count, const struct setti
         if (!plans[k].stream || !plans[k].chain)
             return false;
         fill(&all[k], at);
-        plans[k].calls = repetitions(&all[k], at, false, ns_per_tick);
-        plans[k].links = repetitions(&all[k], at, true, ns_per_tick);
+        plans[k].stream_runs = repetitions(&all[k], at, false, ns_per_tick);
+        plans[k].chain_runs = repetitions(&all[k], at, true, ns_per_tick);
     }
     for (int round = 0; round < settings->rounds; round++) {
         shuffle(order, count, &random);
@@ -101,11 +106,11 @@ static bool measure(const struct runnable *all, size_t count, const struct setti
             if (one->missing)
                 continue;
             fill(one, at);
-            run(one, at, 1, false, ns_per_tick); // into the cache
-            plan->stream[round] =
-                run(one, at, plan->calls, false, ns_per_tick) / (double)(plan->calls * ELEMENTS);
-            plan->chain[round] = run(one, at, plan->links, true, ns_per_tick) /
-                                 (double)(plan->links * (ELEMENTS / lanes(one)));
+            run(one, at, 1, false, ns_per_tick); // loads the cache
+            plan->stream[round] = run(one, at, plan->stream_runs, false, ns_per_tick) /
+                                  (double)(plan->stream_runs * ELEMENTS);
+            plan->chain[round] = run(one, at, plan->chain_runs, true, ns_per_tick) /
+                                 (double)(plan->chain_runs * (ELEMENTS / lanes(one)));
         }
         for (int w = 0; w < 4; w++) // scalar, 128, 256, 512
             clocks[w * settings->rounds + round] =

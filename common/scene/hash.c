@@ -1,23 +1,23 @@
-// A scene's hash: of the values, not of their spelling.
+// A scene's hash. It depends on the values only, not on how the file writes them.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene/parts.h"
+#include "scene/internal.h"
 
-// FNV-1a, Fowler, Noll and Vo.
+// FNV-1a by G. Fowler, L. C. Noll and K.-P. Vo.
 static uint64_t hash_text(uint64_t h, const char *text) {
     for (; *text; text++)
         h = (h ^ (unsigned char)*text) * 0x100000001b3u;
-    return (h ^ 0xff) * 0x100000001b3u; // no byte of UTF-8: the end
+    return (h ^ 0xff) * 0x100000001b3u; // marks the end of the text: 0xff does not occur in UTF-8
 }
 
 static int by_name(const void *a, const void *b) {
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
-// Of the value, not of its spelling: keys in order, every number as a hexadecimal double.
+// Hashes keys in alphabetical order and every number as a hexadecimal double. False: memory is short.
 static bool hash_json(uint64_t *h, json_t *value) {
     char number[40];
     bool ok = true;
@@ -42,7 +42,7 @@ static bool hash_json(uint64_t *h, json_t *value) {
     } else if (json_is_number(value)) {
         snprintf(number, sizeof number, "%a", json_number_value(value) + 0.0); // −0 is 0
         *h = hash_text(*h, number);
-    } else // a checked scene has nothing else but strings
+    } else // a checked scene has only strings besides
         *h = hash_text(*h, json_string_value(value));
     *h = hash_text(*h, "}");
     return ok;

@@ -1,11 +1,12 @@
-// Paths of shapes: what a scene says of them, and where they lead.
+// Paths of shapes: reads them, and computes positions along them.
 #include <math.h>
 #include <string.h>
 
-#include "scene/parts.h"
+#include "scene/internal.h"
 #include "scene/vector.h"
 
-// A circle's foot on its axis; false: the shape is on the axis, or so near that it would move by rounding alone.
+// Computes the circle's centre, the point of its axis nearest to the position. Returns false if the
+// shape is on the axis, or so close that only rounding errors would move it.
 static bool find_foot(struct path *path, const double position[3], const double centre[3]) {
     double from[3], along, radius_sq = 0, size_sq = dot3(position, position);
     for (int i = 0; i < 3; i++)
@@ -74,8 +75,8 @@ void scene_read_path(struct reader *r, json_t *shape_object, struct shape *shape
     reader_leave(r, back);
 }
 
-// Cosine and sine of whole turns: quarters are exact, so that a period's quarters are where arithmetic by hand
-// has them.
+// Cosine and sine of an angle in turns. They are exact at quarter turns, so that positions at quarters
+// of a period are exact too.
 static void circle(double turns, double *c, double *s) {
     double quarters = rint(4.0 * turns), rest = 2.0 * M_PI * (turns - quarters / 4.0);
     double x = cos(rest), y = sin(rest);
@@ -94,7 +95,7 @@ static void move_shape(const struct shape *still, double seconds, double positio
     for (int i = 0; i < 3; i++)
         from_axis[i] = still->position[i] - path->foot[i];
     cross3(path->axis, from_axis, ahead);
-    for (int i = 0; i < 3; i++) // of the way from the position: none at time 0
+    for (int i = 0; i < 3; i++) // adds the offset from the position, exactly 0 at time 0
         position[i] =
             still->position[i] + (path->type == PATH_CIRCLE
                                       ? (c - 1.0) * from_axis[i] + s * ahead[i]

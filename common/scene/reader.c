@@ -1,3 +1,4 @@
+// Reads and checks values of a scene's JSON. See reader.h.
 #include "scene/reader.h"
 
 #include <math.h>
@@ -16,7 +17,7 @@ void reader_one_line(char *message) {
 
 void reader_fail(struct reader *r, const char *key, const char *format, ...) {
     if (r->failed)
-        return; // the first fault is the one to report
+        return; // only the first error is reported
     r->failed = true;
     int used = snprintf(r->error, SCENE_ERROR_SIZE, "%s: %s%s%s: ", r->file, r->path,
                         key && key[0] != '[' ? "." : "", key ? key : "");
@@ -85,6 +86,7 @@ json_t *reader_member(struct reader *r, json_t *object, const char *key, json_ty
     return value;
 }
 
+// Returns the number, after checking that it is one and in range.
 static double checked(struct reader *r, const char *key, json_t *value, enum range range) {
     if (!json_is_number(value)) {
         reader_fail(r, key, "%s where a number is required", reader_kind(value));

@@ -1,5 +1,5 @@
-// Reading a scene: jansson parses (line and column of broken JSON, duplicate keys refused), the readers
-// check every value and name the path of the one that is wrong.
+// Reads a scene. jansson parses the file: it reports line and column of broken JSON and refuses
+// duplicate keys. The functions here check every value.
 #include "scene/scene.h"
 
 #include <errno.h>
@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene/parts.h"
+#include "scene/internal.h"
 #include "scene/vector.h"
 
-// Each bounce adds at most a tenth of the one before, so 16 are below double's precision; phases
-// recurse, and two facing mirrors would end on the stack's limit.
-enum { MOST = 1000000000, MOST_BOUNCES = 256 };
+// Bounces are limited because phases recurse: two facing mirrors would exhaust the stack. Each bounce
+// adds at most a tenth of the one before, so that 16 already reach double precision.
+enum { MAX_STEPS = 1000000000, MAX_BOUNCES = 256 };
 
 static const char *const SHADOW_NAMES[] = {"none", "hard", "soft"};
 
@@ -41,7 +41,7 @@ static void read_camera(struct reader *r, json_t *root, struct view *view) {
         cross3(up, view->forward, view->right);
         if (!seen)
             reader_fail(r, "look_at", "is the camera's position; it must differ from it");
-        // 1e-6: the sine of the angle below which the frame would be rounding noise.
+        // 1e-6 is the sine of the angle. Below it rounding errors would decide the camera's frame.
         else if (!upward || !(sqrt(dot3(view->right, view->right)) > 1e-6))
             reader_fail(r, "up", "is zero or parallel to the direction of view");
         else {
@@ -88,10 +88,10 @@ static void read_march(struct reader *r, json_t *root, struct limits *march) {
                                        "max_bounces", "normal_step",  "surface_offset",
                                        NULL};
     reader_only_keys(r, object, keys);
-    march->max_steps = reader_whole(r, object, "max_steps", 1, MOST);
+    march->max_steps = reader_whole(r, object, "max_steps", 1, MAX_STEPS);
     march->hit_distance = reader_number(r, object, "hit_distance", POSITIVE);
     march->bounds_radius = reader_number(r, object, "bounds_radius", POSITIVE);
-    march->max_bounces = reader_whole(r, object, "max_bounces", 0, MOST_BOUNCES);
+    march->max_bounces = reader_whole(r, object, "max_bounces", 0, MAX_BOUNCES);
     march->normal_step = reader_number(r, object, "normal_step", POSITIVE);
     march->surface_offset = reader_number(r, object, "surface_offset", POSITIVE);
     reader_leave(r, back);
@@ -148,7 +148,7 @@ static void name_scene(const char *path, char name[64]) {
     char *dot = strrchr(name, '.');
     if (dot && dot != name)
         *dot = '\0';
-    for (char *c = name; *c; c++) // it goes into JSON, which is UTF-8, and was cut somewhere
+    for (char *c = name; *c; c++) // JSON is UTF-8, and the name may be cut within a character
         if ((unsigned char)*c >= 0x80 || (unsigned char)*c < ' ')
             *c = '?';
 }

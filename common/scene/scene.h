@@ -1,9 +1,9 @@
-// The scene: what a JSON file says, checked, in double precision.
+// The scene: the checked contents of a scene file, in double precision.
 //
-// A scene falls into two parts, and the type system keeps them apart: `struct model` (shapes,
-// materials, limits) is what phase_prepare() may look at and keep; `struct view` (camera, light) is
-// what only the timed phase_render() gets, anew for each frame. Angles are degrees, lengths scene
-// units, colours linear RGB. The format is in common/scenes/README.md.
+// A scene has two parts. phase_prepare() may read and keep `struct model`: shapes, materials and
+// limits. Only the timed phase_render() gets `struct view`, camera and light, new in each frame.
+// Angles are degrees, lengths are scene units, colours are linear RGB. common/scenes/README.md
+// describes the file format.
 #ifndef STEPWISE_SCENE_H
 #define STEPWISE_SCENE_H
 
@@ -21,7 +21,7 @@ enum shape_type {
     SHAPE_OCTAHEDRON,
     SHAPE_PLANE,
     SHAPE_MANDELBULB,
-    SHAPE_ROUNDED_BOX, // in the file a box whose rounding is not 0: what has none pays for none
+    SHAPE_ROUNDED_BOX, // in the file: a box with rounding > 0; plain boxes do not pay for it
     SHAPE_TYPES
 };
 
@@ -29,13 +29,13 @@ enum shadows { SHADOWS_NONE, SHADOWS_HARD, SHADOWS_SOFT };
 
 enum path_type { PATH_NONE, PATH_CIRCLE, PATH_LINE };
 
-// How a shape moves in an animation. At time 0 it is at its position, which is all that a still picture knows.
+// How a shape moves in an animation. At time 0, and in a still picture, the shape is at its position.
 struct path {
     enum path_type type;
     double period;  // seconds
-    double axis[3]; // of a circle: unit length, turned about by the right hand
-    double foot[3]; // of a circle: the point of its axis that is nearest to the shape's position
-    double to[3];   // of a line: its other end, reached after half a period
+    double axis[3]; // of a circle: unit length; the shape turns about it by the right-hand rule
+    double foot[3]; // of a circle: its centre, the axis point nearest to the shape's position
+    double to[3];   // of a line: the other end, reached after half a period
 };
 
 struct shape {
@@ -51,7 +51,7 @@ struct shape {
         } sphere;
         struct {
             double half_size[3];
-            double rounding; // what it is grown by: its distance is that much less
+            double rounding; // the box grows by it: distance = distance to the box − rounding
         } box;
         struct {
             double major_radius, minor_radius; // about the y axis
@@ -81,13 +81,13 @@ struct material {
 struct limits {
     int max_steps;         // evaluations in one march
     double hit_distance;   // a smaller distance is a hit
-    double bounds_radius;  // a ray further than this from the origin has missed
+    double bounds_radius;  // a ray farther than this from the origin has missed
     int max_bounces;       // mirror bounces
-    double normal_step;    // of the finite difference
-    double surface_offset; // where a secondary ray starts
+    double normal_step;    // step of the finite difference for normals
+    double surface_offset; // distance from the surface at which a secondary ray starts
 };
 
-// What the scene uses, so that nothing else is evaluated, counted or drawn.
+// Features that the scene uses. A phase evaluates and counts only these.
 struct features {
     bool rotation, repetition, mirrors, fog;
     bool motion;            // a shape has a path
@@ -104,7 +104,7 @@ struct model {
     enum shadows shadows;
     double shadow_strength;
     struct features features;
-    bool animated; // not the scene's: each frame has its shapes elsewhere (render --frames)
+    bool animated; // set by the driver: shapes move from frame to frame (render --frames)
 };
 
 struct view {
@@ -118,25 +118,28 @@ struct view {
 struct scene {
     struct model model;
     struct view view;
-    char name[64]; // the file's name without folder and ending
-    char hash[17]; // 64-bit FNV-1a of the canonical JSON, hexadecimal; overrides change it
+    char name[64]; // the file's name without folder and extension
+    char hash[17]; // hexadecimal 64-bit FNV-1a hash of the values, overrides included
 };
 
+// Limits that replace the scene's.
 struct scene_overrides {
     double hit_distance; // 0 = the scene's own
     int max_steps;       // 0 = the scene's own
 };
 
-// Reads and checks the file. Returns false with one line in `error` (at least SCENE_ERROR_SIZE
-// bytes): `file:line:column: what` for broken JSON, `file: $.path: what` for anything else.
+// Reads and checks a scene file. Returns false with one line in `error` (at least SCENE_ERROR_SIZE
+// bytes): `file:line:column: message` for broken JSON, `file: $.path: message` for anything else.
+// `overrides` may be NULL. The caller frees a loaded scene with scene_free.
 bool scene_load(const char *path, const struct scene_overrides *overrides, struct scene *scene,
                 char *error);
 void scene_free(struct scene *scene);
 
-// Puts each shape where it is after so many seconds (before time 0 too). `moved` is a copy of `model` with as
-// many shapes of its own.
+// Writes the model's shapes to `moved` with their positions at `seconds`, which may be negative.
+// `moved` is a copy of `model` with its own array of shapes of the same length.
 void model_move(const struct model *model, double seconds, struct model *moved);
 
+// Names as in scene files.
 const char *shape_type_name(enum shape_type type);
 const char *shadows_name(enum shadows shadows);
 

@@ -1,12 +1,12 @@
-// Reading a scene's shapes.
+// Reads a scene's shapes.
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "scene/parts.h"
+#include "scene/internal.h"
 #include "scene/vector.h"
 
-enum { MOST_ITERATIONS = 1000 };
+enum { MAX_ITERATIONS = 1000 };
 
 static const char *const TYPE_NAMES[SHAPE_TYPES] = {
     "sphere", "box", "torus", "cone", "octahedron", "plane", "mandelbulb", "rounded box"};
@@ -37,7 +37,7 @@ static void read_plane(struct reader *r, json_t *object, struct shape *shape) {
         reader_fail(r, "normal", "is zero; a direction is required");
         return;
     }
-    normalize3(n); // n·p = offset keeps its plane when both are divided
+    normalize3(n); // dividing both sides of n·p = offset keeps the plane
     shape->plane.offset /= length;
     if (!(fabs(shape->plane.offset) <= LARGEST))
         reader_fail(r, "offset", "divided by the length of normal it is beyond %g", LARGEST);
@@ -84,9 +84,9 @@ static void read_sizes(struct reader *r, json_t *object, struct shape *shape) {
         if (!r->failed && shape->mandelbulb.power != 8)
             reader_fail(r, "power", "%g is not 8, the only power there is a map for",
                         shape->mandelbulb.power);
-        shape->mandelbulb.iterations = reader_whole(r, object, "iterations", 1, MOST_ITERATIONS);
+        shape->mandelbulb.iterations = reader_whole(r, object, "iterations", 1, MAX_ITERATIONS);
         shape->mandelbulb.bailout = reader_number(r, object, "bailout", POSITIVE);
-        // |w|² may grow to bailout^8 in the last iteration, and must stay a float.
+        // |w|² can grow to bailout^8 in the last iteration, which must stay below FLT_MAX.
         if (!r->failed && !(shape->mandelbulb.bailout >= 4 && shape->mandelbulb.bailout <= 1e4))
             reader_fail(r, "bailout", "%g is not in 4 to 10000", shape->mandelbulb.bailout);
         break;
@@ -99,7 +99,7 @@ static void read_shape(struct reader *r, json_t *object, json_t *materials, stru
     if (!type)
         return;
     int found = -1;
-    for (int i = 0; i < SHAPE_ROUNDED_BOX; i++) // which is a box in the file
+    for (int i = 0; i < SHAPE_ROUNDED_BOX; i++) // a rounded box is a box in the file
         if (strcmp(json_string_value(type), TYPE_NAMES[i]) == 0)
             found = i;
     if (found < 0) {

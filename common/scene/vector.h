@@ -1,4 +1,4 @@
-// Three-vectors of a scene in double precision.
+// Vectors of three doubles.
 #ifndef STEPWISE_SCENE_VECTOR_H
 #define STEPWISE_SCENE_VECTOR_H
 
@@ -9,9 +9,10 @@ static inline double dot3(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+// Divides `a` by its length. Returns false for a vector of zeros or one with a NaN.
 static inline bool normalize3(double a[3]) {
     double length = sqrt(dot3(a, a));
-    if (length < 1e-140) { // its square has lost digits, or all of them: larger first
+    if (length < 1e-140) { // the squares underflow: scale up and measure again
         for (int i = 0; i < 3; i++)
             a[i] *= 0x1p600;
         length = sqrt(dot3(a, a));

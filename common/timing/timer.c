@@ -10,7 +10,7 @@ uint64_t timer_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-// A (ns, TSC) pair read together: of several tries the one with the narrowest TSC bracket.
+// Reads both clocks together. Of ten tries the fastest counts, as its two readings are closest in time.
 static void read_pair(uint64_t *ns, uint64_t *tsc) {
     uint64_t narrowest = UINT64_MAX;
     for (int i = 0; i < 10; i++) {
@@ -45,12 +45,13 @@ uint64_t timer_overhead_cycles(void) {
     return least;
 }
 
-enum { CHAIN = 100000 }; // 25 µs at 4 GHz, 100 µs at 1 GHz: well under 0.25 ms
+enum { CHAIN = 100000 }; // adds: 25 µs at 4 GHz, 100 µs at 1 GHz
 
 #define ADD8                                                                                       \
     "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"                                     \
     "add %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\tadd %1, %0\n\t"
 
+// TSC cycles of CHAIN dependent adds.
 static uint64_t chain(void) {
     uint64_t x = 1, one = 1;
     uint64_t begin = timer_tsc_begin();
@@ -59,9 +60,9 @@ static uint64_t chain(void) {
     return timer_tsc_end() - begin;
 }
 
-// Each add of the chain beside one FMA of its own accumulator: one FMA per cycle keeps the vector
-// unit awake, and none waits for another within its latency (4 or 5 cycles), so the adds stay the
-// critical path.
+// The same chain with one FMA next to each add. One FMA per cycle keeps the vector unit busy. The FMAs
+// use eight accumulators in turn, more than their latency of 4 or 5 cycles, so that the adds stay
+// the critical path.
 #define ADD_FMA(K) "add %9, %8\n\tvfmadd231ps %" #K ", %" #K ", %" #K "\n\t"
 #define LOADED_CHAIN(NAME, TARGET, TYPE, IN_OUT)                                                   \
     __attribute__((target(TARGET))) static uint64_t NAME(int links) {                              \
@@ -82,6 +83,7 @@ LOADED_CHAIN(chain_128, "fma", __m128, "+x")
 LOADED_CHAIN(chain_256, "avx2,fma", __m256, "+x")
 LOADED_CHAIN(chain_512, "avx512f", __m512, "+v")
 
+// Core clock in Hz from the fastest of `samples` chains; `loaded` NULL: adds alone.
 static double fastest(uint64_t (*loaded)(int), double tsc_hz, int samples) {
     uint64_t least = UINT64_MAX;
     for (int i = 0; i < samples; i++) {
@@ -107,6 +109,6 @@ double timer_core_hz_under_load(double tsc_hz, int samples, int bits) {
         loaded = chain_512;
     if (!loaded)
         return 0;
-    loaded(80 * CHAIN); // about 2 ms, for the clock to settle
+    loaded(80 * CHAIN); // about 2 ms, until the clock has settled
     return fastest(loaded, tsc_hz, samples);
 }

@@ -1,6 +1,6 @@
-// Clocks. Three of them, and every figure says which: wall time (clock_gettime, ns), TSC cycles
-// (constant rate, fenced reads) and core cycles (the core's own clock, estimated by a chain of
-// dependent register adds).
+// Three clocks. Wall time comes from clock_gettime, in nanoseconds. TSC cycles have a constant rate;
+// reads are fenced. Core cycles follow the core's varying clock, which is estimated from a chain of
+// dependent register adds. Every reported number names its clock.
 //
 // Fencing: Intel SDM vol. 2 on RDTSC and RDTSCP; G. Paoloni, "How to Benchmark Code Execution Times
 // on Intel IA-32 and IA-64 Instruction Set Architectures" (Intel, 2010).
@@ -10,34 +10,37 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-// lfence before: no earlier instruction is still executing. lfence after: no later one has begun.
+// Returns the TSC at the start of a timed region. The lfence before it waits for all earlier
+// instructions; the lfence after it keeps later ones from starting early.
 static inline uint64_t timer_tsc_begin(void) {
     uint32_t lo, hi;
     __asm__ volatile("lfence\n\trdtsc\n\tlfence" : "=a"(lo), "=d"(hi)::"memory");
     return ((uint64_t)hi << 32) | lo;
 }
 
+// Returns the TSC at the end of a timed region. rdtscp waits for all earlier instructions.
 static inline uint64_t timer_tsc_end(void) {
     uint32_t lo, hi, aux;
     __asm__ volatile("rdtscp\n\tlfence" : "=a"(lo), "=d"(hi), "=c"(aux)::"memory");
     return ((uint64_t)hi << 32) | lo;
 }
 
-uint64_t timer_ns(void); // CLOCK_MONOTONIC_RAW
+// Returns wall time in nanoseconds (CLOCK_MONOTONIC_RAW).
+uint64_t timer_ns(void);
 
-// TSC ticks per second against CLOCK_MONOTONIC_RAW over about `milliseconds`.
+// Returns TSC cycles per second, measured against CLOCK_MONOTONIC_RAW for about `milliseconds`.
 double timer_tsc_hz(int milliseconds);
 
-// Smallest TSC difference of an empty begin/end pair: the timer's own overhead, in TSC cycles.
+// Returns the timer's own overhead in TSC cycles: the smallest difference of an empty begin/end pair.
 uint64_t timer_overhead_cycles(void);
 
-// Core cycles per second: a chain of dependent register-register adds takes one core cycle each.
-// (Register operands: Golden Cove executes adds of small immediates at rename, without a cycle.)
-// The fastest of `samples` chains of at most 0.25 ms counts, since interrupts only ever add time.
+// Returns core cycles per second. Each add of a dependent chain takes one core cycle. The adds have
+// register operands, because Golden Cove executes adds of small constants at rename, in no cycle.
+// The fastest of `samples` chains counts, as interrupts only add time; a chain takes at most 0.25 ms.
 double timer_core_hz(double tsc_hz, int samples);
 
-// The same while vector units of `bits` (0, 128, 256 or 512) are busy with FMAs, after about 2 ms
-// of that load: wide units can lower the clock. 0 when the CPU lacks them.
+// Returns core cycles per second while FMAs keep the vector units busy, after about 2 ms of that
+// load: wide vectors can lower the clock. `bits`: 128, 256 or 512. Returns 0 if the CPU lacks them.
 double timer_core_hz_under_load(double tsc_hz, int samples, int bits);
 
 #endif

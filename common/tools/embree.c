@@ -1,7 +1,6 @@
-// Embree beside a phase (hits.c): spheres as its points of a radius
-// (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as squares of four times the bounds. Single-threaded, its best build quality,
-// denormals as zeros (as its manual asks). Its rays go in packets of 16, one by one, or 256 a call (embree_versions.h).
-#include "tools/hits.h"
+// Traces rays with Embree (see embree.h): single-threaded, with its best build quality, and with
+// denormals as zeros, as its manual recommends. Spheres are RTC_GEOMETRY_TYPE_SPHERE_POINT.
+#include "tools/embree.h"
 
 #include <immintrin.h>
 #include <math.h>
@@ -14,39 +13,40 @@
 #ifdef WITH_EMBREE
 #include "tools/embree_versions.h"
 
-// Rays in its own form at once: small enough to stay in the cache from being put to being traced.
+// Rays converted to Embree's form at a time: few enough to be still in the cache when traced.
 enum { CHUNK = 1024 };
-enum { DENORMALS_ARE_ZEROS = 0x8040 }; // of MXCSR: flush to zero, and of what is read too
+enum { DENORMALS_ARE_ZEROS = 0x8040 }; // MXCSR: flush to zero, and denormals are zero
 
-struct beside {
+struct embree {
     RTCDevice device;
     RTCScene scene;
     bool coherent;
     char version[80];
-    struct RTCRayHit16 *sixteen;
-    struct RTCRayHit *one;
-    struct streamed stream;
-    int *shape_of; // geometry 0: its spheres; geometry 1 + i: plane i
+    struct RTCRayHit16 *packets;
+    struct RTCRayHit *single;
+    struct ray_stream stream;
+    int *
+        shape_of; // shape's index: first of the spheres of geometry 0, then of plane i, geometry 1 + i
     int spheres;
 };
 
-const char *beside_version(const struct beside *beside) {
-    return beside->version;
+const char *embree_version(const struct embree *embree) {
+    return embree->version;
 }
 
-bool beside_streams(const struct beside *beside) {
-    return beside->stream.there;
+bool embree_has_streams(const struct embree *embree) {
+    return embree->stream.available;
 }
 
-// As the library that runs says it is.
-static void ask_version(struct beside *b) {
+// Asks the library for its version.
+static void read_version(struct embree *b) {
     int version = (int)rtcGetDeviceProperty(b->device, RTC_DEVICE_PROPERTY_VERSION);
     bool native = rtcGetDeviceProperty(b->device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
     snprintf(b->version, sizeof b->version, "Embree %d.%d.%d, packets of 16 %s", version / 10000,
              version / 100 % 100, version % 100, native ? "native" : "emulated");
 }
 
-static bool add_spheres(struct beside *b, const struct model *model) {
+static bool add_spheres(struct embree *b, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++)
         b->spheres += model->shapes[i].type == SHAPE_SPHERE;
     if (b->spheres == 0)
@@ -71,8 +71,8 @@ static bool add_spheres(struct beside *b, const struct model *model) {
     return at != NULL;
 }
 
-// n is unit; the plane is not turned.
-static bool add_plane(struct beside *b, const struct model *model, int index, int number) {
+// Adds plane `number` as a square. Its normal has unit length, and the shape is not rotated.
+static bool add_plane(struct embree *b, const struct model *model, int index, int number) {
     const struct shape *s = &model->shapes[index];
     const double *n = s->plane.normal;
     int least = fabs(n[0]) < fabs(n[1]) ? 0 : 1;
@@ -107,7 +107,8 @@ static bool add_plane(struct beside *b, const struct model *model, int index, in
     return at && corner;
 }
 
-static const char *unlike(const struct model *model) {
+// Returns why Embree cannot have this scene, NULL if it can.
+static const char *unsupported_scene(const struct model *model) {
     if (model->features.rotation || model->features.repetition)
         return "not compared: the scene has rotations or repetitions";
     for (int i = 0; i < model->shape_count; i++)
@@ -135,36 +136,37 @@ static void put_lane(struct RTCRayHit16 *r, size_t lane, const float at[6], floa
     r->hit.geomID[lane] = r->hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
 }
 
-// Rays first … first + CHUNK − 1 as Embree has them; what is behind the last meets nothing.
-static void put_rays(struct beside *b, const struct ray_arrays *rays, size_t first, bool any,
-                     enum beside_way way) {
+// Converts rays first … first + CHUNK − 1 to Embree's form. Rays after the last one hit nothing.
+static void put_rays(struct embree *b, const struct ray_arrays *rays, size_t first, bool any,
+                     enum embree_mode mode) {
     for (size_t i = 0; i < CHUNK; i++) {
-        bool there = first + i < rays->count;
-        float far = !there ? -1.0f : any ? rays->far[first + i] : INFINITY;
+        bool available = first + i < rays->count;
+        float far = !available ? -1.0f : any ? rays->far[first + i] : INFINITY;
         float at[6];
         for (int k = 0; k < 3; k++) {
-            at[k] = there ? rays->origin[k][first + i] : 0;
-            at[3 + k] = there ? rays->direction[k][first + i] : 1;
+            at[k] = available ? rays->origin[k][first + i] : 0;
+            at[3 + k] = available ? rays->direction[k][first + i] : 1;
         }
-        if (way == BESIDE_SINGLE)
-            put_single(&b->one[i], at, far);
-        else if (way == BESIDE_PACKETS)
-            put_lane(&b->sixteen[i / 16], i % 16, at, far);
+        if (mode == EMBREE_SINGLE)
+            put_single(&b->single[i], at, far);
+        else if (mode == EMBREE_PACKETS)
+            put_lane(&b->packets[i / 16], i % 16, at, far);
         else
-            streamed_put(&b->stream, i, at, far);
+            ray_stream_put(&b->stream, i, at, far);
     }
 }
 
-static void get_hits(const struct beside *b, struct ray_arrays *rays, size_t first, bool any,
-                     enum beside_way way) {
+// Converts the hits of the same rays back.
+static void get_hits(const struct embree *b, struct ray_arrays *rays, size_t first, bool any,
+                     enum embree_mode mode) {
     for (size_t i = 0; i < CHUNK && first + i < rays->count; i++) {
-        const struct RTCRayHit16 *r = &b->sixteen[i / 16];
+        const struct RTCRayHit16 *r = &b->packets[i / 16];
         size_t lane = i % 16;
-        float t = way == BESIDE_PACKETS ? r->ray.tfar[lane] : b->one[i].ray.tfar;
-        unsigned geometry = way == BESIDE_PACKETS ? r->hit.geomID[lane] : b->one[i].hit.geomID;
-        unsigned primitive = way == BESIDE_PACKETS ? r->hit.primID[lane] : b->one[i].hit.primID;
-        if (way == BESIDE_STREAM)
-            streamed_get(&b->stream, i, &t, &geometry, &primitive);
+        float t = mode == EMBREE_PACKETS ? r->ray.tfar[lane] : b->single[i].ray.tfar;
+        unsigned geometry = mode == EMBREE_PACKETS ? r->hit.geomID[lane] : b->single[i].hit.geomID;
+        unsigned primitive = mode == EMBREE_PACKETS ? r->hit.primID[lane] : b->single[i].hit.primID;
+        if (mode == EMBREE_STREAM)
+            ray_stream_get(&b->stream, i, &t, &geometry, &primitive);
         bool met = geometry != RTC_INVALID_GEOMETRY_ID;
         rays->t[1][first + i] = t;
         rays->shape[1][first + i] =
@@ -174,22 +176,22 @@ static void get_hits(const struct beside *b, struct ray_arrays *rays, size_t fir
     }
 }
 
-struct beside *beside_start(const struct model *model, bool coherent, const char **why) {
-    if ((*why = unlike(model)))
+struct embree *embree_create(const struct model *model, bool coherent, const char **reason) {
+    if ((*reason = unsupported_scene(model)))
         return NULL;
-    *why = "not compared: Embree cannot be started, or memory is short";
-    struct beside *b = calloc(1, sizeof *b);
+    *reason = "not compared: Embree cannot be started, or memory is short";
+    struct embree *b = calloc(1, sizeof *b);
     if (!b)
         return NULL;
     b->coherent = coherent;
     b->shape_of = calloc((size_t)model->shape_count, sizeof *b->shape_of);
-    b->sixteen = aligned_alloc(64, CHUNK / 16 * sizeof *b->sixteen);
-    b->one = aligned_alloc(64, CHUNK * sizeof *b->one);
-    if (b->one)
-        memset(b->one, 0, CHUNK * sizeof *b->one);
+    b->packets = aligned_alloc(64, CHUNK / 16 * sizeof *b->packets);
+    b->single = aligned_alloc(64, CHUNK * sizeof *b->single);
+    if (b->single)
+        memset(b->single, 0, CHUNK * sizeof *b->single);
     b->device = rtcNewDevice("threads=1");
-    bool made = b->shape_of && b->sixteen && b->one && b->device &&
-                streamed_make(&b->stream, b->device, CHUNK);
+    bool made = b->shape_of && b->packets && b->single && b->device &&
+                ray_stream_create(&b->stream, b->device, CHUNK);
     if (made) {
         b->scene = rtcNewScene(b->device);
         rtcSetSceneBuildQuality(b->scene, RTC_BUILD_QUALITY_HIGH);
@@ -198,58 +200,58 @@ struct beside *beside_start(const struct model *model, bool coherent, const char
             if (model->shapes[i].type == SHAPE_PLANE)
                 made = add_plane(b, model, i, planes++);
         rtcCommitScene(b->scene);
-        ask_version(b);
+        read_version(b);
         if (rtcGetDeviceError(b->device) != RTC_ERROR_NONE) {
-            *why = "not compared: Embree cannot have this scene";
+            *reason = "not compared: Embree cannot have this scene";
             made = false;
         }
     }
     if (made)
         return b;
-    beside_end(b);
+    embree_destroy(b);
     return NULL;
 }
 
-static void trace_chunk(struct beside *b, struct asking *asking, size_t count, bool any,
-                        enum beside_way way) {
+static void trace_chunk(struct embree *b, struct query_arguments *query_arguments, size_t count,
+                        bool any, enum embree_mode mode) {
     static const _Alignas(64) int valid[16] = {-1, -1, -1, -1, -1, -1, -1, -1,
                                                -1, -1, -1, -1, -1, -1, -1, -1};
-    bool packets = way == BESIDE_PACKETS;
-    if (way == BESIDE_STREAM) {
-        streamed_trace(&b->stream, b->scene, asking, count, any);
+    bool packets = mode == EMBREE_PACKETS;
+    if (mode == EMBREE_STREAM) {
+        ray_stream_trace(&b->stream, b->scene, query_arguments, count, any);
         return;
     }
     for (size_t i = 0; i < (packets ? (count + 15) / 16 : count); i++) {
         if (packets && any)
-            OCCLUDED16(valid, b->scene, asking, (struct RTCRay16 *)&b->sixteen[i].ray);
+            OCCLUDED16(valid, b->scene, query_arguments, (struct RTCRay16 *)&b->packets[i].ray);
         else if (packets)
-            INTERSECT16(valid, b->scene, asking, &b->sixteen[i]);
+            INTERSECT16(valid, b->scene, query_arguments, &b->packets[i]);
         else if (any)
-            OCCLUDED1(b->scene, asking, &b->one[i].ray);
+            OCCLUDED1(b->scene, query_arguments, &b->single[i].ray);
         else
-            INTERSECT1(b->scene, asking, &b->one[i]);
+            INTERSECT1(b->scene, query_arguments, &b->single[i]);
     }
 }
 
-uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, enum beside_way way) {
-    struct asking asking;
-    begin_asking(&asking, b->coherent);
+uint64_t embree_trace(struct embree *b, struct ray_arrays *rays, bool any, enum embree_mode mode) {
+    struct query_arguments query_arguments;
+    init_query(&query_arguments, b->coherent);
     unsigned before = _mm_getcsr();
-    uint64_t took = 0;
+    uint64_t elapsed = 0;
     for (size_t first = 0; first < rays->count; first += CHUNK) {
         size_t left = rays->count - first;
-        put_rays(b, rays, first, any, way);
+        put_rays(b, rays, first, any, mode);
         _mm_setcsr(before | DENORMALS_ARE_ZEROS);
         uint64_t begin = timer_ns();
-        trace_chunk(b, &asking, left < CHUNK ? left : CHUNK, any, way);
-        took += timer_ns() - begin;
+        trace_chunk(b, &query_arguments, left < CHUNK ? left : CHUNK, any, mode);
+        elapsed += timer_ns() - begin;
         _mm_setcsr(before);
-        get_hits(b, rays, first, any, way);
+        get_hits(b, rays, first, any, mode);
     }
-    return took;
+    return elapsed;
 }
 
-void beside_end(struct beside *b) {
+void embree_destroy(struct embree *b) {
     if (!b)
         return;
     if (b->scene)
@@ -257,36 +259,36 @@ void beside_end(struct beside *b) {
     if (b->device)
         rtcReleaseDevice(b->device);
     free(b->shape_of);
-    free(b->sixteen);
-    free(b->one);
-    streamed_free(&b->stream);
+    free(b->packets);
+    free(b->single);
+    ray_stream_free(&b->stream);
     free(b);
 }
 
 #else
 
-struct beside *beside_start(const struct model *model, bool coherent, const char **why) {
+struct embree *embree_create(const struct model *model, bool coherent, const char **reason) {
     (void)model, (void)coherent;
-    *why = "not compared: built without Embree (libembree-dev)";
+    *reason = "not compared: built without Embree (libembree-dev)";
     return NULL;
 }
 
-const char *beside_version(const struct beside *b) {
+const char *embree_version(const struct embree *b) {
     (void)b;
     return "";
 }
 
-bool beside_streams(const struct beside *b) {
+bool embree_has_streams(const struct embree *b) {
     (void)b;
     return false;
 }
 
-uint64_t beside_trace(struct beside *b, struct ray_arrays *rays, bool any, enum beside_way way) {
-    (void)b, (void)rays, (void)any, (void)way;
+uint64_t embree_trace(struct embree *b, struct ray_arrays *rays, bool any, enum embree_mode mode) {
+    (void)b, (void)rays, (void)any, (void)mode;
     return 0;
 }
 
-void beside_end(struct beside *b) {
+void embree_destroy(struct embree *b) {
     (void)b;
 }
 

@@ -1,6 +1,7 @@
-// In what Embree 4 and 3 differ. What both kinds of questions are asked with: 4 parted 3's context into two structures
-// of arguments, behind the ray. And 3's streams of rays, which 4 has not: plain arrays and many rays a call, of which it
-// makes packets, and which it may take through its tree together where it is told that they go the same way.
+// Hides the differences between Embree 3 and 4. Embree 3 passes one context before the rays of a
+// query. Embree 4 passes one structure for intersection and one for occlusion, after the rays. Only
+// Embree 3 has streams: plain arrays with many rays per call, which Embree divides into packets and
+// may trace together if they are coherent.
 #ifndef STEPWISE_EMBREE_VERSIONS_H
 #define STEPWISE_EMBREE_VERSIONS_H
 
@@ -14,18 +15,18 @@
 #include <embree3/rtcore.h>
 #endif
 
-enum { STREAM = 256 }; // rays a call: as many as a tile of phase packets has
+enum { STREAM = 256 }; // rays per call: as many as a tile of the phase `packets` has
 
 #if WITH_EMBREE >= 4
-struct asking {
+struct query_arguments {
     struct RTCIntersectArguments nearest;
     struct RTCOccludedArguments any;
 };
 
-static inline void begin_asking(struct asking *asking, bool coherent) {
-    rtcInitIntersectArguments(&asking->nearest);
-    rtcInitOccludedArguments(&asking->any);
-    asking->nearest.flags = asking->any.flags =
+static inline void init_query(struct query_arguments *query_arguments, bool coherent) {
+    rtcInitIntersectArguments(&query_arguments->nearest);
+    rtcInitOccludedArguments(&query_arguments->any);
+    query_arguments->nearest.flags = query_arguments->any.flags =
         coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
 }
 
@@ -34,41 +35,42 @@ static inline void begin_asking(struct asking *asking, bool coherent) {
 #define INTERSECT1(scene, a, ray) rtcIntersect1(scene, ray, &(a)->nearest)
 #define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, ray, &(a)->any)
 
-struct streamed {
-    bool there; // never
+struct ray_stream {
+    bool available; // always false
 };
 
-static inline bool streamed_make(struct streamed *s, RTCDevice device, size_t room) {
+static inline bool ray_stream_create(struct ray_stream *s, RTCDevice device, size_t room) {
     (void)device, (void)room;
-    *s = (struct streamed){false};
+    *s = (struct ray_stream){false};
     return true;
 }
 
-static inline void streamed_put(struct streamed *s, size_t i, const float at[6], float far) {
+static inline void ray_stream_put(struct ray_stream *s, size_t i, const float at[6], float far) {
     (void)s, (void)i, (void)at, (void)far;
 }
 
-static inline void streamed_get(const struct streamed *s, size_t i, float *t, unsigned *geometry,
-                                unsigned *primitive) {
+static inline void ray_stream_get(const struct ray_stream *s, size_t i, float *t,
+                                  unsigned *geometry, unsigned *primitive) {
     (void)s, (void)i, (void)t, (void)geometry, (void)primitive;
 }
 
-static inline void streamed_trace(const struct streamed *s, RTCScene scene, struct asking *asking,
-                                  size_t count, bool any) {
-    (void)s, (void)scene, (void)asking, (void)count, (void)any;
+static inline void ray_stream_trace(const struct ray_stream *s, RTCScene scene,
+                                    struct query_arguments *query_arguments, size_t count,
+                                    bool any) {
+    (void)s, (void)scene, (void)query_arguments, (void)count, (void)any;
 }
 
-static inline void streamed_free(struct streamed *s) {
+static inline void ray_stream_free(struct ray_stream *s) {
     (void)s;
 }
 #else
-struct asking {
+struct query_arguments {
     struct RTCIntersectContext context;
 };
 
-static inline void begin_asking(struct asking *asking, bool coherent) {
-    rtcInitIntersectContext(&asking->context);
-    asking->context.flags =
+static inline void init_query(struct query_arguments *query_arguments, bool coherent) {
+    rtcInitIntersectContext(&query_arguments->context);
+    query_arguments->context.flags =
         coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
 }
 
@@ -77,16 +79,16 @@ static inline void begin_asking(struct asking *asking, bool coherent) {
 #define INTERSECT1(scene, a, ray) rtcIntersect1(scene, &(a)->context, ray)
 #define OCCLUDED1(scene, a, ray) rtcOccluded1(scene, &(a)->context, ray)
 
-struct streamed {
-    bool there; // the library was built with streams
+struct ray_stream {
+    bool available; // the library was built with streams
     float *reals;
     unsigned *words;
     struct RTCRayHitNp all; // arrays of `room` rays
 };
 
-static inline bool streamed_make(struct streamed *s, RTCDevice device, size_t room) {
-    s->there = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_RAY_STREAM_SUPPORTED) != 0;
-    if (!s->there)
+static inline bool ray_stream_create(struct ray_stream *s, RTCDevice device, size_t room) {
+    s->available = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_RAY_STREAM_SUPPORTED) != 0;
+    if (!s->available)
         return true;
     s->reals = aligned_alloc(64, 14 * room * sizeof *s->reals);
     s->words = aligned_alloc(64, 6 * room * sizeof *s->words);
@@ -121,7 +123,7 @@ static inline bool streamed_make(struct streamed *s, RTCDevice device, size_t ro
     return true;
 }
 
-static inline void streamed_put(struct streamed *s, size_t i, const float at[6], float far) {
+static inline void ray_stream_put(struct ray_stream *s, size_t i, const float at[6], float far) {
     struct RTCRayNp *r = &s->all.ray;
     r->org_x[i] = at[0];
     r->org_y[i] = at[1];
@@ -136,15 +138,15 @@ static inline void streamed_put(struct streamed *s, size_t i, const float at[6],
     s->all.hit.geomID[i] = s->all.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
 }
 
-static inline void streamed_get(const struct streamed *s, size_t i, float *t, unsigned *geometry,
-                                unsigned *primitive) {
+static inline void ray_stream_get(const struct ray_stream *s, size_t i, float *t,
+                                  unsigned *geometry, unsigned *primitive) {
     *t = s->all.ray.tfar[i];
     *geometry = s->all.hit.geomID[i];
     *primitive = s->all.hit.primID[i];
 }
 
 // The same arrays from ray `first` on.
-static inline struct RTCRayHitNp streamed_from(const struct streamed *s, size_t first) {
+static inline struct RTCRayHitNp ray_stream_from(const struct ray_stream *s, size_t first) {
     const struct RTCRayNp *r = &s->all.ray;
     const struct RTCHitNp *h = &s->all.hit;
     return (struct RTCRayHitNp){
@@ -162,19 +164,20 @@ static inline struct RTCRayHitNp streamed_from(const struct streamed *s, size_t 
     };
 }
 
-static inline void streamed_trace(const struct streamed *s, RTCScene scene, struct asking *asking,
-                                  size_t count, bool any) {
+static inline void ray_stream_trace(const struct ray_stream *s, RTCScene scene,
+                                    struct query_arguments *query_arguments, size_t count,
+                                    bool any) {
     for (size_t i = 0; i < count; i += STREAM) {
-        struct RTCRayHitNp rays = streamed_from(s, i);
+        struct RTCRayHitNp rays = ray_stream_from(s, i);
         unsigned many = (unsigned)(count - i < STREAM ? count - i : STREAM);
         if (any)
-            rtcOccludedNp(scene, &asking->context, &rays.ray, many);
+            rtcOccludedNp(scene, &query_arguments->context, &rays.ray, many);
         else
-            rtcIntersectNp(scene, &asking->context, &rays, many);
+            rtcIntersectNp(scene, &query_arguments->context, &rays, many);
     }
 }
 
-static inline void streamed_free(struct streamed *s) {
+static inline void ray_stream_free(struct ray_stream *s) {
     free(s->reals);
     free(s->words);
 }

@@ -1,13 +1,15 @@
-// hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays: what given rays meet, and how long that
-// takes, of a phase of closed forms; beside it, on the same rays in the same run and by turns, Intel's Embree, where it
-// was there to build with.
+// hits SCENE.json [--any] [--embree] [--coherent] [--reps R] [-o FILE] <rays
 //
-// Reads float32 septuples (origin, unit direction, far) from standard input until its end, and traces them in their
-// order, on one thread. --any: whether anything is met before far, not where. --embree: beside it; --coherent: it is told that they
-// go the same way (the phase is told nothing). FILE gets float32 pairs (t, shape) of the phase, and behind them Embree's;
-// of --any t is −inf where something is in the way, and the shape 0. Standard output gets one JSON object: ns per
-// repetition of each. Embree has spheres, and planes as squares of four times the bounds; of a scene with other shapes,
-// or without Embree, its times are null and "embree" says why.
+// Traces rays by a phase with closed-form intersections, and times it. With --embree, Intel's Embree
+// traces the same rays in the same run, in turns with the phase.
+//
+// Reads float32 septuples (origin, unit direction, far) from standard input until its end, and traces
+// them in this order on one thread. --any: occlusion queries up to `far` instead of first hits.
+// --coherent: tells Embree that the rays go in similar directions; the phase gets no such hint.
+//
+// FILE gets float32 pairs (t, shape) of the phase, then those of Embree. With --any, t is −inf for an
+// occluded ray and shape is 0. Standard output gets one JSON object with the nanoseconds of each
+// repetition. If Embree is missing or the scene has shapes that it lacks, "embree" gives the reason.
 #include <getopt.h>
 #include <jansson.h>
 #include <limits.h>
@@ -20,13 +22,13 @@
 #include "driver/variant.h"
 #include "phase_info.h"
 #include "timing/timer.h"
-#include "tools/hits.h"
+#include "tools/embree.h"
 
-enum { SPARE = 16, MOST_REPS = 1000000 };
+enum { PADDING = 16, MAX_REPS = 1000000 };
 
-// All arrays of one length with `SPARE` floats behind it, in one piece.
+// Allocates all arrays in one piece, each with PADDING floats after its last ray.
 static bool make_rays(struct ray_arrays *r, size_t count) {
-    size_t room = (count + SPARE + 15) / 16 * 16;
+    size_t room = (count + PADDING + 15) / 16 * 16;
     r->count = count;
     r->memory = aligned_alloc(64, 11 * room * sizeof(float));
     if (!r->memory)
@@ -37,14 +39,14 @@ static bool make_rays(struct ray_arrays *r, size_t count) {
         r->direction[k] = r->memory + (size_t)(3 + k) * room;
     }
     r->far = r->memory + 6 * room;
-    for (int who = 0; who < 2; who++) {
-        r->t[who] = r->memory + (size_t)(7 + 2 * who) * room;
-        r->shape[who] = r->memory + (size_t)(8 + 2 * who) * room;
+    for (int tracer = 0; tracer < 2; tracer++) {
+        r->t[tracer] = r->memory + (size_t)(7 + 2 * tracer) * room;
+        r->shape[tracer] = r->memory + (size_t)(8 + 2 * tracer) * room;
     }
     return true;
 }
 
-// Standard input, to its end. False, having said why.
+// Reads standard input to its end. Returns false after printing an error.
 static bool read_rays(struct ray_arrays *rays) {
     size_t room = 1 << 16, size = 0, got;
     float (*all)[7] = malloc(room * sizeof *all);
@@ -75,6 +77,7 @@ static bool read_rays(struct ray_arrays *rays) {
     return made;
 }
 
+// Traces the rays by the phase; returns the time in ns.
 static uint64_t time_phase(const struct prepared *prepared, const struct ray_arrays *rays,
                            bool any) {
     struct ray_set set = {.count = rays->count, .far = any ? rays->far : NULL, .any = any};
@@ -89,24 +92,25 @@ static uint64_t time_phase(const struct prepared *prepared, const struct ray_arr
     return timer_ns() - begin;
 }
 
-enum { WAYS = 1 + BESIDE_WAYS }; // ours, and Embree's
+enum { TRACERS = 1 + EMBREE_MODES }; // the phase, and Embree in each mode
 
-// Ours and each of Embree's ways by turns, each first as often.
-static bool measure(const struct prepared *prepared, struct ray_arrays *rays, struct beside *beside,
-                    bool any, int reps, json_t *ns[WAYS]) {
-    int ways = !beside ? 1 : beside_streams(beside) ? WAYS : 1 + BESIDE_STREAM;
+// Times the phase and Embree's modes in turns; each repetition starts with another one.
+static bool measure(const struct prepared *prepared, struct ray_arrays *rays, struct embree *embree,
+                    bool any, int reps, json_t *ns[TRACERS]) {
+    int tracers = !embree ? 1 : embree_has_streams(embree) ? TRACERS : 1 + EMBREE_STREAM;
     for (int i = 0; i < reps; i++)
-        for (int turn = 0; turn < ways; turn++) {
-            int who = (i + turn) % ways;
-            uint64_t took = who == 0 ? time_phase(prepared, rays, any)
-                                     : beside_trace(beside, rays, any, (enum beside_way)(who - 1));
-            if (json_array_append_new(ns[who], json_integer((json_int_t)took)) != 0)
+        for (int turn = 0; turn < tracers; turn++) {
+            int tracer = (i + turn) % tracers;
+            uint64_t elapsed =
+                tracer == 0 ? time_phase(prepared, rays, any)
+                            : embree_trace(embree, rays, any, (enum embree_mode)(tracer - 1));
+            if (json_array_append_new(ns[tracer], json_integer((json_int_t)elapsed)) != 0)
                 return false;
         }
     return true;
 }
 
-// Under another name until it is whole: a failed write leaves `path` as it was.
+// Writes a temporary file and renames it, so that a failed write leaves `path` as it was.
 static bool write_hits(const char *path, const struct ray_arrays *rays, bool both) {
     char temporary[PATH_MAX];
     int length = snprintf(temporary, sizeof temporary, "%s.%ld.tmp", path, (long)getpid());
@@ -114,9 +118,9 @@ static bool write_hits(const char *path, const struct ray_arrays *rays, bool bot
     if (!file)
         return false;
     bool written = true;
-    for (int who = 0; who < 1 + both && written; who++)
+    for (int tracer = 0; tracer < 1 + both && written; tracer++)
         for (size_t i = 0; i < rays->count && written; i++) {
-            float pair[2] = {rays->t[who][i], rays->shape[who][i]};
+            float pair[2] = {rays->t[tracer][i], rays->shape[tracer][i]};
             written = fwrite(pair, sizeof pair, 1, file) == 1;
         }
     written = fclose(file) == 0 && written && rename(temporary, path) == 0;
@@ -125,17 +129,18 @@ static bool write_hits(const char *path, const struct ray_arrays *rays, bool bot
     return written;
 }
 
-struct asked {
+struct hits_options {
     const char *out;
     bool any, embree, coherent;
     int reps;
 };
 
-static int run(const struct scene *scene, const struct asked *asked) {
+// Reads, traces and prints. Returns the exit status.
+static int run(const struct scene *scene, const struct hits_options *options) {
     struct ray_arrays rays = {0};
-    const char *why = "not asked for", *out = asked->out;
-    bool any = asked->any, coherent = asked->coherent;
-    int reps = asked->reps;
+    const char *reason = "not asked for", *out = options->out;
+    bool any = options->any, coherent = options->coherent;
+    int reps = options->reps;
     struct prepared *prepared = phase_prepare(&scene->model, 1);
     if (!prepared)
         fprintf(stderr, "hits: memory is short\n");
@@ -148,20 +153,21 @@ static int run(const struct scene *scene, const struct asked *asked) {
     bool rebuilt = phase_update(prepared, &scene->model);
     uint64_t update_ns = timer_ns() - begin;
     begin = timer_ns();
-    struct beside *beside = asked->embree ? beside_start(&scene->model, coherent, &why) : NULL;
-    uint64_t beside_ns = timer_ns() - begin;
-    json_t *ns[WAYS] = {json_array(), json_array(), json_array(), json_array()};
+    struct embree *embree =
+        options->embree ? embree_create(&scene->model, coherent, &reason) : NULL;
+    uint64_t embree_build_ns = timer_ns() - begin;
+    json_t *ns[TRACERS] = {json_array(), json_array(), json_array(), json_array()};
     int status = 5;
-    if (rebuilt && measure(prepared, &rays, beside, any, reps, ns)) {
+    if (rebuilt && measure(prepared, &rays, embree, any, reps, ns)) {
         const char *said = phase_settings ? phase_settings(prepared) : "";
         json_t *record = json_pack(
             "{s:s, s:s, s:i, s:s, s:s, s:I, s:b, s:b, s:O, s:O, s:O, s:O, s:s, s:I, s:I}", "phase",
             PHASE_NAME, "scene", scene->name, "lanes", variant_here().lanes, "isa",
             variant_here().isa, "settings", said, "count", (json_int_t)rays.count, "any", any,
             "coherent", coherent, "ns", ns[0], "embree16_ns", ns[1], "embree1_ns", ns[2],
-            "embree_stream_ns", ns[3], "embree", beside ? beside_version(beside) : why, "update_ns",
-            (json_int_t)update_ns, "embree_build_ns", (json_int_t)beside_ns);
-        status = out && !write_hits(out, &rays, beside != NULL) ? 2 : 0;
+            "embree_stream_ns", ns[3], "embree", embree ? embree_version(embree) : reason,
+            "update_ns", (json_int_t)update_ns, "embree_build_ns", (json_int_t)embree_build_ns);
+        status = out && !write_hits(out, &rays, embree != NULL) ? 2 : 0;
         if (status)
             fprintf(stderr, "hits: %s cannot be written\n", out);
         else
@@ -169,9 +175,9 @@ static int run(const struct scene *scene, const struct asked *asked) {
                 record && json_dumpf(record, stdout, 0) == 0 && fputc('\n', stdout) != EOF ? 0 : 2;
         json_decref(record);
     }
-    for (int i = 0; i < WAYS; i++)
+    for (int i = 0; i < TRACERS; i++)
         json_decref(ns[i]);
-    beside_end(beside);
+    embree_destroy(embree);
     phase_release(prepared);
     free(rays.memory);
     return status;
@@ -182,20 +188,20 @@ int main(int argc, char **argv) {
         {"any", no_argument, 0, 'a'},          {"embree", no_argument, 0, 'e'},
         {"coherent", no_argument, 0, 'c'},     {"reps", required_argument, 0, 'r'},
         {"output", required_argument, 0, 'o'}, {0, 0, 0, 0}};
-    struct asked asked = {0};
+    struct hits_options options = {0};
     const char *missing = variant_missing(), *no;
     long reps = 1;
     for (int c; (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        asked.any = asked.any || c == 'a';
-        asked.embree = asked.embree || c == 'e';
-        asked.coherent = asked.coherent || c == 'c';
-        asked.out = c == 'o' ? optarg : asked.out;
+        options.any = options.any || c == 'a';
+        options.embree = options.embree || c == 'e';
+        options.coherent = options.coherent || c == 'c';
+        options.out = c == 'o' ? optarg : options.out;
         char *end = "";
         reps = c == 'r' ? strtol(optarg, &end, 10) : reps;
-        if (reps < 1 || reps > MOST_REPS || *end != '\0')
+        if (reps < 1 || reps > MAX_REPS || *end != '\0')
             fprintf(stderr, "hits: --reps %s: should be a whole number from 1 to %d\n", optarg,
-                    MOST_REPS);
-        if (c == '?' || reps < 1 || reps > MOST_REPS || *end != '\0')
+                    MAX_REPS);
+        if (c == '?' || reps < 1 || reps > MAX_REPS || *end != '\0')
             return 2;
     }
     struct scene scene;
@@ -216,8 +222,8 @@ int main(int argc, char **argv) {
     }
     if ((no = phase_unsupported(&scene)))
         fprintf(stderr, "hits: %s\n", no);
-    asked.reps = (int)reps;
-    int status = no ? 4 : run(&scene, &asked);
+    options.reps = (int)reps;
+    int status = no ? 4 : run(&scene, &options);
     scene_free(&scene);
     return status;
 }

@@ -1,5 +1,5 @@
-// probe SCENE.json: a phase's signed distances at given points, for tests. Reads float64 x y z
-// triples from standard input until its end, writes float64 distance and nearest shape per point.
+// probe SCENE.json <points >distances: a phase's signed distances, for tests. Reads float64 x y z
+// triples from standard input until its end. Writes two float64 per point: distance, nearest shape.
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -7,7 +7,7 @@
 
 enum { BATCH = 4096 };
 
-static int probe(const struct prepared *prepared) {
+static int probe_points(const struct prepared *prepared) {
     static double points[3 * BATCH], distance[BATCH], pairs[2 * BATCH];
     static int nearest[BATCH];
     for (;;) {
@@ -38,7 +38,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     struct prepared *prepared = phase_prepare(&scene.model, 1);
-    int status = prepared ? probe(prepared) : 5;
+    int status = prepared ? probe_points(prepared) : 5;
     if (prepared)
         phase_release(prepared);
     scene_free(&scene);

@@ -1,6 +1,6 @@
-// rays SCENE.json: first hits of given rays with the scene's shapes, in proved enclosures, for tests.
-// Reads float64 sextuples (origin, direction) from standard input until its end, writes float64
-// quintuples (status, shape, least s, most s, cost; see phase_enclosures).
+// rays SCENE.json <rays >enclosures: proved enclosures of first hits, for tests of the phase truth.
+// Reads float64 sextuples (origin, direction) from standard input until its end. Writes five float64
+// per ray: status, shape, lower and upper bound of s, evaluations (see phase_enclosures).
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -8,7 +8,7 @@
 
 enum { BATCH = 1024 };
 
-static int answer(const struct prepared *prepared) {
+static int trace_rays(const struct prepared *prepared) {
     static double rays[6 * BATCH], enclosures[5 * BATCH];
     for (;;) {
         size_t count = fread(rays, 6 * sizeof(double), BATCH, stdin);
@@ -34,7 +34,7 @@ int main(int argc, char **argv) {
         return 2;
     }
     struct prepared *prepared = phase_prepare(&scene.model, 1);
-    int status = prepared ? answer(prepared) : 5;
+    int status = prepared ? trace_rays(prepared) : 5;
     if (prepared)
         phase_release(prepared);
     scene_free(&scene);

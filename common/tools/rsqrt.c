@@ -1,10 +1,10 @@
-// What this CPU's approximate reciprocal square roots give: special values, the largest error, and a
-// hash over every mantissa and both parities of the exponent. One JSON object on standard output.
+// Characterises this CPU's approximate reciprocal square roots: special values, the largest error, and
+// a hash of all results. Prints one JSON object.
 //
-// rsqrtss and rsqrtps are promised to 1.5·2^-12 and no more (Intel 64 and IA-32 Architectures Software
-// Developer's Manual, volume 2, RSQRTSS): each maker has a table of its own. vrsqrt14ps (AVX-512F,
-// 2^-14) is specified to the bit by Intel's reference code. Their results scale by 2 for every 4 in
-// the argument, so [1, 4) is the whole table.
+// rsqrtss and rsqrtps are only guaranteed to 1.5·2^-12 (Intel 64 and IA-32 Architectures Software
+// Developer's Manual, volume 2, RSQRTSS); each vendor has its own table. Intel's reference code
+// specifies vrsqrt14ps (AVX-512F, 2^-14) bit for bit. Results halve when the argument grows by a
+// factor of 4, so [1, 4) covers the whole table.
 #include <immintrin.h>
 #include <math.h>
 #include <stdint.h>
@@ -44,19 +44,19 @@ static uint32_t to_bits(float value) {
     return bits;
 }
 
-typedef void (*sixteen)(const float *in, float *out);
+typedef void (*rsqrt_16)(const float *in, float *out);
 
-static void by_rsqrtss(const float *in, float *out) {
+static void apply_rsqrtss(const float *in, float *out) {
     for (int i = 0; i < LANES; i++)
         out[i] = _mm_cvtss_f32(_mm_rsqrt_ss(_mm_set_ss(in[i])));
 }
 
-static void by_rsqrtps(const float *in, float *out) {
+static void apply_rsqrtps(const float *in, float *out) {
     for (int i = 0; i < LANES; i += 4)
         _mm_storeu_ps(out + i, _mm_rsqrt_ps(_mm_loadu_ps(in + i)));
 }
 
-__attribute__((target("avx512f"))) static void by_rsqrt14(const float *in, float *out) {
+__attribute__((target("avx512f"))) static void apply_rsqrt14(const float *in, float *out) {
     _mm512_storeu_ps(out, _mm512_rsqrt14_ps(_mm512_loadu_ps(in)));
 }
 
@@ -69,8 +69,9 @@ static void print_value(float value) {
         printf("%.9g", (double)value);
 }
 
-// FNV-1a (Fowler, Noll, Vo), fed with whole results.
-static void describe(const char *name, sixteen function) {
+// Prints a function's hash, largest error and special values. The hash is FNV-1a (G. Fowler, L. C.
+// Noll, K.-P. Vo) over whole results.
+static void characterise(const char *name, rsqrt_16 function) {
     uint64_t hash = 0xcbf29ce484222325u;
     double worst = 0;
     float in[LANES], out[LANES];
@@ -101,12 +102,12 @@ int main(void) {
     unsigned a, vendor[4] = {0};
     __get_cpuid(0, &a, &vendor[0], &vendor[2], &vendor[1]); // EBX, EDX, ECX spell it
     printf("{\"vendor\": \"%.12s\", ", (const char *)vendor);
-    describe("rsqrtss", by_rsqrtss);
+    characterise("rsqrtss", apply_rsqrtss);
     printf(", ");
-    describe("rsqrtps", by_rsqrtps);
+    characterise("rsqrtps", apply_rsqrtps);
     printf(", ");
     if (__builtin_cpu_supports("avx512f"))
-        describe("rsqrt14", by_rsqrt14);
+        characterise("rsqrt14", apply_rsqrt14);
     else
         printf("\"rsqrt14\": null");
     printf("}\n");

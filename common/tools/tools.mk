@@ -1,14 +1,15 @@
-# Programs without a phase: what counts under QEMU, tables of reciprocal roots, known work.
+# Programs and libraries that belong to no phase.
 
-# Loaded by QEMU (scripts/study/qemu.py): no sanitizers.
-$(BUILD)/common/qemu_plugin.so: common/counting/qemu_plugin.c common/rules.mk $(BUILD)/common/toolchain
-	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -fPIC -fvisibility=hidden -shared $< -o $@
+# The plugin that QEMU loads (scripts/study/qemu.py). It is never built with sanitizers.
+QEMU_PLUGIN := common/counting/qemu_plugin.c common/counting/qemu_recording.c
+$(BUILD)/common/qemu_plugin.so: $(QEMU_PLUGIN) $(wildcard common/counting/qemu_*.h) common/tools/tools.mk common/rules.mk $(BUILD)/common/toolchain
+	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon -fPIC -fvisibility=hidden -shared $(QEMU_PLUGIN) -o $@
 
-# Tables of the CPU's approximate reciprocal roots (hard case 20).
+# Prints the results of the CPU's approximate reciprocal roots (hard case 20).
 $(BUILD)/rsqrt: $(BUILD)/common/tools/rsqrt.o
 	$(CC) $(SANITIZERS) $^ -lm -o $@
 
-# Work that is known (tests/calibration): plain, and with counted blocks.
+# A program whose counts are known (tests/calibration), plain and with counted blocks.
 CALIBRATION_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon
 $(BUILD)/calibration/calibrate: tests/calibration/calibrate.c common/rules.mk $(BUILD)/common/toolchain
 	@mkdir -p $(@D)

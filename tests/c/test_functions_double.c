@@ -1,5 +1,5 @@
 // flags: -mavx2 -mfma -ffp-contract=off
-// The bench's copies of opt3's log, exp and power (common/functions/own.h) give its very bits.
+// The bench's copies of opt3's log, exp and power (common/functions/polynomials.h) give its very bits.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,7 +12,7 @@
 
 #define BITS 256
 #define DOUBLE 1
-#include "../../common/functions/own.h"
+#include "../../common/functions/polynomials.h"
 
 enum { SAMPLES = 1 << 18 };
 
@@ -45,14 +45,14 @@ static __m256d near_one(__m256d a) {
 
 static void test_log(void **state) {
     (void)state;
-    same(log_of, own_log);
+    same(log_of, poly_log);
 }
 
 static void test_exp(void **state) {
     (void)state;
-    same(exp_of, own_exp);
+    same(exp_of, poly_exp);
     for (uint64_t i = 0; i < SAMPLES; i++) {
-        __m256d a = near_one(doubles_from(i)), expected = exp_of(a), got = own_exp(a);
+        __m256d a = near_one(doubles_from(i)), expected = exp_of(a), got = poly_exp(a);
         assert_memory_equal(&expected, &got, sizeof got);
     }
 }
@@ -62,7 +62,7 @@ static void test_power(void **state) {
     for (uint64_t i = 0; i < SAMPLES; i++) {
         __m256d a = near_one(doubles_from(i)), b = near_one(doubles_from(i + SAMPLES));
         a = absolute(a);
-        __m256d expected = power_of(a, b), got = own_pow(a, b);
+        __m256d expected = power_of(a, b), got = poly_pow(a, b);
         assert_memory_equal(&expected, &got, sizeof got);
     }
 }

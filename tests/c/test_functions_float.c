@@ -1,5 +1,5 @@
 // flags: -mavx2 -mfma -ffp-contract=off
-// The bench's copies of opt4's log, exp and power (common/functions/own.h) give its very bits.
+// The bench's copies of opt4's log, exp and power (common/functions/polynomials.h) give its very bits.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,7 +12,7 @@
 
 #define BITS 256
 #define DOUBLE 0
-#include "../../common/functions/own.h"
+#include "../../common/functions/polynomials.h"
 
 enum { STRIDE = 997 };
 
@@ -38,19 +38,19 @@ static void same(phase_function theirs, bench_function ours) {
 
 static void test_log(void **state) {
     (void)state;
-    same(log_of, own_log);
+    same(log_of, poly_log);
 }
 
 static void test_exp(void **state) {
     (void)state;
-    same(exp_of, own_exp);
+    same(exp_of, poly_exp);
 }
 
 static void test_power(void **state) {
     (void)state;
     for (uint32_t bits = 0x3a000000; bits < 0x46000000; bits += LANES * STRIDE) {
         __m256 a = floats_from(bits), b = floats_from(0x7e000000 - bits);
-        __m256 expected = power_of(a, b), got = own_pow(a, b);
+        __m256 expected = power_of(a, b), got = poly_pow(a, b);
         assert_memory_equal(&expected, &got, sizeof got);
     }
 }

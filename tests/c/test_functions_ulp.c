@@ -47,15 +47,15 @@ static void test_compare(void **state) {
         at.per_ulp[i] = ulps_per_unit(at.exact[i]);
     }
     struct error e = compare(&at, COUNT);
-    assert_true(e.most == 0.5 && e.count == COUNT && e.non_finite == 0);
-    assert_true(e.squares == 0.25 * (COUNT / 2));
+    assert_true(e.largest == 0.5 && e.count == COUNT && e.non_finite == 0);
+    assert_true(e.sum_of_squares == 0.25 * (COUNT / 2));
 
     uint32_t off;
     memcpy(&off, &at.got[1000], 4); // past the last whole group
     off += 3;
     memcpy(&at.got[1000], &off, 4);
     e = compare(&at, COUNT);
-    assert_true(e.most == 3);
+    assert_true(e.largest == 3);
     find_worst(&at, COUNT, &e);
     assert_true(e.worst_a == at.a[1000]);
 
@@ -63,17 +63,17 @@ static void test_compare(void **state) {
         at.got[i ? 1002 : 17] = i ? INFINITY : NAN;
         e = compare(&at, COUNT);
         assert_true(e.non_finite == (uint64_t)i + 1);
-        assert_true(isinf(e.most) && isfinite(e.squares));
+        assert_true(isinf(e.largest) && isfinite(e.sum_of_squares));
     }
 }
 
 static void test_add(void **state) {
     (void)state;
-    struct error sum = {0}, a = {.most = 2, .squares = 3, .worst_a = 7, .count = 5},
-                 b = {.most = 1, .squares = 4, .worst_a = 9, .count = 6, .non_finite = 1};
+    struct error sum = {0}, a = {.largest = 2, .sum_of_squares = 3, .worst_a = 7, .count = 5},
+                 b = {.largest = 1, .sum_of_squares = 4, .worst_a = 9, .count = 6, .non_finite = 1};
     error_add(&sum, &a);
     error_add(&sum, &b);
-    assert_true(sum.most == 2 && sum.squares == 7 && sum.worst_a == 7);
+    assert_true(sum.largest == 2 && sum.sum_of_squares == 7 && sum.worst_a == 7);
     assert_true(sum.count == 11 && sum.non_finite == 1);
 }
 

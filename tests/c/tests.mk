@@ -10,7 +10,7 @@ c-tests: $(C_TESTS)
 $(BUILD)/tests/test_tree: phases/opt9_convex/tree.c
 $(BUILD)/tests/test_vicinity: phases/opt9_convex/vicinity.c
 
-$(BUILD)/tests/%: tests/c/%.c $(SCENES) $(wildcard tests/c/*.h common/*.h common/*/*.[ch] phases/*/*.h) tests/c/tests.mk
+$(BUILD)/tests/%: tests/c/%.c $(SCENE_OBJECTS) $(wildcard tests/c/*.h common/*.h common/*/*.[ch] phases/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) \
-	    $< $(SCENES) $(LIBS) -lcmocka -o $@
+	    $< $(SCENE_OBJECTS) $(LIBS) -lcmocka -o $@

@@ -96,7 +96,7 @@ ARGUMENTS = {
     "-n 4 --help=1": "--help=1: unknown option",
     "-n 4 --frames 0": "--frames: 1 to 1000000 is required",
     "-n 4 --frames 2 --reps 2": "--frames and --reps exclude each other",
-    "-n 4 --first-frame 1": "--first-frame is of --frames",
+    "-n 4 --first-frame 1": "--first-frame needs --frames",
     "-n 4 --first-frame -1": "--first-frame: 0 to 1000000 is required",
     "-n 4 --frames 3 --first-frame 3": "--first-frame 3: an animation of 3 frames ends with frame 2",
     "-n 4 --frames 3": ": --frames: no shape has a path",

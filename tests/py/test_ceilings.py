@@ -124,7 +124,7 @@ def test_a_kernel_whose_work_is_wrong_is_noticed(tmp_path: Path, what: str, old:
     assert any(old in text for text in texts.values())
     for name, text in texts.items():
         (tmp_path / name).write_text(text.replace(old, new), encoding="utf-8")
-    sources = [*tmp_path.glob("*.c"), ROOT / "common" / "timer.c"]
+    sources = [*tmp_path.glob("*.c"), ROOT / "common" / "timing" / "timer.c"]
     command = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", f"-I{ROOT / 'common'}", *sources]
     subprocess.run([*command, "-lm", "-o", tmp_path / "wrong"], check=True)
     done = subprocess.run([tmp_path / "wrong", "--check"], capture_output=True, text=True)

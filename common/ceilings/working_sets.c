@@ -1,4 +1,5 @@
-#include "places.h"
+// See working_sets.h.
+#include "working_sets.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -8,8 +9,8 @@
 
 const char *const LEVEL_NAMES[LEVELS] = {"L1", "L2", "L3", "memory"};
 
-bool has(const char *feature) {
-    const char *limit = getenv("STEPWISE_ISA_LIMIT"); // as for the driver
+bool cpu_supports(const char *feature) {
+    const char *limit = getenv("STEPWISE_ISA_LIMIT"); // see driver/variant.h
     if (!feature)
         return true;
     if (limit && strcmp(limit, "none") == 0)
@@ -23,7 +24,7 @@ bool has(const char *feature) {
            (strcmp(feature, "avx512vl") == 0 && __builtin_cpu_supports("avx512vl"));
 }
 
-// A word of sysfs about one cache of CPU 0; "" where there is none.
+// Reads one property of a cache of CPU 0 from sysfs; "" if there is none.
 static void cache_word(int index, const char *name, char word[32]) {
     char path[96];
     word[0] = '\0';
@@ -36,8 +37,8 @@ static void cache_word(int index, const char *name, char word[32]) {
     fclose(file);
 }
 
-// Bytes of the data or unified cache of that level, by Linux's sysfs, else by the C library;
-// 0: unknown.
+// Returns the size in bytes of the data or unified cache of a level, from sysfs or else from the C
+// library. 0: unknown.
 static size_t cache_bytes(int level) {
     for (int index = 0; index < 8; index++) {
         char found[32], type[32], size[32];
@@ -54,6 +55,7 @@ static size_t cache_bytes(int level) {
     return bytes > 0 ? (size_t)bytes : 0;
 }
 
+// Returns the largest power of two up to `bytes`, at least 4096.
 static size_t power_of_two(double bytes) {
     size_t power = 4096;
     while (2.0 * (double)power <= bytes)
@@ -61,23 +63,26 @@ static size_t power_of_two(double bytes) {
     return power;
 }
 
-void find_places(struct place places[LEVELS]) {
+void choose_working_sets(struct working_set working_sets[LEVELS]) {
     size_t l1 = cache_bytes(1), l2 = cache_bytes(2), l3 = cache_bytes(3);
     double ram = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
     double most = fmin(512.0 * 1048576, ram / 4), four = 4.0 * (double)(l3 ? l3 : l2);
-    places[L1] = (struct place){l1, l1 ? power_of_two((double)l1 / 2) : 0, NULL, "half of L1"};
-    places[L2] = (struct place){l2, l2 ? power_of_two((double)l2 / 2) : 0, NULL, "half of L2"};
-    places[L3] =
-        (struct place){l3, l2 && l3 > 2 * l2 ? power_of_two(sqrt((double)l2 * (double)l3)) : 0,
-                       NULL, "geometric mean of L2 and L3"};
-    places[MEMORY] =
-        (struct place){0, 0, NULL, "four times L3, at most 512 MiB and a quarter of memory"};
-    places[MEMORY].working_set = l2 || l3 ? power_of_two(fmin(four, most)) : power_of_two(most);
+    working_sets[L1] =
+        (struct working_set){l1, l1 ? power_of_two((double)l1 / 2) : 0, NULL, "half of L1"};
+    working_sets[L2] =
+        (struct working_set){l2, l2 ? power_of_two((double)l2 / 2) : 0, NULL, "half of L2"};
+    working_sets[L3] = (struct working_set){
+        l3, l2 && l3 > 2 * l2 ? power_of_two(sqrt((double)l2 * (double)l3)) : 0, NULL,
+        "geometric mean of L2 and L3"};
+    working_sets[MEMORY] =
+        (struct working_set){0, 0, NULL, "four times L3, at most 512 MiB and a quarter of memory"};
+    working_sets[MEMORY].bytes = l2 || l3 ? power_of_two(fmin(four, most)) : power_of_two(most);
     for (int i = 0; i < LEVELS; i++)
-        if (!places[i].working_set)
-            places[i].why = "the system does not say how large this cache is, or it has none";
-    if (l3 && places[MEMORY].working_set <= l3) {
-        places[MEMORY].working_set = 0;
-        places[MEMORY].why = "a quarter of memory would still fit into L3";
+        if (!working_sets[i].bytes)
+            working_sets[i].missing =
+                "the system does not say how large this cache is, or it has none";
+    if (l3 && working_sets[MEMORY].bytes <= l3) {
+        working_sets[MEMORY].bytes = 0;
+        working_sets[MEMORY].missing = "a quarter of memory would still fit into L3";
     }
 }

@@ -1,29 +1,30 @@
-#include "expected.h"
+// See reference.h.
+#include "reference.h"
 
 #include <math.h>
 #include <stdio.h>
 
-// Older dividers stop early on quotients of few digits: these operands have all of theirs, in
-// every lane.
+// Operands with many significant digits in every lane: older dividers finish early on short
+// quotients.
 static const double FACTOR = 1.00001537, ADDEND = 0.3719;
 
-void start(const struct compute *c, union registers *r) {
-    enum form form = form_of(c->kind);
+void initial_registers(const struct arithmetic_kernel *c, union registers *r) {
+    enum form form = kernel_form(c->kind);
     for (int at = 0; at < REGISTERS; at++)
         for (int i = 0; i < SLOT / (c->is_double ? 8 : 4); i++) {
             double value = 1.0371 + 0.25 * at + 0.0137 * i;
-            if (form == RISING && at == 12)
-                value = 6 + 0.0137 * i; // above all it is to replace
+            if (form == RUNNING_MAX && at == 12)
+                value = 6 + 0.0137 * i; // larger than the registers that take its maximum
             if (at == 14)
-                value = form != CHAINS || c->kind == ADD ? ADDEND : FACTOR;
+                value = form != CHAINED || c->kind == ADD ? ADDEND : FACTOR;
             if (at == 15)
                 value = ADDEND;
             set_lane(r, c->is_double, at, i, value);
         }
 }
 
-// What a register of CHAINS has after one more step. Rounded as the precision at hand rounds.
-static double step(const struct compute *c, int at, double x) {
+// One step of a CHAINED kernel in register `at`, rounded to the kernel's precision.
+static double step(const struct arithmetic_kernel *c, int at, double x) {
     enum kind kind = c->kind == ADD_MUL       ? (at % 2 ? MUL : ADD)
                      : c->kind == ADD_2MUL    ? (at % 3 ? MUL : ADD)
                      : c->kind == TWO_ADD_MUL ? (at % 3 ? ADD : MUL)
@@ -41,7 +42,8 @@ static double step(const struct compute *c, int at, double x) {
                          : y / f;
 }
 
-static double risen(bool is_double, double x, long times) {
+// Adds ADDEND to x so many times, rounded to the precision.
+static double add_repeatedly(bool is_double, double x, long times) {
     float y = (float)x;
     for (long n = 0; n < times; n++)
         if (is_double)
@@ -51,23 +53,24 @@ static double risen(bool is_double, double x, long times) {
     return is_double ? x : (double)y;
 }
 
-void expect(const struct compute *c, long loops, const union registers *in, union registers *out) {
+void reference_result(const struct arithmetic_kernel *c, long loops, const union registers *in,
+                      union registers *out) {
     bool d = c->is_double;
     *out = *in;
-    for (int i = 0; i < lanes_of(c); i++)
-        switch (form_of(c->kind)) {
-        case CHAINS:
+    for (int i = 0; i < kernel_lanes(c); i++)
+        switch (kernel_form(c->kind)) {
+        case CHAINED:
             for (int at = 0; at < 14; at++) {
                 double x = lane(in, d, at, i);
-                for (long n = 0; n < TIMES * loops; n++)
+                for (long n = 0; n < BODY_REPEATS * loops; n++)
                     x = step(c, at, x);
                 set_lane(out, d, at, i, x);
             }
             break;
-        case APART:
+        case FROM_RISING:
             for (int at = 10; at < 14; at++) {
-                double last = risen(d, lane(in, d, at, i), TIMES * loops - 1);
-                set_lane(out, d, at, i, risen(d, last, 1));
+                double last = add_repeatedly(d, lane(in, d, at, i), BODY_REPEATS * loops - 1);
+                set_lane(out, d, at, i, add_repeatedly(d, last, 1));
                 for (int t = at - 10; t < 10; t += 4)
                     set_lane(out, d, t, i,
                              c->kind == RSQRT ? 1 / sqrt(last)
@@ -75,24 +78,24 @@ void expect(const struct compute *c, long loops, const union registers *in, unio
                                               : (double)sqrtf((float)last));
             }
             break;
-        case RISING: {
-            double last = risen(d, lane(in, d, 12, i), loops - 1);
+        case RUNNING_MAX: {
+            double last = add_repeatedly(d, lane(in, d, 12, i), loops - 1);
             for (int at = 0; at < 12; at++)
                 set_lane(out, d, at, i, last);
-            set_lane(out, d, 12, i, risen(d, last, 1));
+            set_lane(out, d, 12, i, add_repeatedly(d, last, 1));
         }
         }
 }
 
-bool work_done(const struct compute *c, const union registers *found, const union registers *wanted,
-               bool quiet) {
+bool matches_reference(const struct arithmetic_kernel *c, const union registers *found,
+                       const union registers *wanted, bool quiet) {
     for (int at = 0; at < REGISTERS; at++)
-        for (int i = 0; i < lanes_of(c); i++) {
+        for (int i = 0; i < kernel_lanes(c); i++) {
             double x = lane(found, c->is_double, at, i), y = lane(wanted, c->is_double, at, i);
             double allowed = at < 10 ? c->tolerance * fabs(y) : 0;
             if (!(fabs(x - y) <= allowed)) {
                 char name[64];
-                name_of(c, name);
+                kernel_name(c, name);
                 if (!quiet)
                     fprintf(stderr,
                             "ceilings: %s: register %d, lane %d is %.17g, must be %.17g: the "

@@ -1,5 +1,5 @@
-// One element at a time: libm, the bit trick, rsqrtss. DOUBLE is set by the file that includes
-// this.
+// Kernels that compute one element at a time: libm, the bit trick, rsqrtss. Compiled twice, with
+// DOUBLE defined as 0 and as 1 (functions.mk).
 //
 // The bit trick: constant of C. Lomont, "Fast inverse square root" (2003), for double of M.
 // Robertson, "A brief history of InvSqrt" (2012); with corrected Newton steps of L. Moroz, C.
@@ -14,21 +14,21 @@
 
 #if DOUBLE
 typedef double elem;
-typedef uint64_t bits_of;
+typedef uint64_t uelem;
 #define LIBM(NAME) NAME
-#define THIS scalar_double
-static const bits_of MAGIC = 0x5fe6eb50c7b537a9;
+#define TABLE_NAME scalar_double
+static const uelem LOMONT_MAGIC = 0x5fe6eb50c7b537a9;
 #else
 typedef float elem;
-typedef uint32_t bits_of;
+typedef uint32_t uelem;
 #define LIBM(NAME) NAME##f
-#define THIS scalar_float
-static const bits_of MAGIC = 0x5f375a86, MOROZ = 0x5f376908;
+#define TABLE_NAME scalar_float
+static const uelem LOMONT_MAGIC = 0x5f375a86, MOROZ_MAGIC = 0x5f376908;
 #endif
 typedef elem V;
-enum { WIDE = 1 };
+enum { VECTOR_LANES = 1 };
 
-static inline V vset(elem a) {
+static inline V vsplat(elem a) {
     return a;
 }
 static inline V vload(const void *from) {
@@ -39,32 +39,32 @@ static inline V vload(const void *from) {
 static inline void vstore(void *to, V a) {
     memcpy(to, &a, sizeof a);
 }
-static inline bits_of as_bits(V a) {
-    bits_of bits;
+static inline uelem as_bits(V a) {
+    uelem bits;
     memcpy(&bits, &a, sizeof bits);
     return bits;
 }
-static inline V from_bits(bits_of bits) {
+static inline V from_bits(uelem bits) {
     V a;
     memcpy(&a, &bits, sizeof a);
     return a;
 }
-static inline V linked(V a, V last, V none) {
+static inline V depend(V a, V last, V none) {
     return from_bits(as_bits(a) | (as_bits(last) & as_bits(none)));
 }
 
 #include "kernels.h"
 
-static inline V trick(V x, bits_of magic) {
+static inline V bit_trick(V x, uelem magic) {
     return from_bits(magic - (as_bits(x) >> 1));
 }
 
 UNARY(link, x)
 UNARY(libm_sqrt, LIBM(sqrt)(x))
 UNARY(libm_rsqrt, 1 / LIBM(sqrt)(x))
-UNARY(trick_0, trick(x, MAGIC))
-UNARY(trick_1, newton(x, trick(x, MAGIC)))
-UNARY(trick_2, newton(x, newton(x, trick(x, MAGIC))))
+UNARY(trick_0, bit_trick(x, LOMONT_MAGIC))
+UNARY(trick_1, newton(x, bit_trick(x, LOMONT_MAGIC)))
+UNARY(trick_2, newton(x, newton(x, bit_trick(x, LOMONT_MAGIC))))
 UNARY(libm_exp, LIBM(exp)(x))
 UNARY(libm_log, LIBM(log)(x))
 UNARY(libm_sin, LIBM(sin)(x))
@@ -74,25 +74,25 @@ BINARY(libm_pow, LIBM(pow)(x, y))
 BINARY(libm_atan2, LIBM(atan2)(x, y))
 #if !DOUBLE
 static inline V moroz_1(V x) {
-    V y = trick(x, MOROZ);
+    V y = bit_trick(x, MOROZ_MAGIC);
     return y * (1.50087896f - 0.5f * x * y * y);
 }
 static inline V moroz_2(V x) {
     V y = moroz_1(x);
     return y * (1.50000057f - 0.5f * x * y * y);
 }
-static inline V instruction(V x) {
+static inline V rsqrt_estimate(V x) {
     return _mm_cvtss_f32(_mm_rsqrt_ss(_mm_set_ss(x)));
 }
-UNARY(moroz_0, trick(x, MOROZ))
+UNARY(moroz_0, bit_trick(x, MOROZ_MAGIC))
 UNARY(moroz_1, moroz_1(x))
 UNARY(moroz_2, moroz_2(x))
-UNARY(rsqrtss_0, instruction(x))
-UNARY(rsqrtss_1, newton(x, instruction(x)))
-UNARY(rsqrtss_2, newton(x, newton(x, instruction(x))))
-UNARY(root_0, x *instruction(x))
-UNARY(root_1, x *newton(x, instruction(x)))
-UNARY(root_2, x *newton(x, newton(x, instruction(x))))
+UNARY(rsqrtss_0, rsqrt_estimate(x))
+UNARY(rsqrtss_1, newton(x, rsqrt_estimate(x)))
+UNARY(rsqrtss_2, newton(x, newton(x, rsqrt_estimate(x))))
+UNARY(sqrt_estimate_0, x *rsqrt_estimate(x))
+UNARY(sqrt_estimate_1, x *newton(x, rsqrt_estimate(x)))
+UNARY(sqrt_estimate_2, x *newton(x, newton(x, rsqrt_estimate(x))))
 #endif
 
 static const struct entry TABLE[] = {
@@ -116,14 +116,14 @@ static const struct entry TABLE[] = {
     ENTRY("rsqrt", "instruction", "rsqrtss + 0", rsqrtss_0),
     ENTRY("rsqrt", "instruction", "rsqrtss + 1", rsqrtss_1),
     ENTRY("rsqrt", "instruction", "rsqrtss + 2", rsqrtss_2),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 0", root_0),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 1", root_1),
-    ENTRY("sqrt", "instruction", "x·rsqrtss + 2", root_2),
+    ENTRY("sqrt", "instruction", "x·rsqrtss + 0", sqrt_estimate_0),
+    ENTRY("sqrt", "instruction", "x·rsqrtss + 1", sqrt_estimate_1),
+    ENTRY("sqrt", "instruction", "x·rsqrtss + 2", sqrt_estimate_2),
 #endif
 };
 
 #if !DOUBLE
-// The article's scalar loop.
+// The scalar loop of Bikker's article (normalise.c).
 static void aos(size_t n, float *v, float *y, float *z) {
     (void)y, (void)z;
     for (size_t i = 0; i < 3 * n; i += 3) {
@@ -140,7 +140,7 @@ static void soa(size_t n, float *x, float *y, float *z) {
 static const struct normaliser NORMALISERS[] = {{"1/sqrt", "AoS", aos}, {"1/sqrt", "SoA", soa}};
 #endif
 
-const struct entries THIS = {
+const struct entries TABLE_NAME = {
     .isa = "scalar",
     .needs = "sse2",
     .bits = 8 * sizeof(elem),
