@@ -1,39 +1,40 @@
-// Which scenes fit in the numbers: every range that a product's 32-bit factors and the roots ask for, held against the
-// scene with all the places its paths lead to, before anything is rendered.
+// Checks that a scene fits the number format, before anything is rendered: the factors of products have 32 bits, and
+// the article's roots have ranges. Shapes are taken wherever their paths lead.
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "format.h"
-#include "places.h"
+#include "path_distance.h"
 #include "scene.h"
 
-// Lengths of a scene, in scene units: the most that occur, and the least.
+// The largest and smallest lengths that occur in a scene, in scene units.
 struct extent {
     double lengths; // between any two points that are subtracted
     double radius_most, radius_least, reach;
-    double light;  // from the light to the furthest surface
-    double camera; // from the camera to the furthest centre
-    double across; // between the furthest two surfaces, and a ray's start off them
-    // The shape that the light comes nearest to, and how near; that it makes brightest, how bright, from how near.
-    int nearest, brightest;
-    double near, bright, bright_from;
+    double light;               // from the light to the furthest surface
+    double camera;              // from the camera to the furthest centre
+    double across;              // between the furthest two surfaces, and a ray's start off them
+    int nearest;                // the shape that the light comes nearest to
+    double near;                // from its surface to the light
+    int brightest;              // the shape that the light makes brightest
+    double bright, bright_from; // how bright, and at which distance of the light
 };
 
 static double norm(const double a[3]) {
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }
 
-// What the light makes of a shape at most, and what is multiplied on the way there: ambient 0.01, highlight 0.2 (tile.c).
-// The side that is nearest may be in the dark: then a scene is refused that could be drawn.
+// Notes how bright the light can make a shape, and the factors on the way there: ambient 0.01, highlight 0.2 (shade.h).
+// The nearest side may be in the dark: then a scene is refused that could be drawn.
 static void measure_light(struct extent *e, int i, const struct model *model,
                           const struct view *view) {
     const struct shape *shape = &model->shapes[i];
     const double *color = model->materials[shape->material].color, *emission = view->light_emission;
     double radius = shape->sphere.radius, most = fmax(emission[0], fmax(emission[1], emission[2]));
-    struct places light = places_of(shape, view->light_position);
-    if (!(most > 0) || light.furthest < radius) // inside at every time: the surface is turned away
+    struct distance_range light = path_distance(shape, view->light_position);
+    if (!(most > 0) || light.furthest < radius) // always inside of the sphere: its surface is unlit
         return;
     double near = fmax(light.nearest - radius, 0), reach = most / near;
     double colour = fmax(color[0], fmax(color[1], color[2]));
@@ -55,7 +56,7 @@ static struct extent measure(const struct model *model, const struct view *view)
     double centre = 0;
     for (int i = 0; i < model->shape_count; i++) {
         const struct shape *shape = &model->shapes[i];
-        double radius = shape->sphere.radius, far = places_of(shape, origin).furthest;
+        double radius = shape->sphere.radius, far = path_distance(shape, origin).furthest;
         e.radius_most = fmax(e.radius_most, radius);
         e.radius_least = fmin(e.radius_least, radius);
         centre = fmax(centre, far);
@@ -69,9 +70,9 @@ static struct extent measure(const struct model *model, const struct view *view)
     return e;
 }
 
-// The largest of the numbers that are not lengths, and its name.
-static double brightest(const struct model *model, const struct view *view, double unit,
-                        const char **what) {
+// Returns the largest number that is not a length, and its name in `what`.
+static double largest_colour(const struct model *model, const struct view *view, double unit,
+                             const char **what) {
     double most = 0;
     *what = "nothing";
     for (int k = 0; k < 3; k++) {
@@ -93,7 +94,8 @@ static double brightest(const struct model *model, const struct view *view, doub
     return most;
 }
 
-static int bits_before(double a) {
+// Bits before the point of numbers up to a; at least 1.
+static int whole_bits(double a) {
     int exponent;
     frexp(a, &exponent);
     return exponent > 1 ? exponent : 1;
@@ -102,10 +104,10 @@ static int bits_before(double a) {
 static bool article_fits(const struct extent *e, struct format *f, char error[512]) {
     double unit = ldexp(1, f->unit), square = e->lengths / unit * (e->lengths / unit);
     double radius = e->radius_most / unit, smallest = e->radius_least / unit;
-    f->near = 23 - f->bits;
-    // the camera's directions, which directions_shorter makes less than four long, are normalised by it too
-    f->wide = bits_before(fmax(square, 16) * 1.01);
-    if (f->near < 1) {
+    f->sqrt_whole_bits = 23 - f->bits;
+    // the camera's directions, scaled to be shorter than 4 (direction_shift), are normalised by it too
+    f->rsqrt_whole_bits = whole_bits(fmax(square, 16) * 1.01);
+    if (f->sqrt_whole_bits < 1) {
         snprintf(
             error, 512,
             "%d bits of fraction: the article's root is of 23 bits, of which 22 may be fraction "
@@ -113,15 +115,15 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
             f->bits);
         return false;
     }
-    if (!(radius * radius < 0.9 * ldexp(1, f->near))) {
+    if (!(radius * radius < 0.9 * ldexp(1, f->sqrt_whole_bits))) {
         snprintf(
             error, 512,
             "a radius of %g: the article's root of %d bits of fraction takes squares of less than "
             "%g units (STEPWISE_FIXED: fewer bits, a larger unit or roots=2)",
-            e->radius_most, f->bits, 0.9 * ldexp(1, f->near));
+            e->radius_most, f->bits, 0.9 * ldexp(1, f->sqrt_whole_bits));
         return false;
     }
-    if (f->wide > 31 - f->bits) {
+    if (f->rsqrt_whole_bits > 31 - f->bits) {
         snprintf(
             error, 512,
             "lengths of up to %g: the article's 1/root of %d bits of fraction takes squares of "
@@ -130,14 +132,14 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
             e->lengths, f->bits, ldexp(1, 31 - f->bits), square);
         return false;
     }
-    int down = f->bits - (23 - f->wide);
-    f->to_wide = down > 0 ? down : 0;
-    f->from_wide = down < 0 ? -down : 0;
+    int down = f->bits - (23 - f->rsqrt_whole_bits);
+    f->rsqrt_shift_right = down > 0 ? down : 0;
+    f->rsqrt_shift_left = down < 0 ? -down : 0;
     // (1/√a)², a few percent too large, is a factor: below 2^(31 − bits)
-    double least = 1.25 * fmax(ldexp(1, f->bits - 31), ldexp(1, -2 * f->wide));
-    // Of less, the bit that half of it loses is more than a percent, or a float's 23 bits have lost too much.
-    least = fmax(least, fmax(ldexp(64, -f->bits), ldexp(16, f->wide - 23)));
-    f->least = (int64_t)ceil(ldexp(least, f->bits));
+    double least = 1.25 * fmax(ldexp(1, f->bits - 31), ldexp(1, -2 * f->rsqrt_whole_bits));
+    // Half of a smaller one loses more than a percent, or a float's 23 bits have lost too much of it.
+    least = fmax(least, fmax(ldexp(64, -f->bits), ldexp(16, f->rsqrt_whole_bits - 23)));
+    f->rsqrt_least = (int64_t)ceil(ldexp(least, f->bits));
     if (!(smallest * smallest > least)) {
         snprintf(
             error, 512,
@@ -146,7 +148,7 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
             e->radius_least, f->bits, least);
         return false;
     }
-    // What is nearer has the clamped square's 1/root; hits are up to 0.0607 of half a chord outside of the sphere.
+    // A nearer light gets the 1/root of `least`. Hits may lie 0.0607 of half a chord in front of the sphere.
     double drawn = e->near - 0.0607 * e->radius_most;
     if (!(drawn / unit > sqrt(least))) {
         snprintf(
@@ -160,18 +162,12 @@ static bool article_fits(const struct extent *e, struct format *f, char error[51
     return true;
 }
 
-int directions_shorter(const struct view *view, double aspect) {
-    int exponent;
-    frexp(hypot(1, view->tan_half_fov * hypot(aspect, 1)) / 4, &exponent);
-    return exponent > 0 ? exponent : 0;
-}
-
 bool directions_fit(const struct format *f, const struct view *view, double aspect,
                     char error[512]) {
-    double shortest = ldexp(1, -2 * directions_shorter(view, aspect));
-    // rounding takes up to nine last bits of a square
-    double least = ldexp((double)f->least + 10, -f->bits);
-    if (f->steps > 0 || shortest > least)
+    double shortest = ldexp(1, -2 * direction_shift(view, aspect));
+    // Rounding may take nine last bits off a square.
+    double least = ldexp((double)f->rsqrt_least + 10, -f->bits);
+    if (f->newton_steps > 0 || shortest > least)
         return true;
     snprintf(
         error, 512,
@@ -182,7 +178,7 @@ bool directions_fit(const struct format *f, const struct view *view, double aspe
     return false;
 }
 
-// Nearer than some last bits a distance to the light is rounding.
+// A distance to the light of less than 64 last bits would be rounding, and no product may exceed `most`.
 static bool light_fits(const struct extent *e, const struct format *f, double most,
                        char error[512]) {
     double last = ldexp(1, f->unit - f->bits);
@@ -204,12 +200,12 @@ static bool light_fits(const struct extent *e, const struct format *f, double mo
     return true;
 }
 
-// Where `f` has a unit.
+// Whether all numbers fit the format f, in its unit.
 static bool fits(const struct model *model, const struct view *view, const struct extent *e,
                  struct format *f, char error[512]) {
     double unit = ldexp(1, f->unit), most = ldexp(1, 31 - f->bits) * (1 - 0x1p-6);
     const char *what;
-    double colour = brightest(model, view, unit, &what);
+    double colour = largest_colour(model, view, unit, &what);
     const char *longest = e->lengths == e->light    ? "the light and a surface may be"
                           : e->lengths == e->camera ? "the camera and a shape may be"
                                                     : "two surfaces, with surface_offset, may be";
@@ -237,7 +233,7 @@ static bool fits(const struct model *model, const struct view *view, const struc
                  e->radius_least, ldexp(unit, -f->bits), f->bits);
         return false;
     }
-    return f->steps > 0 || article_fits(e, f, error);
+    return f->newton_steps > 0 || article_fits(e, f, error);
 }
 
 bool format_fit(const struct settings *settings, const struct model *model, const struct view *view,
@@ -246,15 +242,10 @@ bool format_fit(const struct settings *settings, const struct model *model, cons
     int unit = settings->unit < 0 ? 0 : settings->unit, last = settings->unit < 0 ? 10 : unit;
     char why[512] = "";
     for (; unit <= last; unit++) {
-        *f = (struct format){.bits = settings->bits,
-                             .unit = unit,
-                             .steps = settings->steps,
-                             .clear = settings->clear,
-                             .scale = ldexp(1, -settings->bits),
-                             .length = ldexp(1, unit - settings->bits)};
+        *f = format_make(settings, unit);
         if (fits(model, view, &extent, f, error))
             return true;
-        // of unit=auto: what is wrong with the first unit that lengths fit in, not that of the last
+        // For unit=auto, the error of the first unit that the lengths fit in says most.
         if (!*why && ldexp(extent.lengths, -unit) < ldexp(1, 31 - f->bits))
             memcpy(why, error, sizeof why);
     }
