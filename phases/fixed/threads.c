@@ -113,13 +113,13 @@ static void start_workers(struct team *team) {
         pthread_cond_wait(&team->rest, &team->lock);
     pthread_mutex_unlock(&team->lock);
     if (error)
-        fprintf(stderr, "threads: %d of %d threads could be had (%s); they do the whole work\n",
+        fprintf(stderr, "fixed: %d of %d threads could be had (%s); they do the whole work\n",
                 started, wanted, strerror(error));
 }
 
 static void report_unpinned(struct team *team, int failed, int error) {
     if (failed > 0 && !team->reported)
-        fprintf(stderr, "threads: %d of %d threads cannot be pinned (%s); they go on unpinned\n",
+        fprintf(stderr, "fixed: %d of %d threads cannot be pinned (%s); they go on unpinned\n",
                 failed, team->count, strerror(error));
     team->reported = team->reported || failed > 0;
 }
