@@ -31,16 +31,16 @@ TERMS = {
     """,
     "light and colour": """
         bring_light direct_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_*
-        all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
-        material_seen
+        all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature
+        graze grazed material_seen
     """,
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_* get_cones intervals_of list_of_cone
         lower_bound upper_bound march_cones meet way_out shapes_in look look_through look_at_*
         look_from_plane cone_leaves exact_* in_picture convex_tile render_block tables_set_view *block_range
-        reach_* reached cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
-        entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until ends_of
-        most_bound prove nothing_proved
+        reach_* reached cell_reached range_of frustum_of crowd_in most_along proper go_along go_together
+        leaf_of_type entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until
+        ends_of most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
     """,
