@@ -31,6 +31,8 @@ phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10: p
 
 phase-%: $(BUILD)/%/render ; @: ## build one phase, e.g. make phase-opt3
 
+tree-%: ; @echo $(call tree_of,$*) ## where the whole source tree of one phase is, e.g. make tree-opt5_threads
+
 phases: $(PHASES:%=$(BUILD)/%/render) ## build every phase
 
 verify: setup ## pictures of PHASE=… (default: all) against baseline's at N=360, judged by each phase's tolerance
@@ -90,11 +92,11 @@ systems: setup ## what other articles built, beside the ladder: rod marching, pa
 report: setup ## the page, tables and figures of the newest run again, from its files alone
 	@$(PY) scripts/report.py $(ARGS)
 
-new-phase: setup ## NAME=opt4b FROM=opt4: copy a phase to start one of your own
-	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM))
+new-phase: setup ## NAME=opt4b FROM=opt4: start a phase of your own, derived from FROM; WHOLE=1: with a copy of its files
+	@$(PY) scripts/new_phase.py $(if $(NAME),--name $(NAME)) $(if $(FROM),--from $(FROM)) $(if $(WHOLE),--whole)
 
 format: setup-test ## rewrite C and Python in the house style
-	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.[ch] tests/c/*.[ch] tests/calibration/*.c tests/emulate/*.[ch])
+	@.venv/bin/clang-format -i $(wildcard common/*.[ch] common/*/*.[ch] phases/*/*.[ch] phases/*/*/*.[ch] tests/*/*.[ch])
 	@.venv/bin/ruff format -q scripts tests common && .venv/bin/ruff check -q --fix scripts tests common
 
 setup:

@@ -1,5 +1,5 @@
 // The only interface between a phase and the house. A phase is a folder phases/NAME that defines
-// these functions; common/driver.c is the only main.
+// these functions; common/driver/driver.c is the only main.
 //
 // The rule: code inside the timed region belongs to the phase; code outside it, or that must be the
 // same for a fair comparison, belongs to common/. A phase includes nothing of another phase.
@@ -9,8 +9,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "frame.h"
-#include "scene.h"
+#include "frame/frame.h"
+#include "scene/scene.h"
 
 struct prepared; // the phase's own
 

@@ -33,7 +33,9 @@ def pairs(phases: Iterable[str] | None, scenes: Iterable[str]) -> list[tuple[Spe
         if "+" in spec.phase:
             build(spec, "render-count")  # its patched source, costs.def among it, is made by its build
         if not registry.find_phase(spec.phase).file("costs.def").is_file():
-            text = f"phases/{spec.phase}/costs.def is missing: FLOPs per function, see common/flops.h"
+            text = (
+                f"phases/{spec.phase}/costs.def is missing: FLOPs per function, see common/counting/flops.h"
+            )
             if phases:
                 raise StudyError(text)
             cli.say(f"left out: {text}")

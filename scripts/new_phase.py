@@ -1,5 +1,9 @@
 #!/usr/bin/env python3
-"""Starts a new phase as a copy of another: same sources, a phase.json and NOTES.md to be filled in."""
+"""Starts a new phase from another one, with a phase.json and NOTES.md to be filled in.
+
+The new phase is derived: its folder holds only the files that differ from the parent's, none at first. With
+--whole it gets a copy of every source file.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from study import cli, registry
+from study import cli, patches, registry
 from study.cli import StudyError
 
 BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built too
@@ -21,31 +25,38 @@ BUILD_FOLDERS = {  # what else is made in build/, where a phase would be built t
 }
 
 NOTES = """\
-# {name}
+# {name}: FILL IN the idea in a few words
 
-Copied from `{parent}`. The difference to it, and nothing else, is this phase's lesson:
-`diff -ru phases/{parent} phases/{name}`.
+## Bottleneck
 
-## Bottleneck of {parent}, measured
+What bounds `{parent}`, and the measurement that shows it.
 
-What bounds {parent}, and the measurement that shows it.
+## Idea
 
-## Change
-
-What is done about it, and in which files.
+What {name} does about it, in about five sentences, and the lines of code that matter.
 
 ## Prediction
 
 How much faster, on which scenes, and at what error. Written down before it is measured.
 
-## Outcome
+## Result
 
-What came out (median, 95 % interval, unit, machine), and why if it is not what was predicted.
+Median, 95 % interval, unit and machine, and why if they are not what was predicted.
+
+## Limits
+
+Where it does not help, and what it costs in error.
+
+## Read next
+
+Papers and programs that the idea comes from.
 """
 
 
-def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
-    """Copy phases/PARENT to phases/NAME, visible only when it is whole. Returns the new folder.
+def create(name: str, parent: str, root: Path = registry.ROOT, whole: bool = False) -> Path:
+    """Make phases/NAME, visible only when it is complete. Returns the new folder.
+
+    Derived from `parent`, or `whole`: with a copy of each of the parent's sources.
 
     Raises StudyError for a bad or taken name, an unknown parent, and a disk that does not take it.
     """
@@ -62,22 +73,23 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
             f"'{parent}' is an ablation; a phase is made from a phase, and its patch applied then"
         )
     base = registry.find_phase(parent, root)
-    described = json.loads((base.path / "phase.json").read_text(encoding="utf-8"))
+    inherited = {k: v for k, v in patches.about(parent, root).items() if k not in ("derives", "without")}
+    described = inherited if whole else {"family": base.family}
     described |= {
         "name": name,
         "title": f"FILL IN: what {name} is called in tables, in a few words",
         "order": 1 + max(phase.order for phase in phases.values() if phase.family == base.family),
         "parent": parent,
+        **({} if whole else {"derives": parent}),
         "idea": f"FILL IN: what changes against {parent} and why that should be faster, in one sentence",
         "paper": None,
     }
     temporary = None
     try:
         temporary = Path(tempfile.mkdtemp(dir=root / "phases", prefix=f".{name}."))
-        own = shutil.ignore_patterns(
-            "ablations", "HISTORY.md"
-        )  # patches of the parent's own steps, its diary
-        shutil.copytree(base.path, temporary, symlinks=True, dirs_exist_ok=True, ignore=own)
+        for file, path in patches.files(parent, root).items() if whole else ():
+            (temporary / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, temporary / file)
         text = json.dumps(described, indent=4, ensure_ascii=False)
         (temporary / "phase.json").write_text(text + "\n", encoding="utf-8")
         (temporary / "NOTES.md").write_text(NOTES.format(name=name, parent=parent), encoding="utf-8")
@@ -94,22 +106,31 @@ def create(name: str, parent: str, root: Path = registry.ROOT) -> Path:
 def arguments() -> argparse.Namespace:
     parser = cli.parser(__doc__)
     parser.add_argument("--name", required=True, help="of the new phase, like opt4b")
-    parser.add_argument("--from", required=True, dest="parent", metavar="PHASE", help="to copy, like opt4")
+    parser.add_argument("--from", required=True, dest="parent", metavar="PHASE", help="its parent, like opt4")
+    parser.add_argument("--whole", action="store_true", help="copy every source file of the parent")
     return parser.parse_args()
 
 
 def main() -> int:
     options = arguments()
-    folder = create(options.name, options.parent)
+    folder = create(options.name, options.parent, whole=options.whole)
     shown = folder.relative_to(registry.ROOT)
     if options.json:
         cli.emit({"phase": options.name, "parent": options.parent, "folder": shown})
         return cli.OK
-    print(f"{shown} is a copy of phases/{options.parent}. Next:")
+    print(f"{shown} {'is a copy of' if options.whole else 'derives from'} phases/{options.parent}. Next:")
     print(f"  1. fill in title and idea in {shown}/phase.json, bottleneck and prediction in {shown}/NOTES.md")
-    print(f"  2. change the code; make phase-{options.name} builds it")
-    print(f"  3. scripts/verify.py --phase {options.name}")
-    print(f"  4. scripts/sweep.py --phase {options.parent} {options.name}")
+    if options.whole:
+        print(f"  2. change the code; make phase-{options.name} builds it")
+    else:
+        tree = patches.files(options.parent)
+        source = tree.get("march.c") or next(iter(tree.values()))
+        print(f"  2. copy a file that you want to change: cp {source.relative_to(registry.ROOT)} {shown}/")
+        print(
+            f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
+        )
+    print(f"  3. make verify PHASE={options.name}")
+    print(f'  4. make sweep PHASE="{options.parent} {options.name}"')
     return cli.OK
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import contextvars
 import functools
-import json
 import os
 import re
 import shutil
@@ -26,6 +25,10 @@ from pathlib import Path
 from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+
+from study import patches  # noqa: E402  (standard library only)
+
 RESULTS = ROOT / "build" / "test-results"
 JOBS = str(len(os.sched_getaffinity(0)))
 # One more than there are cores: many tests start processes that pin themselves to a core, others wait. With
@@ -149,15 +152,20 @@ def c_tally(source: Path, compiler: str) -> Tally:
 
 
 def phases_with(file: str) -> list[str]:
-    """Names of the phases that have that file, the longest first: no core waits for the last of them."""
-    folders = [path.parent for path in (ROOT / "phases").glob(f"*/{file}")]
-    sizes = {folder.name: sum(path.stat().st_size for path in folder.glob("*.[ch]")) for folder in folders}
+    """Names of the phases whose tree has that file, the longest first: no core waits for the last of them."""
+    names = [path.parent.name for path in (ROOT / "phases").glob("*/phase.json")]
+    trees = {name: patches.files(name) for name in names}
+    sizes = {
+        name: sum(path.stat().st_size for path in tree.values())
+        for name, tree in trees.items()
+        if file in tree or file == "phase.json"
+    }
     return sorted(sizes, key=lambda name: (-sizes[name], name))
 
 
 def embeds(phase: str) -> bool:
     """Whether it compiles itself where it runs: what is counted is its parent's code again (test_blocks)."""
-    return "embedded" in json.loads((ROOT / "phases" / phase / "phase.json").read_text())
+    return "embedded" in patches.about(phase)
 
 
 def systems() -> set[str]:

@@ -26,7 +26,7 @@
 #include "check.h"
 #include "measure.h"
 #include "report.h"
-#include "timer.h"
+#include "timing/timer.h"
 
 struct options {
     bool json, check;

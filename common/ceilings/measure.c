@@ -5,7 +5,7 @@
 #include <sys/mman.h>
 
 #include "expected.h"
-#include "timer.h"
+#include "timing/timer.h"
 
 enum { ROUNDS = 5 };
 

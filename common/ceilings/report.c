@@ -2,7 +2,7 @@
 
 #include <stdio.h>
 
-#include "timer.h"
+#include "timing/timer.h"
 
 static const char *const UNSTEADY = "the core clock never held still long enough";
 

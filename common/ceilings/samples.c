@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "timer.h"
+#include "timing/timer.h"
 
 double seconds_of(const struct clocks *clocks, uint64_t ticks) {
     return (double)(ticks > clocks->overhead ? ticks - clocks->overhead : 1) / clocks->tsc_hz;

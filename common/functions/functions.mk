@@ -8,14 +8,14 @@ FUNCTIONS_KERNEL := -O3 -ffp-contract=off -fno-math-errno -fno-tree-vectorize -f
 functions_flags = $(if $(findstring avx512,$(1)),-mavx512f -mavx512dq -mfma,$(if $(findstring avx2,$(1)),-mavx2 -mfma,$(if $(findstring sse,$(1)),-msse4.1)))
 
 # MPFR installed later builds anew.
+$(BUILD)/functions/mpfr: LINE = $(FUNCTIONS_MPFR)
 $(BUILD)/functions/mpfr: FORCE
-	@mkdir -p $(@D)
-	@echo '$(FUNCTIONS_MPFR)' | cmp -s - $@ || echo '$(FUNCTIONS_MPFR)' >$@
+	$(write_line)
 
-$(BUILD)/functions/%.o: $(FUNCTIONS)/%.c $(wildcard $(FUNCTIONS)/*.h) common/timer.h $(FUNCTIONS)/functions.mk $(BUILD)/common/toolchain $(BUILD)/functions/mpfr
+$(BUILD)/functions/%.o: $(FUNCTIONS)/%.c $(wildcard $(FUNCTIONS)/*.h) common/timing/timer.h $(FUNCTIONS)/functions.mk $(BUILD)/common/toolchain $(BUILD)/functions/mpfr
 	@mkdir -p $(@D)
-	$(CC) -std=c11 -D_GNU_SOURCE $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR) \
+	$(CC) -std=c11 -D_GNU_SOURCE -Icommon $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR) \
 	    $(if $(filter wide_% scalar_%,$*),$(FUNCTIONS_KERNEL),-O3 -fno-trapping-math) $(call functions_flags,$*) -c $< -o $@
 
-$(BUILD)/functions/bench: $(FUNCTIONS_OBJECTS) $(BUILD)/common/timer.o
+$(BUILD)/functions/bench: $(FUNCTIONS_OBJECTS) $(BUILD)/common/timing/timer.o
 	$(CC) $(SANITIZERS) $^ $(FUNCTIONS_MPFR) -lm -ldl -lpthread -o $@

@@ -7,8 +7,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../timer.h"
 #include "bench.h"
+#include "timing/timer.h"
 
 enum { MOST = 32, PASS_NS = 300000 }; // least length of a sample, well under a time slice
 

@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../timer.h"
 #include "bench.h"
+#include "timing/timer.h"
 
 enum { ELEMENTS = 1024, NS = 60000 }; // NS: least length of a sample
 

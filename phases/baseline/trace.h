@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "vec.h"
 
 struct world {

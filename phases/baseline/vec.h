@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 
 // A call must stay a call: that is what makes this the baseline. gcc would still clone a noinline
 // function for its arguments, which noipa forbids; clang has no such attribute and may specialise.

@@ -1,7 +1,7 @@
 // The camera's basis in numbers, scaled so that every factor of a product fits 32 bits.
 #include <math.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "scene_tables.h"
 
 enum { FACTOR_BITS = 30, DIRECTION_BITS = 28 }; // of a factor: in all, and of a direction below 4

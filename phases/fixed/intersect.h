@@ -4,7 +4,7 @@
 #ifndef FIXED_INTERSECT_H
 #define FIXED_INTERSECT_H
 
-#include "flops.h"
+#include "counting/flops.h"
 #include "number.h"
 #include "scene_tables.h"
 

@@ -2,7 +2,7 @@
 #ifndef FIXED_PATH_DISTANCE_H
 #define FIXED_PATH_DISTANCE_H
 
-#include "scene.h"
+#include "scene/scene.h"
 
 struct distance_range {
     double nearest, furthest;

@@ -7,7 +7,7 @@
 
 #include "format.h"
 #include "path_distance.h"
-#include "scene.h"
+#include "scene/scene.h"
 
 // The largest and smallest lengths that occur in a scene, in scene units.
 struct extent {

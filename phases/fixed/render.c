@@ -6,11 +6,11 @@
 #include <stdlib.h>
 
 #include "config.h"
+#include "driver/variant.h"
 #include "path_distance.h"
 #include "phase.h"
 #include "scene_tables.h"
 #include "threads.h"
-#include "variant.h"
 
 struct prepared {
     struct model model;

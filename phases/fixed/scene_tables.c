@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 
 static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

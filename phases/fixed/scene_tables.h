@@ -3,9 +3,9 @@
 #define FIXED_SCENE_TABLES_H
 
 #include "format.h"
-#include "frame.h"
+#include "frame/frame.h"
 #include "scalar.h"
-#include "scene.h"
+#include "scene/scene.h"
 
 enum { BLOCK = 16 }; // side of a block in pixels, as in the article
 

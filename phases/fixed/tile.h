@@ -2,7 +2,7 @@
 #ifndef FIXED_TILE_H
 #define FIXED_TILE_H
 
-#include "frame.h"
+#include "frame/frame.h"
 #include "scene_tables.h"
 
 enum { TILE_BLOCKS = 4 };

@@ -8,7 +8,7 @@
 #ifndef OPT1_SDF_H
 #define OPT1_SDF_H
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "vec.h"
 
 CALL double clamp(double x, double low, double high) {

@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 
 // A call must stay a call, as in the baseline: this rung changes what is passed, not what is
 // inlined.

@@ -1,4 +1,4 @@
-// The root of a generated kernel: common/phase_info.py puts what this includes in its place and into the program,
+// The root of a generated kernel: common/build/phase_info.py puts what this includes in its place and into the program,
 // sources.c puts scene_kernel.h where it belongs.
 #define SCENE_KERNEL 1
 #include "kernel.h"

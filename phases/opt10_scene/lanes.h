@@ -38,7 +38,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 
 #if LANES == 16
 #include "lanes16.h"

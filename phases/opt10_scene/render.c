@@ -4,10 +4,10 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "flops.h"
+#include "counting/flops.h"
+#include "driver/variant.h"
 #include "kernel.h"
 #include "threads.h"
-#include "variant.h"
 
 // Of a generated kernel; without a Mandelbulb half as many are a crowd.
 enum { MOST_SHAPES = 64 };

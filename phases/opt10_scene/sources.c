@@ -1,4 +1,4 @@
-// The kernel's source: it is in the program itself (embedded.h, by common/phase_info.py), so that no source
+// The kernel's source: it is in the program itself (embedded.h, by common/build/phase_info.py), so that no source
 // tree is needed where it runs.
 #include <stdio.h>
 #include <stdlib.h>

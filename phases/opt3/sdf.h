@@ -8,7 +8,7 @@
 #ifndef OPT3_SDF_H
 #define OPT3_SDF_H
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "vec.h"
 
 // A shape as the march wants it: what is evaluated, and nothing else.

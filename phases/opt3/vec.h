@@ -10,7 +10,7 @@
 #include <math.h>
 #include <stdbool.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 
 enum { LANES = 4 };
 

@@ -10,7 +10,7 @@
 #ifndef OPT4_SDF_H
 #define OPT4_SDF_H
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "vec.h"
 
 // What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "driver/variant.h"
 #include "placed.h"
 #include "threads.h"
-#include "variant.h"
 
 // What the march reads is `prepared`, as in opt4; the team stands behind it.
 struct kept {

@@ -4,10 +4,10 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "flops.h"
+#include "counting/flops.h"
+#include "driver/variant.h"
 #include "placed.h"
 #include "threads.h"
-#include "variant.h"
 
 // What a tile reads is `prepared`; the team stands behind it.
 struct kept {

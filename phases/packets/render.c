@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "driver/variant.h"
 #include "placed.h"
 #include "threads.h"
-#include "variant.h"
 
 // What the kernels read is `prepared`; the team stands behind it.
 struct kept {

@@ -8,7 +8,7 @@
 
 #include <stdbool.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "settings.h"
 
 // Not fminf() and fmaxf(): calls of SSE code, which wait for what AVX-512 has left in the upper halves of the registers

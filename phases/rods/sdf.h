@@ -7,7 +7,7 @@
 #ifndef RODS_SDF_H
 #define RODS_SDF_H
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "settings.h"
 #include "vec.h"
 

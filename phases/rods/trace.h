@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "frame.h"
+#include "frame/frame.h"
 #include "sdf.h"
 
 struct world {

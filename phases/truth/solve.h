@@ -6,7 +6,7 @@
 
 #include "dd.h"
 #include "interval.h"
-#include "scene.h"
+#include "scene/scene.h"
 
 // Which part of a shape's surface: half-spaces by number (box: 2·axis + upper; octahedron: bits of
 // the signs; cone: BOTTOM, TOP, SIDE), or the side of the cell that a repeated shape is clipped to.

@@ -2,7 +2,7 @@
 #ifndef TRUTH_TRACE_H
 #define TRUTH_TRACE_H
 
-#include "scene.h"
+#include "scene/scene.h"
 #include "solve.h"
 
 // The names of phase.json's "planes", in its order.

@@ -4,7 +4,7 @@ Run by make (common/rules.mk) on the FILE.s of a phase; makes, in one folder,
     plain/FILE.o    the text as it is, with a local symbol at the start of each block. Symbols emit no bytes:
                     it is the shipped code, byte for byte, and where each block's bytes lie is known;
     counted/FILE.o  the same with counters, which is what runs;
-    table.json      what each counter stands for, for study.blocks; blocks_table.h for common/blocks.c.
+    table.json      what each counter stands for, for study.blocks; blocks_table.h for counting/blocks.c.
 
 study.assembly_source has the text's blocks, study.assembly_counters what counts them.
 """

@@ -1,4 +1,4 @@
-"""phases/NAME/costs.def as Python reads it (the format is at the head of common/flops.h), and residues.def.
+"""phases/NAME/costs.def as Python reads it (its format: common/counting/flops.h), and residues.def.
 
 A line of residues.def, RESIDUE(build, function, part, kind, least, most) // why, says where a compiler's code
 does otherwise than costs.def: so many operations more per lane and execution of the part. No count has it in.

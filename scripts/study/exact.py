@@ -76,7 +76,7 @@ def _cross(a: list[float], b: list[float]) -> list[float]:
 
 
 def _view(scene: Scene) -> tuple[list[float], list[float], list[float], list[float], Fraction]:
-    """Position, right, up, forward, tan of half the field of view: the doubles of common/scene.c."""
+    """Position, right, up, forward, tan of half the field of view: the doubles of common/scene/scene.c."""
     position, look_at, up = ([float(x) for x in scene.camera[k]] for k in ("position", "look_at", "up"))
     forward = _unit([a - b for a, b in zip(look_at, position, strict=True)])
     right = _unit(_cross(_unit(up), forward))

@@ -1,6 +1,6 @@
 """FLOPs of the phases: declared costs times counted calls, held against what back ends measure.
 
-Conventions (common/flops.h): `paper`, one FLOP per math.h call; `machine`, what the hardware counts.
+Conventions (common/counting/flops.h): `paper`, one FLOP per math.h call; `machine`, what the hardware counts.
 """
 
 from __future__ import annotations

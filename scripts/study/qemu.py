@@ -1,6 +1,6 @@
 """Counts what a program does, exactly, by running it under QEMU's user-mode emulator.
 
-A plugin (common/qemu_plugin.c) counts executions of every block between the entry of `phase_render` and
+A plugin (counting/qemu_plugin.c) counts executions of every block between the entry of `phase_render` and
 its return; study.decode says what the block's bytes do. The very program that is timed runs, unchanged,
 some hundred times slower, with libm and libc seen from inside. No AVX-512, and one thread only: QEMU has
 no AVX-512, and its plugins' counters are not atomic.

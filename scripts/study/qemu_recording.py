@@ -74,7 +74,9 @@ def read(path: Path) -> Recording:
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: {getattr(error, 'strerror', None) or 'not text'}") from None
     if not lines or lines[0] != _HEAD:
-        raise StudyError(f"{path}:1: not a recording of common/qemu_plugin.c ('{_HEAD}' is required)")
+        raise StudyError(
+            f"{path}:1: not a recording of common/counting/qemu_plugin.c ('{_HEAD}' is required)"
+        )
     found, counted, whole, trouble = Recording(0, 0), 0, False, None
     for number, line in enumerate(lines[1:], 2):
         kind, *rest = line.split(" ", 4) if line.startswith("map ") else line.split(" ")
@@ -112,7 +114,9 @@ def read(path: Path) -> Recording:
             else:
                 raise ValueError
         except (ValueError, IndexError):
-            raise StudyError(f"{path}:{number}: not a line of common/qemu_plugin.c: {line[:60]!r}") from None
+            raise StudyError(
+                f"{path}:{number}: not a line of common/counting/qemu_plugin.c: {line[:60]!r}"
+            ) from None
     if not whole:
         raise StudyError(f"{path}:{len(lines)}: cut off here: its last line must be 'end'")
     if trouble != "none":

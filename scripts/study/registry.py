@@ -29,7 +29,7 @@ OPTIONAL = {
     "without",
 }  # keys of phase.json that may be left out
 NO_ARITHMETIC = {"-pthread"}  # flags
-# Of structs, gcc's alone; which compiler is told them: common/phase_info.py.
+# Of structs, gcc's alone; which compiler is told them: common/build/phase_info.py.
 COPIES = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 TRUTH = "truth"  # family of what the others are held against: not timed, verified or counted
 SYSTEMS = (
@@ -58,7 +58,7 @@ class Phase:
     tolerance: dict[str, Any]
     path: Path
     planes: list[str] = dataclasses.field(default_factory=list)  # channels of its own, with --aov
-    # Built for several numbers of lanes (common/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
+    # Built for several numbers of lanes (driver/variant.h): [{lanes, isa, flags}], widest first; `lanes` is
     # the widest, `isa` what all need. `each_variant`: the files that are built for each.
     variants: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     each_variant: list[str] = dataclasses.field(default_factory=list)
@@ -70,7 +70,7 @@ class Phase:
     # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
     # how much further from truth than baseline it may be (scripts/accuracy.py).
     approximate: bool = False
-    # The root of a source that the program has in it and compiles where it runs (common/phase_info.py).
+    # The root of a source that the program has in it and compiles where it runs (common/build/phase_info.py).
     embedded: str | None = None
     # Its folder holds what differs from this phase's files; `without` names those left out (study.patches).
     derives: str | None = None
@@ -257,7 +257,7 @@ def _limited(limit: str | None) -> frozenset[str]:
 def missing_isa(what: Phase | Spec) -> list[str]:
     """Flags that `what` needs and this CPU lacks; a Spec needs those of its flags' phase as well.
 
-    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/variant.h).
+    STEPWISE_ISA_LIMIT stands for a smaller CPU, as it does for the driver (common/driver/variant.h).
     """
     need = (
         what.isa
@@ -269,7 +269,7 @@ def missing_isa(what: Phase | Spec) -> list[str]:
 
 
 def variant_here(phase: Phase) -> dict[str, Any]:
-    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (common/variant.h)."""
+    """{lanes, isa, flags} of the phase's variant that this CPU runs: the widest it has (driver/variant.h)."""
     have = _limited(os.environ.get("STEPWISE_ISA_LIMIT"))
     alone = {"lanes": phase.lanes, "isa": [], "flags": ""}
     return next((one for one in phase.variants if have.issuperset(one["isa"])), alone)
@@ -279,7 +279,7 @@ def arithmetic_flags(flags: str, variants: Iterable[dict[str, Any]] = ()) -> str
     """Compiler flags without those that change no arithmetic, and without a variant's own: what it shares.
 
     Two builds of one source by equal ones are one program as far as its speed and its picture go, but for how
-    a variant copies its lanes, which clang is not told (common/phase_info.py).
+    a variant copies its lanes, which clang is not told (common/build/phase_info.py).
     """
     flags = _of_arithmetic(flags)
     for own in (_of_arithmetic(one["flags"]) for one in variants):

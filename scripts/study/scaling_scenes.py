@@ -31,7 +31,7 @@ from study.cli import StudyError
 from study.registry import Scene
 
 ARRANGEMENTS = ("scattered", "clustered", "overlapping", "corridors")
-MOST_SHAPES = 4096  # SCENE_MAX_SHAPES of common/scene.h
+MOST_SHAPES = 4096  # SCENE_MAX_SHAPES of common/scene/scene.h
 COVERAGE = 0.4  # share of the rays that hit
 KINDS = ("sphere", "octahedron", "box")
 SIZES = {"sphere": 1.0, "octahedron": 1.3, "box": 0.75}  # radius, radius, half edge of a shape of size 1

@@ -23,7 +23,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "frame.h"
+#include "frame/frame.h"
 
 static char folder[] = "/tmp/stepwise-frame-XXXXXX";
 static char file_name[sizeof folder + 16];

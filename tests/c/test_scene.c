@@ -17,7 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 

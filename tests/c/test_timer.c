@@ -12,7 +12,7 @@
 #include <sched.h>
 #include <time.h>
 
-#include "timer.h"
+#include "timing/timer.h"
 
 static double tsc_hz;
 

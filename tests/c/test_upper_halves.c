@@ -12,7 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "frame.h"
+#include "frame/frame.h"
 
 // XINUSE (Intel's manual, XGETBV with ECX = 1): which registers are not as they begin. Bit 2: upper halves of ymm.
 __attribute__((target("xsave"))) static bool upper_halves_in_use(void) {

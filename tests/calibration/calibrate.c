@@ -16,7 +16,7 @@
 #include <string.h>
 
 #ifdef STEPWISE_COUNT
-#include "count.h"
+#include "counting/count.h"
 #endif
 
 enum { ROUNDS = 10, MOST = 6, BAD_INPUT = 2, NO_ISA = 3 };

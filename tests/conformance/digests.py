@@ -43,7 +43,7 @@ def picture(program: Path, scene: Path, size: tuple[str, ...], limit: str) -> st
     """SHA-256 of every channel's name and bytes; "status N" where the phase draws no picture."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "picture.exr"
-        status, said = run(program, str(scene), *size, "--aov", "-o", str(out), limit=limit)
+        status, _ = run(program, str(scene), *size, "--aov", "-o", str(out), limit=limit)
         if status:
             return f"status {status}"
         planes, digest = images.read(out), hashlib.sha256()

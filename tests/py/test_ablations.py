@@ -178,7 +178,7 @@ def test_clang_takes_it_and_gcc_the_counting_source(name, compiler, parsed):
     flags = [*phase.cflags.split(), "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-Icommon"]
     counting = ["-DSTEPWISE_COUNT", "-iquote", phase.path] if compiler == "gcc" else []
     for lanes, own in [(v["lanes"], own_flags(v["flags"])) for v in phase.variants] or [(None, [])]:
-        if lanes:  # as common/phase_info.py has it
+        if lanes:  # as common/build/phase_info.py has it
             own += [f"-DLANES={lanes}", f"-DVARIANT(a)=lanes{lanes}_##a"]
         words = ["-std=c11", "-D_GNU_SOURCE", *flags, *own, *counting[:1]]
         first = intrinsics(compiler, tuple(words), parsed) if "-mavx" in " ".join(words) else []

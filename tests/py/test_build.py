@@ -1,6 +1,7 @@
 """Builds: what is built, and what is said when it cannot be."""
 
 import fcntl
+import json
 import os
 import re
 import shutil
@@ -28,6 +29,9 @@ TOOLS = (
     "dirname",
     "mv",
     "cmp",
+    "grep",
+    "objcopy",
+    "nm",
 )
 
 
@@ -35,6 +39,7 @@ TOOLS = (
 def root(tmp_path, monkeypatch):
     """A small tree of its own, and no binary remembered."""
     shutil.copytree(ROOT / "common", tmp_path / "common")
+    shutil.copytree(ROOT / "scripts" / "study", tmp_path / "scripts" / "study")
     shutil.copytree(ROOT / "phases" / "baseline", tmp_path / "phases" / "baseline")
     shutil.copy(ROOT / "Makefile", tmp_path)
     monkeypatch.setattr(module, "ROOT", tmp_path)
@@ -102,3 +107,75 @@ def test_presenting_leaves_no_upper_half_in_use():
     assert done.returncode == 0, done.stdout + done.stderr
     if skipped := re.search("^skipped: (.*)", done.stdout, re.MULTILINE):
         pytest.skip(skipped[1])
+
+
+def test_only_what_changed_is_compiled_again(root):
+    """An object is kept while its command and all that it includes are as they were."""
+    command = ["make", "-C", str(root), "build/baseline/render"]
+    assert subprocess.run(command, capture_output=True, text=True).stdout.count(" -S ") == 3
+    with open(root / "phases/baseline/shade.c", "a") as source:
+        source.write("// another line\n")
+    again = subprocess.run(command, capture_output=True, text=True)
+    compiled = [line for line in again.stdout.splitlines() if " -S " in line]
+    assert again.returncode == 0 and len(compiled) == 1 and "shade.c" in compiled[0]
+    with open(root / "phases/baseline/sdf.h", "a") as source:
+        source.write("// another line\n")
+    again = subprocess.run(command, capture_output=True, text=True)
+    compiled = [line for line in again.stdout.splitlines() if " -S " in line]
+    includes = [p for p in (root / "phases/baseline").glob("*.c") if '"sdf.h"' in p.read_text()]
+    assert again.returncode == 0 and len(compiled) == len(includes) > 0
+
+
+def derive(root, name, **keys):
+    """A phase derived from baseline, without files of its own."""
+    about = {"name": name, "title": "t", "family": "ladder", "order": 9, "parent": "baseline"}
+    about |= {"idea": "i", "paper": None, "derives": "baseline"} | keys
+    (root / "phases" / name).mkdir()
+    (root / "phases" / name / "phase.json").write_text(json.dumps(about))
+    return root / "phases" / name
+
+
+def test_a_derived_phase_is_its_folder_laid_over_its_parents(root):
+    """A mend in the parent reaches it, and the compiler names the file that a person edits."""
+    derive(root, "child")
+    grandchild = derive(root, "grandchild", derives="child")
+    text = (root / "phases/baseline/shade.c").read_text()
+    (grandchild / "shade.c").write_text(text + "int grandchild_only;\n")
+    assert module.build("grandchild").exists()
+    laid = root / "build/grandchild/source"
+    assert "grandchild_only" in (laid / "shade.c").read_text()
+    assert (laid / "march.c").read_text().startswith('#line 1 "phases/baseline/march.c"\n')
+    with open(root / "phases/baseline/march.c", "a") as source:
+        source.write("int broken(void) { return undeclared_thing; }\n")
+    module._build.cache_clear()
+    with pytest.raises(StudyError, match=r"phases/baseline/march\.c:\d+:\d+: error: .undeclared_thing"):
+        module.build("child")
+    (grandchild / "march.c").write_text("#error this one\n")
+    with pytest.raises(StudyError, match=r"phases/grandchild/march\.c:1:2: error: #error this one"):
+        module.build("grandchild")
+
+
+def test_a_file_that_left_the_folder_leaves_the_tree(root):
+    child = derive(root, "child")
+    (child / "more.c").write_text("int more;\n")
+    module.build("child")
+    assert (root / "build/child/source/more.c").exists()
+    (child / "more.c").unlink()
+    module._build.cache_clear()
+    module.build("child")
+    assert not (root / "build/child/source/more.c").exists()
+    assert not list((root / "build/child").rglob("more.[os]"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"derives": "nobody"}, "there is no phase 'nobody'"),
+        ({"derives": "child"}, "child derives from child itself"),
+        ({"without": ["nothing.c"]}, "the parent has no 'nothing.c'"),
+    ],
+)
+def test_a_lineage_that_is_none_is_said_in_a_line(root, keys, said):
+    derive(root, "child", **keys)
+    with pytest.raises(StudyError, match=said):
+        module.build("child")

@@ -22,10 +22,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
-from study import build, images, registry, run, store
+from study import build, images, patches, registry, run, store
 from study.registry import ROOT
 
-DECLARED = {name: p for name, p in registry.phases().items() if (p.path / "costs.def").exists()}
+DECLARED = {name: p for name, p in registry.phases().items() if p.file("costs.def").exists()}
 SCALAR = [name for name, phase in DECLARED.items() if phase.lanes == 1 and phase.family == "ladder"]
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
 MACHINE = dict(zip(CLASSES, (1, 1, 2, 1, 1, 1, 1, 0, 0), strict=True))
@@ -307,7 +307,7 @@ def operations(code: str, names: dict[str, Any]) -> dict[str, int]:
 
 
 def cost(phase: str, function: str, part: str) -> dict[str, int]:
-    text = (ROOT / "phases" / phase / "costs.def").read_text()
+    text = registry.find_phase(phase).file("costs.def").read_text()
     (numbers,) = re.findall(rf"^COST\({function}, {part},\s*1,([\d, ]+)\)", text, re.MULTILINE)
     return dict(zip(CLASSES, map(int, numbers.split(",")), strict=True))
 
@@ -319,7 +319,7 @@ def leaf(name: str) -> Term:
 @pytest.mark.parametrize("phase", SCALAR)
 def test_a_step_of_the_bulb_costs_the_operations_of_its_source(phase):
     """Distinct ones: what is written twice is done once. The source is read, nothing is measured."""
-    text = (ROOT / "phases" / phase / "sdf.h").read_text()
+    text = registry.find_phase(phase).file("sdf.h").read_text()
     shares_squares = "root = sqrt(m);" in text  # from opt2 on
     if shares_squares:
         body = text[text.index("root = sqrt(m);") : text.index("static inline double sdf_mandelbulb")]
@@ -348,6 +348,13 @@ def test_a_step_of_the_bulb_costs_the_operations_of_its_source(phase):
 MACRO = re.compile(r"\b(COUNT|ACTIVE)\(")
 
 
+def lay(phase: str, folder: Path) -> None:
+    """The phase's whole tree, whatever it derives from."""
+    for name, path in patches.files(phase).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, folder / name)
+
+
 def strip(text: str) -> tuple[str, int]:
     """The source without COUNT(…) and ACTIVE(…), their semicolons kept; and how many there were."""
     times = 0
@@ -359,7 +366,7 @@ def strip(text: str) -> tuple[str, int]:
         rest = text[end:]
         text = text[: found.start()] + (rest[1:] if rest.startswith(",") else rest)
         times += 1
-    return text.replace('#include "flops.h"\n', ""), times
+    return text.replace('#include "counting/flops.h"\n', ""), times
 
 
 def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
@@ -367,11 +374,17 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
     for the nothing that a count is there; of a phase with variants by its widest.
     """
     found = {}
-    for source in sorted((folder / phase).glob("*.c")):
+    for source in sorted((folder / phase).rglob("*.c")):
         flags = DECLARED[phase].cflags.split()
         for one in DECLARED[phase].variants[:1]:
             flags += [*one["flags"].split(), f"-DLANES={one['lanes']}", "-DVARIANT(a)=variant_##a"]
-        includes = [f"-I{ROOT / 'common'}", "-iquote", build.build(phase).parent]  # there is embedded.h
+        includes = [
+            f"-I{ROOT / 'common'}",
+            "-iquote",
+            phase,
+            "-iquote",
+            build.build(phase).parent,
+        ]  # embedded.h
         command = [
             "gcc",
             "-std=c11",
@@ -381,7 +394,7 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
             "-D_IMMINTRIN_H_INCLUDED",  # of the project's own lines: the compiler's are a hundred thousand
             "-E",
             "-P",
-            f"{phase}/{source.name}",
+            str(source.relative_to(folder)),
         ]
         text = subprocess.check_output(command, cwd=folder, text=True)
         found[source.name] = re.sub(r"\(\(void\)0\)\s*,?", "", text).split()
@@ -392,9 +405,9 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
 def test_the_timing_build_has_none_of_it(tmp_path, phase):
     with_it, without = tmp_path / "with", tmp_path / "without"
     for folder in (with_it, without):
-        shutil.copytree(DECLARED[phase].path, folder / phase)
+        lay(phase, folder / phase)
     stripped = 0
-    for path in (without / phase).glob("*.[ch]"):
+    for path in (without / phase).rglob("*.[ch]"):
         text, times = strip(path.read_text())
         stripped += times
         path.write_text(text)
@@ -410,6 +423,7 @@ def test_the_timing_build_has_none_of_it(tmp_path, phase):
 def tree(tmp_path):
     """A copy of the baseline with all that builds it."""
     shutil.copytree(ROOT / "common", tmp_path / "common")
+    shutil.copytree(ROOT / "scripts" / "study", tmp_path / "scripts" / "study")
     shutil.copytree(ROOT / "phases" / "baseline", tmp_path / "phases" / "baseline")
     shutil.copy(ROOT / "Makefile", tmp_path)
     return tmp_path
@@ -435,7 +449,7 @@ def test_a_missing_file_is_one_clear_line(tree):
     done = make(tree)
     assert done.returncode != 0
     said = [line for line in done.stderr.splitlines() if not line.startswith("make")]
-    assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/flops.h"]
+    assert said == ["phases/baseline/costs.def is missing: FLOPs per function, see common/counting/flops.h"]
 
 
 # --- a phase with threads of its own, in a few lines; opt5_threads is tests/py/test_threads.py's
@@ -445,7 +459,7 @@ TOY = """
 #include <pthread.h>
 #include <stdlib.h>
 
-#include "flops.h"
+#include "counting/flops.h"
 #include "phase.h"
 
 struct prepared {

@@ -77,11 +77,15 @@ def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
     build("packets", "hits")
     words = ["gcc", "-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Wpedantic", "-Werror", *flags]
     stub, program = folder / "stub.o", folder / "hits"
-    subprocess.run([*words, "-c", ROOT / "common" / "embree.c", "-o", stub], check=True)
+    subprocess.run(
+        [*words, "-Icommon", "-c", ROOT / "common/tools/embree.c", "-o", stub], check=True, cwd=ROOT
+    )
     made = ROOT / "build"
     objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
-    objects += [made / "common" / f"{name}.o" for name in ("frame", "present", "timer")]
-    objects += [made / "common" / f"{path.stem}.o" for path in sorted((ROOT / "common").glob("scene*.c"))]
+    for room in ("scene", "frame", "timing"):
+        objects += [
+            made / "common" / room / f"{path.stem}.o" for path in (ROOT / "common" / room).glob("*.c")
+        ]
     found = subprocess.run(["pkg-config", "--libs", "jansson", "OpenEXR"], capture_output=True, text=True)
     libraries = [*found.stdout.split(), *libraries, "-lpthread", "-lm"]
     subprocess.run(["gcc", *objects, stub, *libraries, "-o", program], check=True)

@@ -10,7 +10,7 @@ import pytest
 import started
 
 import new_phase
-from study import registry
+from study import patches, registry
 from study.cli import StudyError
 from study.registry import ROOT
 
@@ -20,6 +20,7 @@ def root(tmp_path):
     """A tree of its own with the phases of this one and what builds them."""
     shutil.copytree(ROOT / "phases", tmp_path / "phases")
     shutil.copytree(ROOT / "common", tmp_path / "common")
+    shutil.copytree(ROOT / "scripts" / "study", tmp_path / "scripts" / "study")
     shutil.copy(ROOT / "Makefile", tmp_path)
     return tmp_path
 
@@ -28,12 +29,28 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
-def test_sources_are_the_parents_byte_for_byte(root):
+def test_a_derived_phase_holds_no_source_at_first(root):
     made = new_phase.create("opt2_b", "opt2", root)
+    assert set(contents(made)) == {"phase.json", "NOTES.md"}
+    assert patches.files("opt2_b", root) == patches.files("opt2", root)
+    assert registry.phases(root)["opt2_b"].derives == "opt2"
+
+
+def test_a_whole_copy_of_a_derived_phase_has_every_file_of_its_tree(root):
+    made = new_phase.create("opt5b", "opt5_threads", root, whole=True)
+    tree = patches.files("opt5_threads", root)
+    assert {"vec.h", "threads.c"} <= tree.keys() == patches.files("opt5b", root).keys()
+    for name, path in tree.items():
+        assert (made / name).read_bytes() == path.read_bytes()
+    assert registry.phases(root)["opt5b"].derives is None
+
+
+def test_whole_sources_are_the_parents_byte_for_byte(root):
+    made = new_phase.create("opt2_b", "opt2", root, whole=True)
     new, old = contents(made), contents(root / "phases/opt2")
     for filled in ("phase.json", "NOTES.md"):
         new.pop(filled)
-        old.pop(filled, None)
+    old = {name: text for name, text in old.items() if name.endswith((".c", ".h", ".def"))}
     assert new == old
     assert made == root / "phases/opt2_b"
 
@@ -53,13 +70,12 @@ def test_phase_json_is_filled(root):
 
 def test_notes_are_a_fresh_skeleton(root):
     (root / "phases/opt2/NOTES.md").write_text("# opt2\nwhat was measured there\n")
-    (root / "phases/opt2/HISTORY.md").write_text("# opt2: how it came there\n")
     made = new_phase.create("x", "opt2", root)
-    assert not (made / "HISTORY.md").exists()
     notes = (made / "NOTES.md").read_text()
     assert "what was measured there" not in notes
     headings = [line for line in notes.splitlines() if line.startswith("#")]
-    assert headings == ["# x", "## Bottleneck of opt2, measured", "## Change", "## Prediction", "## Outcome"]
+    wanted = ["Bottleneck", "Idea", "Prediction", "Result", "Limits", "Read next"]
+    assert headings == ["# x: FILL IN the idea in a few words", *(f"## {title}" for title in wanted)]
 
 
 @pytest.mark.parametrize(
@@ -132,7 +148,7 @@ def test_command_refuses(arguments, words):
 
 @pytest.mark.parametrize("as_json", [False, True])
 def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
-    monkeypatch.setattr(new_phase, "create", lambda name, parent: registry.ROOT / "phases" / name)
+    monkeypatch.setattr(new_phase, "create", lambda name, parent, whole: registry.ROOT / "phases" / name)
     monkeypatch.setattr("sys.argv", ["new_phase.py", "--name", "x", "--from", "opt2", *["--json"] * as_json])
     assert new_phase.main() == 0
     said = capsys.readouterr().out
@@ -140,4 +156,5 @@ def test_command_says_what_is_next(root, monkeypatch, capsys, as_json):
         assert json.loads(said) == {"phase": "x", "parent": "opt2", "folder": "phases/x"}
     else:
         assert "fill in title and idea in phases/x/phase.json" in said
-        assert "scripts/sweep.py --phase opt2 x" in said
+        assert 'make sweep PHASE="opt2 x"' in said
+        assert "cp phases/opt2/march.c phases/x/" in said

@@ -1,7 +1,6 @@
 """Phases and scenes found by folder; names, specs and instruction sets."""
 
 import json
-import re
 import subprocess
 import sys
 
@@ -158,12 +157,12 @@ WIDE = [
 )
 def test_lanes_are_copied_whole_by_gcc_and_others_are_not_told(name, compiler, knows, tmp_path):
     """Moves as wide as a variant's lanes; phases are compared by what their lanes share, either way."""
-    words = [sys.executable, registry.ROOT / "common/phase_info.py", name, name, tmp_path, compiler, ""]
+    words = [sys.executable, registry.ROOT / "common/build/phase_info.py", name, name, tmp_path, compiler, ""]
     subprocess.run(words, check=True)
-    made = (tmp_path / "flags.mk").read_text()
+    made = json.loads((tmp_path / "flags.json").read_text())
     phase = registry.phases()[name]
     for variant in phase.variants:
-        own = re.search(rf"^PHASE_lanes{variant['lanes']} := (.*)", made, re.MULTILINE)[1]
+        own = made["flags"][f"lanes{variant['lanes']}"]
         assert (f"-mmove-max={32 * variant['lanes']} " in own) == knows
         assert ("-mavx512f " in own) == (variant["lanes"] == 16)
         words = [word for word in variant["flags"].split() if knows or not word.startswith(registry.COPIES)]

@@ -27,7 +27,7 @@ ALONE = threading.Lock()  # cases run in threads; two makes would write the same
 
 @functools.cache
 def table() -> dict | str:
-    """What this CPU's rsqrt instructions give (common/rsqrt.c), or why that is not known."""
+    """What this CPU's rsqrt instructions give (common/tools/rsqrt.c), or why that is not known."""
     path = "build/rsqrt"
     try:
         with ALONE:

@@ -1,7 +1,7 @@
 // Embree beside a phase (hits.c): spheres as its points of a radius
 // (RTC_GEOMETRY_TYPE_SPHERE_POINT), planes as squares of four times the bounds. Single-threaded, its best build quality,
 // denormals as zeros (as its manual asks). Its rays go in packets of 16, one by one, or 256 a call (embree_versions.h).
-#include "hits.h"
+#include "tools/hits.h"
 
 #include <immintrin.h>
 #include <math.h>
@@ -9,10 +9,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "timer.h"
+#include "timing/timer.h"
 
 #ifdef WITH_EMBREE
-#include "embree_versions.h"
+#include "tools/embree_versions.h"
 
 // Rays in its own form at once: small enough to stay in the cache from being put to being traced.
 enum { CHUNK = 1024 };

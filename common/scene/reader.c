@@ -1,4 +1,4 @@
-#include "scene_reader.h"
+#include "scene/reader.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene.h"
+#include "scene/scene.h"
 
 void reader_one_line(char *message) {
     for (char *c = message; *c; c++)

@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "scene_parts.h"
-#include "scene_vector.h"
+#include "scene/parts.h"
+#include "scene/vector.h"
 
 enum { MOST_ITERATIONS = 1000 };
 

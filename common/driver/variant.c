@@ -1,4 +1,4 @@
-#include "variant.h"
+#include "driver/variant.h"
 
 #include <stdbool.h>
 #include <stdlib.h>

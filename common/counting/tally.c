@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "count.h"
+#include "counting/count.h"
 
 struct watched {
     uint64_t *counters;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Turn a phase's phase.json into what make and the driver need: flags.mk and phase_info.h.
+"""Turn a phase's phase.json into what make and the driver need: flags.json and phase_info.h.
 
 Usage: phase_info.py NAME FLAGS_FROM OUTPUT_FOLDER COMPILER SANITIZERS [SHIM]. Standard library only: it runs
 before anything is installed. The sources are NAME's, the compiler flags and instruction set FLAGS_FROM's (as
@@ -15,7 +15,7 @@ import re
 import sys
 from pathlib import Path
 
-PHASES = Path(__file__).resolve().parent.parent / "phases"
+PHASES = Path(__file__).resolve().parents[2] / "phases"
 sys.path.insert(0, str(PHASES.parent / "scripts"))
 
 from study import patches  # noqa: E402  (standard library only)
@@ -168,17 +168,18 @@ def main() -> None:
     variants = [emulate(one, shim) if is_so else one for one, is_so in zip(variants, emulated, strict=True)]
     names = " ".join(f"lanes{one['lanes']}" for one in variants)
     run_here = names if shim else " ".join(here(variants))
-    made = [
-        f"PHASE_CFLAGS := {cflags}",
-        f"PHASE_VARIANTS := {names}",
-        f"PHASE_VARIANTS_HERE := {run_here}",
-        f"PHASE_VARIANTS_REST := {' '.join(one for one in names.split() if one not in run_here.split())}",
-        f"PHASE_EACH_VARIANT := {' '.join(phase.get('each_variant', []))}",
-    ]
-    for one in variants:
-        own = f"lanes{one['lanes']}"
-        made.append(f"PHASE_{own} := {one['flags']} -DLANES={one['lanes']} -DVARIANT(a)={own}_##a")
-    replace(folder / "flags.mk", "\n".join(made) + "\n")
+    about = {
+        "cflags": cflags,
+        "variants": names.split(),
+        "here": run_here.split(),
+        "rest": [one for one in names.split() if one not in run_here.split()],
+        "each_variant": phase.get("each_variant", []),
+        "flags": {
+            f"lanes{one['lanes']}": f"{one['flags']} -DLANES={one['lanes']} '-DVARIANT(a)=lanes{one['lanes']}_##a'"
+            for one in variants
+        },
+    }
+    replace(folder / "flags.json", json.dumps(about, indent=1) + "\n")
     flags = " ".join(filter(None, [cflags, sanitizers]))
     choice = [described(one, isa, flags, is_so) for one, is_so in zip(variants, emulated, strict=True)]
     lines = [
@@ -191,6 +192,7 @@ def main() -> None:
         f"#define PHASE_VARIANTS(variant, need) {' '.join(choice)}",
         f"#define PHASE_EMULATED {int(any(emulated))}",
         f"// On this CPU: {run_here}",  # on another one all is built anew (rules.mk)
+        f"// Sources: {' '.join(sorted(patches.files(name.partition('+')[0], PHASES.parent)))}",
         f"#define PHASE_PRECISION {json.dumps(phase['precision'])}",
         f"#define PHASE_LANES {phase['lanes']}",
         f"#define PHASE_THREADS {int(phase['threads'])}",

@@ -1,11 +1,11 @@
 // Calls times declared costs, for build/NAME/render-count. See flops.h.
-#include "flops.h"
+#include "counting/flops.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "count.h"
-#include "variant.h"
+#include "counting/count.h"
+#include "driver/variant.h"
 
 // A width of LANES lanes is as many as the variant has that runs.
 enum { LANES = 0, CLASSES = 9 };

@@ -1,5 +1,5 @@
 // Clocks and their calibration. See timer.h.
-#include "timer.h"
+#include "timing/timer.h"
 
 #include <immintrin.h>
 #include <time.h>

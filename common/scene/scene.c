@@ -1,6 +1,6 @@
 // Reading a scene: jansson parses (line and column of broken JSON, duplicate keys refused), the readers
 // check every value and name the path of the one that is wrong.
-#include "scene.h"
+#include "scene/scene.h"
 
 #include <errno.h>
 #include <math.h>
@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene_parts.h"
-#include "scene_vector.h"
+#include "scene/parts.h"
+#include "scene/vector.h"
 
 // Each bounce adds at most a tenth of the one before, so 16 are below double's precision; phases
 // recurse, and two facing mirrors would end on the stack's limit.

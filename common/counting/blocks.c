@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "blocks_table.h"
-#include "count.h"
+#include "counting/count.h"
 
 enum { COUNTERS = BLOCKS + MASKED + REPEATED };
 

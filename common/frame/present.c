@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "frame.h"
+#include "frame/frame.h"
 
 // Bins of the floats from FIRST << HALF, below the first threshold, to 1. A bin's word is what its floats' bits lack, of 32
 // bits, to the byte left of the lower half: the byte of the bin's start, and as much that the lower half carries

@@ -1,5 +1,5 @@
 // The frame: memory, float EXR through OpenEXR's C library, gamma and 8 bits.
-#include "frame.h"
+#include "frame/frame.h"
 
 #include <errno.h>
 #include <math.h>

@@ -1,5 +1,5 @@
 // The only main: reads a scene, times the phase it is linked to, writes the picture and the record.
-#include "driver.h"
+#include "driver/driver.h"
 
 #include <errno.h>
 #include <math.h>
@@ -11,11 +11,11 @@
 #include <sys/stat.h>
 
 #include "phase_info.h"
-#include "timer.h"
+#include "timing/timer.h"
 
 #ifdef STEPWISE_COUNT
 // Counts of the exact picture; its times are those of the counting, not of the phase.
-#include "count.h"
+#include "counting/count.h"
 #else
 #define count_begin() ((void)0)
 #define count_end() ((void)0)

@@ -8,7 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "driver.h"
+#include "driver/driver.h"
 
 enum { MOST_FRAMES = 1000000, LARGEST_SIDE = 32768, LARGEST_PIXELS = 1 << 28 };
 

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "driver.h"
+#include "driver/driver.h"
 
 static int by_order(const void *a, const void *b) {
     const json_t *const *x = a, *const *y = b;

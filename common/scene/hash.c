@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scene_parts.h"
+#include "scene/parts.h"
 
 // FNV-1a, Fowler, Noll and Vo.
 static uint64_t hash_text(uint64_t h, const char *text) {

@@ -17,10 +17,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hits.h"
+#include "driver/variant.h"
 #include "phase_info.h"
-#include "timer.h"
-#include "variant.h"
+#include "timing/timer.h"
+#include "tools/hits.h"
 
 enum { SPARE = 16, MOST_REPS = 1000000 };
 

@@ -2,8 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "scene_parts.h"
-#include "scene_vector.h"
+#include "scene/parts.h"
+#include "scene/vector.h"
 
 // A circle's foot on its axis; false: the shape is on the axis, or so near that it would move by rounding alone.
 static bool find_foot(struct path *path, const double position[3], const double centre[3]) {

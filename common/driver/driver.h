@@ -6,10 +6,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "frame.h"
+#include "driver/variant.h"
+#include "frame/frame.h"
 #include "phase.h"
-#include "scene.h"
-#include "variant.h"
+#include "scene/scene.h"
 
 enum status { OK = 0, BAD_INPUT = 2, NO_ISA = 3, UNSUPPORTED = 4, NO_MEMORY = 5 };
 

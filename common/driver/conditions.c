@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <sys/resource.h>
 
-#include "driver.h"
+#include "driver/driver.h"
 
 // VmHWM, of this program alone: getrusage's ru_maxrss outlives exec, so that it is the parent's where a script with
 // more memory than the render has started it. 0: not told.

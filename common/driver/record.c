@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "driver.h"
+#include "driver/driver.h"
 
 enum { SCHEMA = 1 };
 

@@ -1,0 +1,24 @@
+# Programs without a phase: what counts under QEMU, tables of reciprocal roots, known work.
+
+# Loaded by QEMU (scripts/study/qemu.py): no sanitizers.
+$(BUILD)/common/qemu_plugin.so: common/counting/qemu_plugin.c common/rules.mk $(BUILD)/common/toolchain
+	$(CC) -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -fPIC -fvisibility=hidden -shared $< -o $@
+
+# Tables of the CPU's approximate reciprocal roots (hard case 20).
+$(BUILD)/rsqrt: $(BUILD)/common/tools/rsqrt.o
+	$(CC) $(SANITIZERS) $^ -lm -o $@
+
+# Work that is known (tests/calibration): plain, and with counted blocks.
+CALIBRATION_CFLAGS := -std=c11 -D_GNU_SOURCE -O2 $(WARNINGS) -Icommon
+$(BUILD)/calibration/calibrate: tests/calibration/calibrate.c common/rules.mk $(BUILD)/common/toolchain
+	@mkdir -p $(@D)
+	$(CC) $(CALIBRATION_CFLAGS) $< -lpthread -o $@
+
+$(BUILD)/calibration/blocks/phase.o: tests/calibration/calibrate.c $(COMMON_HEADERS) common/rules.mk $(INSTRUMENT_TOOLS) $(BUILD)/common/toolchain
+	@rm -rf $(@D) && mkdir -p $(@D)/assembly
+	$(CC) $(CALIBRATION_CFLAGS) $(LIBRARY_INCLUDES) -DSTEPWISE_COUNT -S $< -o $(@D)/assembly/calibrate.s
+	$(instrument)
+	@ld -r -o $@ $(@D)/counted/*.o
+
+$(BUILD)/calibration/calibrate-blocks: $(BUILD)/calibration/blocks/phase.o $(BUILD)/calibration/blocks/blocks.o $(BUILD)/common/counting/tally.o
+	$(LINK) -Wl,--wrap=pthread_create -o $@
