@@ -104,6 +104,7 @@ bool print_times(const struct runnable *all, size_t count, const struct settings
 bool print_normalise(const struct entries *const *files, size_t count,
                      const struct settings *settings);
 
+// Returns whether the CPU has all instruction sets of `needs`, words like "avx2 fma" separated by blanks.
 bool has_isa(const char *needs);
 extern const bool has_mpfr;
 

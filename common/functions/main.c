@@ -17,24 +17,6 @@ static const struct entries *const FILES[] = {&scalar_float, &scalar_double, &ss
                                               &avx512_float, &avx512_double};
 enum { FILE_COUNT = sizeof FILES / sizeof *FILES };
 
-bool has_isa(const char *needs) {
-    static const char *const known[] = {"sse2", "sse4.1", "avx2", "fma", "avx512f", "avx512dq"};
-    __builtin_cpu_init();
-    const bool here[] = {__builtin_cpu_supports("sse2"),    __builtin_cpu_supports("sse4.1"),
-                         __builtin_cpu_supports("avx2"),    __builtin_cpu_supports("fma"),
-                         __builtin_cpu_supports("avx512f"), __builtin_cpu_supports("avx512dq")};
-    for (const char *word = needs; *word; word += strspn(word, " ")) {
-        size_t length = strcspn(word, " ");
-        bool found = false;
-        for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-            found |= strlen(known[i]) == length && !strncmp(word, known[i], length) && here[i];
-        if (!found)
-            return false;
-        word += length;
-    }
-    return true;
-}
-
 struct libraries {
     void *libmvec, *sleef;
 };
