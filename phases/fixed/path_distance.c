@@ -16,7 +16,7 @@ static struct distance_range line_distance(const double from[3], const double to
         along += (point[i] - from[i]) * (to[i] - from[i]);
         length_sq += (to[i] - from[i]) * (to[i] - from[i]);
     }
-    double share = fmin(fmax(along / length_sq, 0), 1); // scene_path.c refuses a path of length 0
+    double share = fmin(fmax(along / length_sq, 0), 1); // scene/path.c refuses a path of length 0
     for (int i = 0; i < 3; i++)
         near[i] = from[i] + share * (to[i] - from[i]);
     return (struct distance_range){length_between(near, point),
