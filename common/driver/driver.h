@@ -53,24 +53,22 @@ struct measured {
     uint64_t ns, tsc, update_ns, present_ns;
 };
 
-// messages.c
-// Writes one line to standard error. Returns `status`, so that a caller can return the call.
+// driver_options.c
+// A line on standard error; returns `status`.
 int driver_complain(int status, const char *format, ...) __attribute__((format(printf, 2, 3)));
-// Flushes standard output. Returns OK, or reports that it cannot be written.
+// What was printed so far has arrived, or that is the error.
 int driver_flush(void);
-
-// options.c
-// Parses the arguments into `o`. Returns OK, or the status to exit with (−1: --help or --list is done).
+// Parses into `o`; returns OK, or the status to exit with (−1: --help or --list was served).
 int driver_parse(int argc, char **argv, struct options *o);
 
-// phases.c: --list. The status to exit with; −1: served.
+// driver_phases.c: --list. The status to exit with; −1: served.
 int driver_list_phases(void);
 
-// conditions.c
+// driver_conditions.c
 struct conditions driver_conditions(void);
 int driver_cpu(void); // the only one that this process may run on; −1: there are several
 
-// record.c: JSON objects; NULL: out of memory.
+// driver_record.c: JSON objects; NULL: out of memory.
 json_t *driver_header(const struct session *s);
 json_t *driver_record(const struct measured *m, const struct session *s, int index, bool warmup,
                       bool first);

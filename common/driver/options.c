@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <getopt.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,6 +35,22 @@ static const char USAGE[] =
     "  --list                the phases and what they are\n"
     "exit status: 0 done; 2 bad argument, scene or output; 3 the CPU lacks the instruction set;\n"
     "             4 the phase does not support this scene or option; 5 out of memory\n";
+
+int driver_complain(int status, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    fputs("render: ", stderr);
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+    return status;
+}
+
+int driver_flush(void) {
+    if (fflush(stdout) != 0 || ferror(stdout))
+        return driver_complain(BAD_INPUT, "standard output cannot be written: %s", strerror(errno));
+    return OK;
+}
 
 static bool whole_number(const char *text, long least, long most, int *out) {
     char *end;
