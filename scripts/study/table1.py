@@ -63,8 +63,8 @@ TERMS = {
         stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill* retire_* close_first
         prepare_close join_close put_pieces put_terms put_slope wait_close
         gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
-        look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
-        falls_alone
+        look_around rod_step land_rods set_out_rods rod_axis fill_rod aim fill tell outcome
+        lone_distances plane_distances falls_alone
     """,
     "rays of the camera": """
         camera_direction get_direction get_rays set_camera_ray phase_render store* put_pixel draw_*
