@@ -126,10 +126,6 @@ static inline struct dd dd_log(struct dd a) {
     return dd_add(dd_scale(ln2, power), dd_twofold(dd_mul(sum, z), 2));
 }
 
-struct dd3 {
-    struct dd v[3];
-};
-
 static inline struct dd dd_dot(const struct dd a[3], const struct dd b[3]) {
     return dd_add(dd_add(dd_mul(a[0], b[0]), dd_mul(a[1], b[1])), dd_mul(a[2], b[2]));
 }

@@ -14,12 +14,12 @@
 
 typedef __float128 quad;
 
-static inline double root_near_d(double x) {
+static inline double sqrt_near_d(double x) {
     return sqrt(x);
 }
 
 // Near the root of x > 0, within a few units of the last place: Newton from double's.
-static inline quad root_near_q(quad x) {
+static inline quad sqrt_near_q(quad x) {
     quad scale = 1, back = 1;
     while (x * scale < (quad)0x1p-900)
         scale *= (quad)0x1p800, back *= (quad)0x1p-400;

@@ -37,7 +37,7 @@ static bool same_surface(const struct shape *a, const struct shape *b) {
 }
 
 // The three rotations as one matrix: x first, then y, then z.
-static void turn_of(const double degrees[3], struct ivq turn[3][3]) {
+static void rotation_matrix(const double degrees[3], struct ivq turn[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -58,16 +58,16 @@ static void prepare_solid(struct solid *solid, const struct model *model, int in
     const struct shape *shape = &model->shapes[index];
     *solid = (struct solid){.shape = shape};
     for (int i = 0; i < 3; i++) {
-        solid->turned = solid->turned || shape->rotation_degrees[i] != 0;
+        solid->rotated = solid->rotated || shape->rotation_degrees[i] != 0;
         solid->repeated = solid->repeated || shape->repeat[i] > 0;
     }
-    for (int i = 0; i < index && !solid->copy; i++)
-        solid->copy = same_surface(&model->shapes[i], shape);
-    turn_of(shape->rotation_degrees, solid->turn_q);
+    for (int i = 0; i < index && !solid->duplicate; i++)
+        solid->duplicate = same_surface(&model->shapes[i], shape);
+    rotation_matrix(shape->rotation_degrees, solid->rotation_q);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            solid->turn_d[i][j] = narrow(solid->turn_q[i][j]);
-            solid->turn[i][j] = dd_from_quad(mid_q(solid->turn_q[i][j]));
+            solid->rotation_d[i][j] = narrow(solid->rotation_q[i][j]);
+            solid->rotation[i][j] = dd_from_quad(mid_q(solid->rotation_q[i][j]));
         }
 }
 
@@ -117,14 +117,14 @@ static void camera_ray(const struct view *view, const struct frame *frame, int c
     }
 }
 
-static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
-    const struct hit *hit = &seen->hit;
+static void store(struct frame *frame, size_t pixel, const struct shaded *result) {
+    const struct hit *hit = &result->hit;
     bool found = hit->shape >= 0;
     for (int i = 0; i < 3; i++)
-        frame->rgb[3 * pixel + (size_t)i] = (float)seen->color[SOFT][i];
+        frame->rgb[3 * pixel + (size_t)i] = (float)result->color[SHADOW_ESTIMATE][i];
     if (!frame->depth)
         return;
-    frame->depth[pixel] = found ? (float)hit->guess : INFINITY;
+    frame->depth[pixel] = found ? (float)hit->shown_t : INFINITY;
     frame->id[pixel] = (float)hit->shape;
     for (int i = 0; i < 3; i++)
         frame->normal[3 * pixel + (size_t)i] = found ? (float)mid_q(hit->normal[i]) : 0;
@@ -132,18 +132,18 @@ static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
     if (frame->plane_count == 0)
         return;
     for (int i = 0; i < 3; i++) {
-        frame->planes[PLANE_IDEAL + i][pixel] = (float)seen->color[IDEAL][i];
-        frame->planes[PLANE_NONE + i][pixel] = (float)seen->color[NONE][i];
+        frame->planes[PLANE_IDEAL + i][pixel] = (float)result->color[SHADOW_IDEAL][i];
+        frame->planes[PLANE_NONE + i][pixel] = (float)result->color[SHADOW_NONE][i];
     }
-    frame->planes[PLANE_SHADOW][pixel] = (float)seen->shadow[SOFT];
-    frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)seen->shadow[IDEAL];
+    frame->planes[PLANE_SHADOW][pixel] = (float)result->shadow[SHADOW_ESTIMATE];
+    frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)result->shadow[SHADOW_IDEAL];
     // Upward: a float that is no less than the width. Of a ray that may never leave a half-space: FLT_MAX.
     quad width = hit->t.hi - hit->t.lo;
     bool none = !found && hit->status != UNDECIDED;
     float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
     frame->planes[PLANE_WIDTH][pixel] = none ? 0 : above;
     frame->planes[PLANE_STATUS][pixel] = (float)hit->status;
-    frame->planes[PLANE_STATUS_ALL][pixel] = (float)seen->all;
+    frame->planes[PLANE_STATUS_ALL][pixel] = (float)result->status_all;
 }
 
 struct job {
@@ -162,10 +162,10 @@ static void *work(void *argument) {
         for (int row = top; row < top + TILE && row < frame->height; row++)
             for (int column = left; column < left + TILE && column < frame->width; column++) {
                 struct ray_q ray;
-                struct seen seen;
+                struct shaded result;
                 camera_ray(job->view, frame, column, row, &ray);
-                trace(job->prepared, job->view, &ray, 0, &seen);
-                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &seen);
+                trace(job->prepared, job->view, &ray, 0, &result);
+                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &result);
             }
     }
     return NULL;

@@ -174,7 +174,7 @@ static enum status hard(const struct light_ray *light, const struct hit *hit,
     struct ray_d rough;
     for (int i = 0; i < 3; i++)
         to_light[i] = sub_q(point_q(view->light_position[i]), hit->point[i]);
-    struct ivq distance = root_q(square_q(to_light));
+    struct ivq distance = sqrt_q(norm_sq_q(to_light));
     for (int i = 0; i < 3; i++) {
         ray.d[i] = div_q(to_light[i], distance);
         ray.o[i] = add_q(hit->point[i], mul_q(start, ray.d[i]));
@@ -204,7 +204,7 @@ static enum status hard(const struct light_ray *light, const struct hit *hit,
 }
 
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
-                        const struct view *view, double factor[KINDS]) {
+                        const struct view *view, double factor[SHADOW_KINDS]) {
     struct light_ray ray = {.prepared = prepared, .start = prepared->model.march.surface_offset};
     for (int i = 0; i < 3; i++) {
         ray.o[i] = dd_from_quad(mid_q(hit->point[i]));
@@ -214,16 +214,16 @@ enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
     ray.distance = distance.hi;
     for (int i = 0; i < 3; i++)
         ray.d[i] = dd_div(ray.d[i], distance);
-    for (int kind = 0; kind < KINDS; kind++)
+    for (int kind = 0; kind < SHADOW_KINDS; kind++)
         factor[kind] = 1;
     if (prepared->model.shadows == SHADOWS_HARD) {
-        enum status status = hard(&ray, hit, view, &factor[SOFT]);
-        factor[IDEAL] = factor[SOFT];
+        enum status status = hard(&ray, hit, view, &factor[SHADOW_ESTIMATE]);
+        factor[SHADOW_IDEAL] = factor[SHADOW_ESTIMATE];
         return status;
     }
     if (prepared->model.shadows == SHADOWS_SOFT) {
-        factor[SOFT] = estimate(&ray);
-        factor[IDEAL] = ideal(&ray);
+        factor[SHADOW_ESTIMATE] = estimate(&ray);
+        factor[SHADOW_IDEAL] = ideal(&ray);
     }
     return PROVED;
 }

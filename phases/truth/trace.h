@@ -2,8 +2,8 @@
 #ifndef TRUTH_TRACE_H
 #define TRUTH_TRACE_H
 
+#include "ray_spans.h"
 #include "scene/scene.h"
-#include "solve.h"
 
 // The names of phase.json's "planes", in its order.
 enum plane {
@@ -30,7 +30,7 @@ struct hit {
     int face;
     double cell[3];
     struct ivq s, t; // p = o + s·d, t = s·|d|
-    quad guess;      // t to show: the middle, if it is decided
+    quad shown_t;    // t to show: the middle, if it is decided
     struct ivq point[3];
     struct ivq normal[3]; // unit, towards the ray
     enum status status;
@@ -39,13 +39,13 @@ struct hit {
 };
 
 // Shadows by the estimator, ideal, none.
-enum { SOFT, IDEAL, NONE, KINDS };
+enum { SHADOW_ESTIMATE, SHADOW_IDEAL, SHADOW_NONE, SHADOW_KINDS };
 
-struct seen {
-    double color[KINDS][3];
-    double shadow[KINDS]; // at the first hit
+struct shaded {
+    double color[SHADOW_KINDS][3];
+    double shadow[SHADOW_KINDS]; // at the first hit
     struct hit hit;
-    enum status all; // the least of every ray that the picture hangs on
+    enum status status_all; // the least of every ray that the picture hangs on
 };
 
 struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], int *nearest);
@@ -53,8 +53,8 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
 void find_normal(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);
 // Factors of SOFT and IDEAL. Returns how sure the hard shadow is.
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
-                        const struct view *view, double factor[KINDS]);
+                        const struct view *view, double factor[SHADOW_KINDS]);
 void trace(const struct prepared *prepared, const struct view *view, const struct ray_q *ray,
-           int bounce, struct seen *seen);
+           int bounce, struct shaded *result);
 
 #endif

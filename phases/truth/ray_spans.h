@@ -15,25 +15,25 @@ enum { FACE_BOTTOM, FACE_TOP, FACE_SIDE, FACE_CELL = 16, FACE_NONE = -1 };
 // What is worked out once per shape.
 struct solid {
     const struct shape *shape;
-    bool turned, repeated;
-    bool copy; // the same surface as a shape before it, which then owns every hit
-    struct ivd turn_d[3][3];
-    struct ivq turn_q[3][3]; // world to shape, after the shift by −position
-    struct dd turn[3][3];
+    bool rotated, repeated;
+    bool duplicate; // of a shape before it, which then owns every hit
+    struct ivd rotation_d[3][3];
+    struct ivq rotation_q[3][3]; // world to shape, after the shift by −position
+    struct dd rotation[3][3];
 };
 
 // Part of a ray inside of a solid, s from `in` to `out`. Not sure: the part may not be there at
 // all, and then only in.lo and out.hi bound it.
-#define PARTS(IV, name)                                                                            \
+#define SPAN(IV, name)                                                                             \
     struct name {                                                                                  \
         struct IV in, out;                                                                         \
         int in_face, out_face;                                                                     \
         bool sure, in_face_sure, out_face_sure;                                                    \
         double in_cell[3], out_cell[3];                                                            \
     }
-PARTS(ivd, part_d);
-PARTS(ivq, part_q);
-#undef PARTS
+SPAN(ivd, span_d);
+SPAN(ivq, span_q);
+#undef SPAN
 
 struct ray_d {
     struct ivd o[3], d[3];
@@ -44,19 +44,19 @@ struct ray_q {
 };
 
 // The first zero of the union's surface for 0 ≤ s ≤ reach.
-#define FIRSTS(IV, name)                                                                           \
+#define FIRST_HIT(IV, name)                                                                        \
     struct name {                                                                                  \
         struct IV s;                                                                               \
         int shape; /* −1: none */                                                                  \
         int face;                                                                                  \
         double cell[3];                                                                            \
         bool proved;                                                                               \
-        bool worn;              /* gave up in small cells: quads would too */                      \
+        bool gave_up;           /* gave up in small cells: quads would too */                      \
         bool face_sure, inside; /* the ray started inside of a shape */                            \
     }
-FIRSTS(ivd, first_d);
-FIRSTS(ivq, first_q);
-#undef FIRSTS
+FIRST_HIT(ivd, first_d);
+FIRST_HIT(ivq, first_q);
+#undef FIRST_HIT
 
 struct first_d first_hit_d(const struct solid *solids, int count, const struct ray_d *ray,
                            struct ivd reach, long *evals);

@@ -35,7 +35,7 @@ static void unit_ray(const struct ray_q *ray, struct dd o[3], struct dd d[3]) {
 // not before its first step: from outside, that step must lead inside. {−1}: it does not.
 static struct ivq find_reach(const struct prepared *prepared, const struct ray_q *ray) {
     double bounds = prepared->model.march.bounds_radius;
-    struct ivq beyond = sub_q(square_q(ray->o), sqr_q(point_q(bounds)));
+    struct ivq beyond = sub_q(norm_sq_q(ray->o), square_q(point_q(bounds)));
     if (beyond.hi <= 0)
         return leave_ball(ray, bounds);
     int nearest;
@@ -80,7 +80,7 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
             return;
         }
     }
-    if (!first.proved && first.worn) {
+    if (!first.proved && first.gave_up) {
         struct first_q rest = {.s = widen(first.s), .shape = first.shape, .face = first.face};
         for (int i = 0; i < 3; i++)
             rest.cell[i] = first.cell[i];
@@ -136,7 +136,7 @@ static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray
 void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit) {
     *hit =
         (struct hit){.shape = -1, .face = FACE_NONE, .normal_sure = true, .evals = 1}; // the bounds
-    struct ivq reach = find_reach(prepared, ray), length = root_q(square_q(ray->d));
+    struct ivq reach = find_reach(prepared, ray), length = sqrt_q(norm_sq_q(ray->d));
     if (!(length.lo > 0))
         return; // no direction: undecided
     if (reach.hi < 0)
@@ -164,131 +164,7 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
         s.lo = s.hi;
     if (!(s.hi - s.hi == 0))
         hit->shape = -1;
-    hit->guess = mid_q(hit->status == UNDECIDED ? mul_q(s, length) : hit->t);
+    hit->shown_t = mid_q(hit->status == UNDECIDED ? mul_q(s, length) : hit->t);
     if (hit->shape >= 0)
         point_on(ray, s, hit->point);
-}
-
-static void unit(struct ivq v[3]) {
-    struct ivq length = root_q(square_q(v));
-    for (int i = 0; i < 3; i++)
-        v[i] = div_q(v[i], length);
-}
-
-// By the scene's own rule, forward differences over normal_step, in double-double: closer by, the
-// gradient of a fractal's estimate says nothing of what is seen.
-static void bulb_normal(const struct prepared *prepared, const struct ivq point[3],
-                        struct ivq n[3]) {
-    struct dd p[3], slope[3], step = dd_from(prepared->model.march.normal_step);
-    int nearest;
-    for (int i = 0; i < 3; i++)
-        p[i] = dd_from_quad(mid_q(point[i]));
-    struct dd here = distance_to_scene(prepared, p, &nearest);
-    for (int i = 0; i < 3; i++) {
-        struct dd beside[3] = {p[0], p[1], p[2]};
-        beside[i] = dd_add(p[i], step);
-        slope[i] = dd_sub(distance_to_scene(prepared, beside, &nearest), here);
-    }
-    struct dd length = dd_norm(slope);
-    for (int i = 0; i < 3; i++) {
-        struct dd x = dd_div(slope[i], length);
-        n[i].lo = n[i].hi = (quad)x.hi + (quad)x.lo;
-    }
-}
-
-static void side_normal(struct ivq n[3], int code) { // 2·axis + upper
-    for (int i = 0; i < 3; i++)
-        n[i] = point_q(i == code / 2 ? (code & 1 ? 1 : -1) : 0);
-}
-
-// The gradient of the shape's own surface at the local point p.
-static void surface_normal(const struct shape *shape, int face, const struct ivq p[3],
-                           struct ivq n[3]) {
-    if (face >= FACE_CELL) {
-        side_normal(n, face - FACE_CELL);
-        return;
-    }
-    struct ivq rho = root_q(add_q(sqr_q(p[0]), sqr_q(p[2])));
-    switch (shape->type) {
-    case SHAPE_BOX: side_normal(n, face); return;
-    case SHAPE_PLANE:
-        for (int i = 0; i < 3; i++)
-            n[i] = point_q(shape->plane.normal[i]);
-        break;
-    case SHAPE_ROUNDED_BOX: // away from the nearest point of the box that is grown
-        for (int i = 0; i < 3; i++) {
-            struct ivq half = point_q(shape->box.half_size[i]), over = sub_q(p[i], half),
-                       under = add_q(p[i], half);
-            n[i] = (struct ivq){(under.lo < 0 ? under.lo : 0) + (over.lo > 0 ? over.lo : 0),
-                                (under.hi < 0 ? under.hi : 0) + (over.hi > 0 ? over.hi : 0)};
-        }
-        break;
-    case SHAPE_OCTAHEDRON:
-        for (int i = 0; i < 3; i++)
-            n[i] = point_q(face >> i & 1 ? 1 : -1);
-        break;
-    case SHAPE_CONE:
-        if (face != FACE_SIDE) {
-            side_normal(n, face == FACE_TOP ? 3 : 2);
-            return;
-        }
-        n[0] = div_q(p[0], rho);
-        n[1] = div_q(sub_q(point_q(shape->cone.bottom_radius), point_q(shape->cone.top_radius)),
-                     point_q(2 * shape->cone.half_height));
-        n[2] = div_q(p[2], rho);
-        break;
-    case SHAPE_TORUS: {
-        struct ivq ring = div_q(sub_q(rho, point_q(shape->torus.major_radius)), rho);
-        n[0] = mul_q(p[0], ring);
-        n[1] = p[1];
-        n[2] = mul_q(p[2], ring);
-        break;
-    }
-    default:
-        for (int i = 0; i < 3; i++)
-            n[i] = p[i];
-    }
-    unit(n);
-}
-
-static bool finite_vector(const struct ivq v[3]) {
-    for (int i = 0; i < 3; i++)
-        if (!(v[i].lo - v[i].lo == 0) || !(v[i].hi - v[i].hi == 0))
-            return false;
-    return true;
-}
-
-void find_normal(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit) {
-    const struct solid *solid = &prepared->solids[hit->shape];
-    const struct shape *shape = solid->shape;
-    struct ivq moved[3], local[3], own[3];
-    if (shape->type == SHAPE_MANDELBULB)
-        bulb_normal(prepared, hit->point, hit->normal);
-    else {
-        for (int i = 0; i < 3; i++)
-            moved[i] = sub_q(hit->point[i], point_q(shape->position[i]));
-        for (int i = 0; i < 3; i++) {
-            local[i] = solid->turned ? dot_q(solid->turn_q[i], moved) : moved[i];
-            if (shape->repeat[i] > 0)
-                local[i] = sub_q(local[i], mul_q(point_q(shape->repeat[i]), point_q(hit->cell[i])));
-        }
-        surface_normal(shape, hit->face, local, own);
-        for (int i = 0; i < 3; i++) {
-            struct ivq column[3];
-            for (int j = 0; j < 3; j++)
-                column[j] = solid->turn_q[j][i];
-            hit->normal[i] = solid->turned ? dot_q(column, own) : own[i];
-        }
-    }
-    struct ivq facing = dot_q(ray->d, hit->normal);
-    if (!finite_vector(hit->normal)) { // no direction, as at a point: towards the ray
-        for (int i = 0; i < 3; i++)
-            hit->normal[i] = neg_q(ray->d[i]);
-        unit(hit->normal);
-        hit->normal_sure = false;
-    } else if (mid_q(facing) > 0)
-        for (int i = 0; i < 3; i++)
-            hit->normal[i] = neg_q(hit->normal[i]);
-    if (has_zero_q(facing))
-        hit->normal_sure = false;
 }

@@ -8,13 +8,13 @@ struct FN(quartic) {
     long *evals;
 };
 
-struct FN(event) {
+struct FN(root) {
     struct IV s;
     bool fuzzy; // no proved single root
 };
 
 // Coefficients about m.
-static void FN(shifted)(const struct FN(quartic) * q, REAL m, struct IV out[5]) {
+static void FN(taylor_shift)(const struct FN(quartic) * q, REAL m, struct IV out[5]) {
     struct IV at = {m, m};
     memcpy(out, q->f, 5 * sizeof *out);
     for (int i = 0; i < 4; i++)
@@ -43,14 +43,14 @@ static int FN(side_at)(const struct FN(quartic) * q, REAL s) {
 }
 
 // The polynomial and its derivative over m ± h, by the coefficients about m.
-static struct IV FN(slope_over)(const struct IV c[5], REAL h) {
+static struct IV FN(slope_range)(const struct IV c[5], REAL h) {
     struct IV u = {-h, h}, sum = FN(scale)(c[4], 4);
     sum = FN(add)(FN(mul)(sum, u), FN(scale)(c[3], 3));
     sum = FN(add)(FN(mul)(sum, u), FN(scale)(c[2], 2));
     return FN(add)(FN(mul)(sum, u), c[1]);
 }
 
-static struct IV FN(value_over)(const struct IV c[5], REAL h) {
+static struct IV FN(value_range)(const struct IV c[5], REAL h) {
     struct IV u = {-h, h}, sum = FN(mul)(c[4], u);
     sum = FN(mul)(FN(add)(sum, c[3]), u);
     sum = FN(mul)(FN(add)(sum, c[2]), u);
@@ -64,14 +64,14 @@ static REAL FN(half_width)(REAL low, REAL high, REAL m) {
 }
 
 // x holds one root: where the polynomial is monotone and changes sign.
-static struct IV FN(close_in)(const struct FN(quartic) * q, struct IV x, int sign_low) {
+static struct IV FN(refine_root)(const struct FN(quartic) * q, struct IV x, int sign_low) {
     for (int i = 0; i < 200; i++) {
         REAL m = FN(mid)(x), width = x.hi - x.lo;
         if (!(m > x.lo && m < x.hi))
             break;
         struct IV c[5];
-        FN(shifted)(q, m, c);
-        struct IV slope = FN(slope_over)(c, FN(half_width)(x.lo, x.hi, m));
+        FN(taylor_shift)(q, m, c);
+        struct IV slope = FN(slope_range)(c, FN(half_width)(x.lo, x.hi, m));
         struct IV next = FN(sub)((struct IV){m, m}, FN(div)(c[0], slope));
         if (next.lo < x.lo || !(next.lo <= x.hi))
             next.lo = x.lo;
@@ -93,49 +93,50 @@ static struct IV FN(close_in)(const struct FN(quartic) * q, struct IV x, int sig
     return x;
 }
 
-static bool FN(note)(struct FN(event) events[MOST_ROOTS], int *count, struct IV s, bool fuzzy) {
-    struct FN(event) *last = events + *count - 1;
+static bool FN(add_root)(struct FN(root) events[MAX_ROOTS], int *count, struct IV s, bool fuzzy) {
+    struct FN(root) *last = events + *count - 1;
     if (*count > 0 && last->s.hi >= s.lo) { // they touch: one place, two doubts
         last->s = FN(hull)(last->s, s);
         last->fuzzy = true;
         return true;
     }
-    if (*count == MOST_ROOTS)
+    if (*count == MAX_ROOTS)
         return false;
-    events[(*count)++] = (struct FN(event)){s, fuzzy};
+    events[(*count)++] = (struct FN(root)){s, fuzzy};
     return true;
 }
 
 // The places in [low, high] where the polynomial may be 0, in order. False: too many.
-static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL scale,
-                        struct FN(event) events[MOST_ROOTS], int *count) {
+static bool FN(isolate_roots)(const struct FN(quartic) * q, REAL low, REAL high, REAL scale,
+                              struct FN(root) events[MAX_ROOTS], int *count) {
     struct IV stack[160];
     int depth = 0;
     stack[depth++] = (struct IV){low, high};
     for (int rounds = 0; depth > 0; rounds++) {
-        if (rounds > MOST_ROUNDS)
+        if (rounds > MAX_ROUNDS)
             return false;
         struct IV x = stack[--depth];
         REAL m = x.lo + (x.hi - x.lo) * (REAL)0.484375, h = FN(half_width)(x.lo, x.hi, m);
         struct IV c[5];
-        FN(shifted)(q, m, c);
-        struct IV value = FN(value_over)(c, h);
+        FN(taylor_shift)(q, m, c);
+        struct IV value = FN(value_range)(c, h);
         if (!FN(has_zero)(value))
             continue;
-        if (!FN(has_zero)(FN(slope_over)(c, h))) {
+        if (!FN(has_zero)(FN(slope_range)(c, h))) {
             int p = FN(sign_at)(q, x.lo), r = FN(sign_at)(q, x.hi);
             if (p * r > 0)
                 continue;
             if (p * r < 0) {
-                if (!FN(note)(events, count, FN(close_in)(q, x, p), false))
+                if (!FN(add_root)(events, count, FN(refine_root)(q, x, p), false))
                     return false;
                 continue;
             }
         }
         // Rounding alone, of a double root or near one: smaller pieces would say no more.
         bool drowned = value.hi - value.lo <= (c[0].hi - c[0].lo) * 4;
-        if (drowned || x.hi - x.lo <= FINE * scale || depth + 2 > 160 || !(m > x.lo && m < x.hi)) {
-            if (!FN(note)(events, count, x, true))
+        if (drowned || x.hi - x.lo <= RESOLUTION * scale || depth + 2 > 160 ||
+            !(m > x.lo && m < x.hi)) {
+            if (!FN(add_root)(events, count, x, true))
                 return false;
             continue;
         }
@@ -146,16 +147,16 @@ static bool FN(isolate)(const struct FN(quartic) * q, REAL low, REAL high, REAL 
 }
 
 // From the places to the parts: which side the ray is on between them.
-static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event) * events,
-                            int count, struct IV range, int side, bool open,
-                            struct FN(parts) * parts) {
-    struct FN(part) part = FN(whole); // if it begins inside, it has done so for ever
+static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct FN(root) * events,
+                                    int count, struct IV range, int side, bool open,
+                                    struct FN(spans) * spans) {
+    struct FN(span) span = FN(whole_ray); // if it begins inside, it has done so for ever
     REAL end = range.hi;
-    part.in_face = part.out_face = 0;
+    span.in_face = span.out_face = 0;
     if (side == 0) {
-        part.in = part.out = range;
-        part.sure = false;
-        FN(keep)(parts, part);
+        span.in = span.out = range;
+        span.sure = false;
+        FN(add_span)(spans, span);
         return;
     }
     for (int i = 0; i < count; i++) {
@@ -163,68 +164,68 @@ static void FN(from_events)(const struct FN(quartic) * q, const struct FN(event)
         struct IV gap = {s.hi, i + 1 < count ? events[i + 1].s.lo : end};
         int next = i + 1 == count && !open ? 1 : FN(side_at)(q, FN(mid)(gap));
         if (next == 0) { // nothing is known from here to the end
-            part.in = side < 0 ? part.in : s;
-            part.out = (struct IV){s.lo, end};
-            part.sure = false;
-            FN(keep)(parts, part);
+            span.in = side < 0 ? span.in : s;
+            span.out = (struct IV){s.lo, end};
+            span.sure = false;
+            FN(add_span)(spans, span);
             return;
         }
         if (side > 0 && next < 0) {
-            part.in = s;
-            part.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
-            part.sure = true;
+            span.in = s;
+            span.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
+            span.sure = true;
         } else if (side < 0 && next > 0) {
-            part.out = s;
-            FN(keep)(parts, part);
+            span.out = s;
+            FN(add_span)(spans, span);
         } else if (side > 0 && events[i].fuzzy) { // touches, perhaps
-            part.in = part.out = s;
-            part.sure = false;
-            FN(keep)(parts, part);
+            span.in = span.out = s;
+            span.sure = false;
+            FN(add_span)(spans, span);
         } else if (side < 0 && events[i].fuzzy) { // leaves, perhaps, for a moment
-            part.out = s;
-            part.sure = true;
-            FN(keep)(parts, part);
-            part.in = s;
-            part.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
-            part.sure = false;
+            span.out = s;
+            span.sure = true;
+            FN(add_span)(spans, span);
+            span.in = s;
+            span.out = (struct IV){(REAL)INFINITY, (REAL)INFINITY};
+            span.sure = false;
         }
         side = next;
     }
     if (side < 0)
-        FN(keep)(parts, part); // it goes on
+        FN(add_span)(spans, span); // it goes on
 }
 
-static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
-                         struct FN(parts) * parts, long *evals) {
+static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
+                            struct FN(spans) * spans, long *evals) {
     const struct IV *o = ray->o, *d = ray->d;
     struct IV big = FN(point)(shape->torus.major_radius);
     struct IV small = FN(point)(shape->torus.minor_radius);
-    struct IV a = FN(square)(d), b = FN(dot)(o, d), c = FN(square)(o);
+    struct IV a = FN(norm_sq)(d), b = FN(dot)(o, d), c = FN(norm_sq)(o);
     // Only within the ball of radius R + r.
-    struct FN(part) ball = FN(whole);
-    struct IV disc = FN(sub)(FN(mul)(a, FN(sqr)(FN(add)(big, small))), FN(cross_square)(o, d));
-    if (!FN(clip_round)(&ball, a, b, disc, 0))
+    struct FN(span) ball = FN(whole_ray);
+    struct IV disc = FN(sub)(FN(mul)(a, FN(square)(FN(add)(big, small))), FN(cross_norm_sq)(o, d));
+    if (!FN(clip_quadratic)(&ball, a, b, disc, 0))
         return;
-    struct IV four = FN(scale)(FN(sqr)(big), 4);
+    struct IV four = FN(scale)(FN(square)(big), 4);
     struct IV k = FN(add)(c, FN(mul)(FN(sub)(big, small), FN(add)(big, small)));
-    struct IV h0 = FN(add)(FN(sqr)(o[0]), FN(sqr)(o[2]));
+    struct IV h0 = FN(add)(FN(square)(o[0]), FN(square)(o[2]));
     struct IV h1 = FN(add)(FN(mul)(o[0], d[0]), FN(mul)(o[2], d[2]));
-    struct IV h2 = FN(add)(FN(sqr)(d[0]), FN(sqr)(d[2]));
+    struct IV h2 = FN(add)(FN(square)(d[0]), FN(square)(d[2]));
     struct FN(quartic) q = {.evals = evals};
     q.g[0] = k;
     q.g[1] = FN(add)(b, b);
     q.g[2] = a;
-    q.f[0] = FN(sub)(FN(sqr)(k), FN(mul)(four, h0));
+    q.f[0] = FN(sub)(FN(square)(k), FN(mul)(four, h0));
     q.f[1] = FN(sub)(FN(scale)(FN(mul)(b, k), 4), FN(scale)(FN(mul)(four, h1), 2));
-    q.f[2] =
-        FN(sub)(FN(add)(FN(scale)(FN(sqr)(b), 4), FN(scale)(FN(mul)(a, k), 2)), FN(mul)(four, h2));
+    q.f[2] = FN(sub)(FN(add)(FN(scale)(FN(square)(b), 4), FN(scale)(FN(mul)(a, k), 2)),
+                     FN(mul)(four, h2));
     q.f[3] = FN(scale)(FN(mul)(a, b), 4);
-    q.f[4] = FN(sqr)(a);
-    struct FN(event) events[MOST_ROOTS];
+    q.f[4] = FN(square)(a);
+    struct FN(root) events[MAX_ROOTS];
     int count = 0;
     // A hair more than the ball, so that both ends are outside of the torus: of the ball's own size, for
     // a ray that touches it, as one along the outer equator does, has no way inside of it.
-    struct IV across = FN(root)(FN(div)(FN(sqr)(FN(add)(big, small)), a));
+    struct IV across = FN(sqrt)(FN(div)(FN(square)(FN(add)(big, small)), a));
     REAL room = ((ball.out.hi - ball.in.lo) + across.hi) * (REAL)0x1p-20;
     REAL low = ball.in.lo - room, high = ball.out.hi + room;
     // Nor beyond the range; there it may begin or end inside.
@@ -237,8 +238,8 @@ static void FN(in_torus)(const struct shape *shape, const struct FN(ray) * ray, 
     high = open ? range.hi : high;
     if (!(low < high))
         return;
-    if (!FN(isolate)(&q, low, high, high - low, events, &count))
-        parts->lost = true;
+    if (!FN(isolate_roots)(&q, low, high, high - low, events, &count))
+        spans->overflow = true;
     else
-        FN(from_events)(&q, events, count, (struct IV){low, high}, side, open, parts);
+        FN(spans_between_roots)(&q, events, count, (struct IV){low, high}, side, open, spans);
 }

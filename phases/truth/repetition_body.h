@@ -3,22 +3,22 @@
 // a cell that the ray does not pass leaves no part, or a doubtful one.
 
 // The part clipped to cell `cell`, and when the ray leaves it.
-static bool FN(clip_cell)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
-                          const double cell[3], struct FN(part) * part) {
+static bool FN(clip_to_cell)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
+                             const double cell[3], struct FN(span) * span) {
     for (int i = 0; i < 3; i++) {
         if (!(shape->repeat[i] > 0))
             continue;
         struct IV size = FN(point)(shape->repeat[i]), k = FN(point)(cell[i]);
         struct IV half = FN(point)(0.5);
         struct IV low = FN(mul)(size, FN(sub)(k, half)), high = FN(mul)(size, FN(add)(k, half));
-        if (!FN(clip)(part, FN(sub)(ray->o[i], high), ray->d[i], range, FACE_CELL + 2 * i + 1) ||
-            !FN(clip)(part, FN(sub)(low, ray->o[i]), FN(neg)(ray->d[i]), range, FACE_CELL + 2 * i))
+        if (!FN(clip)(span, FN(sub)(ray->o[i], high), ray->d[i], range, FACE_CELL + 2 * i + 1) ||
+            !FN(clip)(span, FN(sub)(low, ray->o[i]), FN(neg)(ray->d[i]), range, FACE_CELL + 2 * i))
             return false;
     }
-    return part->in.lo <= part->out.hi;
+    return span->in.lo <= span->out.hi;
 }
 
-static REAL FN(floor_of)(REAL x) {
+static REAL FN(floor)(REAL x) {
     if (x >= (REAL)0x1p62 || x <= -(REAL)0x1p62)
         return x;
     REAL whole = (REAL)(long)x;
@@ -26,56 +26,56 @@ static REAL FN(floor_of)(REAL x) {
 }
 
 // The last part seen: pending while it may hold the ray's start and go on in the next cell.
-struct FN(last) {
-    struct FN(part) part;
+struct FN(carried) {
+    struct FN(span) span;
     bool pending;
 };
 
 // Parts of the copy in one cell, joined to the last one where the solid goes on through the wall.
 // True: this shape is done.
-static bool FN(in_cell)(struct FN(search) * search, const struct solid *solid, int index,
-                        const struct FN(ray) * ray, struct IV range, const double cell[3],
-                        struct FN(last) * last, long *evals) {
+static bool FN(search_cell)(struct FN(search) * search, const struct solid *solid, int index,
+                            const struct FN(ray) * ray, struct IV range, const double cell[3],
+                            struct FN(carried) * last, long *evals) {
     const struct shape *shape = solid->shape;
-    struct FN(part) walls = FN(whole);
-    if (!FN(clip_cell)(shape, ray, range, cell, &walls))
+    struct FN(span) walls = FN(whole_ray);
+    if (!FN(clip_to_cell)(shape, ray, range, cell, &walls))
         return false;
     struct FN(ray) local = *ray;
     for (int i = 0; i < 3; i++)
         local.o[i] = FN(sub)(ray->o[i], FN(mul)(FN(point)(shape->repeat[i]), FN(point)(cell[i])));
-    struct FN(parts) parts;
+    struct FN(spans) spans;
     struct IV within = {walls.in.lo > range.lo ? walls.in.lo : range.lo,
                         walls.out.hi < range.hi ? walls.out.hi : range.hi};
     if (!(within.lo <= within.hi))
         return false;
-    FN(in_copy)(shape, local, within, &parts, evals);
-    if (parts.lost)
-        FN(doubtful)(search, walls.in.lo);
-    for (int i = 0; i < parts.count; i++) {
-        struct FN(part) part = parts.at[i];
-        FN(begins)(&part, walls.in, walls.in_face);
-        FN(ends)(&part, walls.out, walls.out_face);
-        part.sure = part.sure && walls.sure && part.in.hi < part.out.lo;
-        if (part.in.lo > part.out.hi)
+    FN(copy_spans)(shape, local, within, &spans, evals);
+    if (spans.overflow)
+        FN(note_doubt)(search, walls.in.lo);
+    for (int i = 0; i < spans.count; i++) {
+        struct FN(span) span = spans.at[i];
+        FN(clip_start)(&span, walls.in, walls.in_face);
+        FN(clip_end)(&span, walls.out, walls.out_face);
+        span.sure = span.sure && walls.sure && span.in.hi < span.out.lo;
+        if (span.in.lo > span.out.hi)
             continue;
-        memcpy(part.in_cell, cell, sizeof part.in_cell);
-        memcpy(part.out_cell, cell, sizeof part.out_cell);
-        bool joins = last->part.out_face >= FACE_CELL && part.in_face >= FACE_CELL &&
-                     last->part.out.hi >= part.in.lo;
+        memcpy(span.in_cell, cell, sizeof span.in_cell);
+        memcpy(span.out_cell, cell, sizeof span.out_cell);
+        bool joins = last->span.out_face >= FACE_CELL && span.in_face >= FACE_CELL &&
+                     last->span.out.hi >= span.in.lo;
         if (joins && last->pending) {
-            struct FN(part) *begun = &last->part;
-            begun->sure = begun->sure && part.sure && begun->out_face_sure && part.in_face_sure;
-            begun->out = part.out;
-            begun->out_face = part.out_face;
-            begun->out_face_sure = part.out_face_sure;
+            struct FN(span) *begun = &last->span;
+            begun->sure = begun->sure && span.sure && begun->out_face_sure && span.in_face_sure;
+            begun->out = span.out;
+            begun->out_face = span.out_face;
+            begun->out_face_sure = span.out_face_sure;
             memcpy(begun->out_cell, cell, sizeof begun->out_cell);
             continue;
         }
-        if (last->pending && FN(consider)(search, index, &last->part))
+        if (last->pending && FN(take_span)(search, index, &last->span))
             return true;
-        last->part = part;
-        last->pending = !(part.in.lo > 0);
-        if (!last->pending && FN(consider)(search, index, &part))
+        last->span = span;
+        last->pending = !(span.in.lo > 0);
+        if (!last->pending && FN(take_span)(search, index, &span))
             return true;
     }
     return false;
@@ -83,31 +83,31 @@ static bool FN(in_cell)(struct FN(search) * search, const struct solid *solid, i
 
 // One axis of the walk: the cells that the ray may be in, and the wall that it goes to.
 struct FN(axis) {
-    int way; // the sign of the direction; 0: stands, or nearly
+    int direction; // the sign of the direction; 0: stands, or nearly
     double low, high;
     struct IV wall;
 };
 
-static struct IV FN(cell_of)(struct IV x, double size) {
+static struct IV FN(cells_at)(struct IV x, double size) {
     struct IV place = FN(add)(FN(div)(x, FN(point)(size)), FN(point)(0.5));
-    return (struct IV){FN(floor_of)(place.lo), FN(floor_of)(place.hi)};
+    return (struct IV){FN(floor)(place.lo), FN(floor)(place.hi)};
 }
 
 static struct FN(axis) FN(start_axis)(struct IV o, struct IV d, double size, struct IV range) {
     struct FN(axis) axis = {.wall = {(REAL)INFINITY, (REAL)INFINITY}};
     if (!(size > 0))
         return axis;
-    axis.way = FN(sign)(d);
-    struct IV cell = FN(cell_of)(axis.way ? o : FN(add)(o, FN(mul)(d, range)), size);
+    axis.direction = FN(sign)(d);
+    struct IV cell = FN(cells_at)(axis.direction ? o : FN(add)(o, FN(mul)(d, range)), size);
     axis.low = (double)cell.lo;
     axis.high = (double)cell.hi;
     return axis;
 }
 
 // Looks into every cell of the block that the last block did not have, in the ray's order.
-static bool FN(in_block)(struct FN(search) * search, const struct solid *solid, int index,
-                         const struct FN(ray) * ray, struct IV range, double block[3][2],
-                         double seen[3][2], struct FN(last) * last, long *evals) {
+static bool FN(search_block)(struct FN(search) * search, const struct solid *solid, int index,
+                             const struct FN(ray) * ray, struct IV range, double block[3][2],
+                             double seen[3][2], struct FN(carried) * last, long *evals) {
     double step[3], cell[3];
     for (int i = 0; i < 3; i++)
         step[i] = block[i][0] <= block[i][1] ? 1 : -1;
@@ -118,17 +118,17 @@ static bool FN(in_block)(struct FN(search) * search, const struct solid *solid, 
                 for (int i = 0; i < 3; i++)
                     again = again && cell[i] >= fmin(seen[i][0], seen[i][1]) &&
                             cell[i] <= fmax(seen[i][0], seen[i][1]);
-                if (!again && FN(in_cell)(search, solid, index, ray, range, cell, last, evals))
+                if (!again && FN(search_cell)(search, solid, index, ray, range, cell, last, evals))
                     return true;
             }
     return false;
 }
 
-static void FN(through_cells)(struct FN(search) * search, const struct solid *solid, int index,
-                              const struct FN(ray) * ray, long *evals) {
+static void FN(walk_cells)(struct FN(search) * search, const struct solid *solid, int index,
+                           const struct FN(ray) * ray, long *evals) {
     const double *size = solid->shape->repeat;
     struct IV range = {0, search->reach.hi};
-    struct FN(last) last = {.part = FN(whole)};
+    struct FN(carried) last = {.span = FN(whole_ray)};
     struct FN(axis) axes[3];
     double block[3][2], seen[3][2] = {{INFINITY, INFINITY}, {0, 0}, {0, 0}};
     for (int i = 0; i < 3; i++)
@@ -140,24 +140,24 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
         for (int i = 0; i < 3; i++) {
             struct FN(axis) *axis = &axes[i];
             wide = wide || !(axis->high - axis->low <= 2) || !(fabs(axis->high) < 0x1p52);
-            if (axis->way == 0)
+            if (axis->direction == 0)
                 continue;
-            double side = axis->way > 0 ? axis->high + 0.5 : axis->low - 0.5;
+            double side = axis->direction > 0 ? axis->high + 0.5 : axis->low - 0.5;
             struct IV at = FN(mul)(FN(point)(size[i]), FN(point)(side));
             axis->wall = FN(div)(FN(sub)(at, ray->o[i]), ray->d[i]);
             leaves = axis->wall.hi < leaves ? axis->wall.hi : leaves;
         }
-        if (wide || cells > MOST_CELLS) {
-            FN(doubtful)(search, wide ? 0 : before);
-            search->worn = !wide;
+        if (wide || cells > MAX_CELLS) {
+            FN(note_doubt)(search, wide ? 0 : before);
+            search->gave_up = !wide;
             break;
         }
         for (int i = 0; i < 3; i++) { // with the cells behind the walls that it may reach by then
-            bool may = axes[i].way != 0 && axes[i].wall.lo <= leaves;
-            block[i][0] = axes[i].way < 0 ? axes[i].high : axes[i].low;
-            block[i][1] = axes[i].way < 0 ? axes[i].low - may : axes[i].high + may;
+            bool may = axes[i].direction != 0 && axes[i].wall.lo <= leaves;
+            block[i][0] = axes[i].direction < 0 ? axes[i].high : axes[i].low;
+            block[i][1] = axes[i].direction < 0 ? axes[i].low - may : axes[i].high + may;
         }
-        if (FN(in_block)(search, solid, index, ray, range, block, seen, &last, evals))
+        if (FN(search_block)(search, solid, index, ray, range, block, seen, &last, evals))
             return;
         bool known = search->best.shape >= 0 && !search->inside && !last.pending &&
                      leaves > search->best.s.hi;
@@ -165,10 +165,10 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
             break;
         for (int i = 0; i < 3; i++) {
             struct FN(axis) *axis = &axes[i];
-            if (axis->way == 0)
+            if (axis->direction == 0)
                 continue;
             bool may = axis->wall.lo <= leaves, must = axis->wall.hi <= leaves;
-            if (axis->way > 0) {
+            if (axis->direction > 0) {
                 axis->low = must ? axis->high + 1 : axis->low;
                 axis->high += may;
             } else {
@@ -180,5 +180,5 @@ static void FN(through_cells)(struct FN(search) * search, const struct solid *so
         before = leaves;
     }
     if (last.pending)
-        FN(consider)(search, index, &last.part);
+        FN(take_span)(search, index, &last.span);
 }
