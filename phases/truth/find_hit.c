@@ -1,5 +1,5 @@
-// The first hit of a ray, proved where it can be, and the Mandelbulb's, marched: J. C. Hart, "Sphere
-// tracing", The Visual Computer 12 (1996), by the scene's own hit distance and steps.
+// The first hit of a ray. Solids are intersected with proof; a Mandelbulb is marched (J. C. Hart, "Sphere tracing", The
+// Visual Computer 12 (1996)) with the scene's own hit distance and steps.
 #include "sdf.h"
 #include "trace.h"
 
@@ -20,7 +20,7 @@ static void point_on(const struct ray_q *ray, struct ivq s, struct ivq point[3])
         point[i] = add_q(ray->o[i], mul_q(s, ray->d[i]));
 }
 
-// Origin and unit direction in double-double.
+// The ray's origin and unit direction in double-double: the middles of their enclosures.
 static void unit_ray(const struct ray_q *ray, struct dd o[3], struct dd d[3]) {
     for (int i = 0; i < 3; i++) {
         o[i] = dd_from_quad(mid_q(ray->o[i]));
@@ -31,8 +31,8 @@ static void unit_ray(const struct ray_q *ray, struct dd o[3], struct dd d[3]) {
         d[i] = dd_div(d[i], length);
 }
 
-// The s up to which a hit counts. A march is over as soon as it stands outside of the bounds, but
-// not before its first step: from outside, that step must lead inside. {−1}: it does not.
+// Returns the s up to which a hit counts, or −1 for none. A march ends where it stands outside of the bounds, but not
+// before its first step: from outside, that step must lead inside.
 static struct ivq find_reach(const struct prepared *prepared, const struct ray_q *ray) {
     double bounds = prepared->model.march.bounds_radius;
     struct ivq beyond = sub_q(norm_sq_q(ray->o), square_q(point_q(bounds)));
@@ -45,7 +45,7 @@ static struct ivq find_reach(const struct prepared *prepared, const struct ray_q
     return dd_less(dd_norm(p), dd_from(bounds)) ? leave_ball(ray, bounds) : point_q(-1);
 }
 
-static void take(struct hit *hit, struct first_q first) {
+static void set_hit(struct hit *hit, struct first_q first) {
     hit->shape = first.shape;
     hit->face = first.face;
     hit->s = first.s;
@@ -55,7 +55,7 @@ static void take(struct hit *hit, struct first_q first) {
         hit->cell[i] = first.cell[i];
 }
 
-// In doubles who is first, in quads where; all in quads if doubles do not decide.
+// Finds the first solid in doubles and its s in quads. If doubles do not decide, everything is done in quads.
 static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, struct ivq reach,
                       struct hit *hit) {
     const struct solid *solids = prepared->solids;
@@ -76,7 +76,7 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
         if (fine.proved && fine.shape == 0 && !fine.inside && fine.s.hi >= first.s.lo &&
             fine.s.lo <= first.s.hi) {
             fine.shape = first.shape;
-            take(hit, fine);
+            set_hit(hit, fine);
             return;
         }
     }
@@ -84,15 +84,14 @@ static void solve_hit(const struct prepared *prepared, const struct ray_q *ray, 
         struct first_q rest = {.s = widen(first.s), .shape = first.shape, .face = first.face};
         for (int i = 0; i < 3; i++)
             rest.cell[i] = first.cell[i];
-        take(hit, rest);
+        set_hit(hit, rest);
         return;
     }
-    take(hit, first_hit_q(solids, count, ray, reach, &hit->evals));
+    set_hit(hit, first_hit_q(solids, count, ray, reach, &hit->evals));
 }
 
-// A Mandelbulb before t = `limit`: marched through the whole scene's distances; where another
-// surface's hit distance would stop the march though its true surface is not reached, on by the
-// Mandelbulb's own.
+// Returns whether the march meets a Mandelbulb before t = limit; `last` is its last step. The march uses the whole
+// scene's distance. Near another surface that the exact ray does not hit, it uses the Mandelbulbs' alone.
 static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray, double limit,
                         struct hit *hit, struct dd *t, double *last) {
     const struct limits *march = &prepared->model.march;
@@ -114,9 +113,9 @@ static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray
             for (int i = 0; i < prepared->model.shape_count; i++) {
                 if (prepared->model.shapes[i].type != SHAPE_MANDELBULB)
                     continue;
-                struct dd own = distance_to(&prepared->solids[i], p);
-                if (dd_less(own, distance)) {
-                    distance = own;
+                struct dd bulb = distance_to(&prepared->solids[i], p);
+                if (dd_less(bulb, distance)) {
+                    distance = bulb;
                     nearest = i;
                 }
             }
@@ -134,11 +133,11 @@ static bool march_bulbs(const struct prepared *prepared, const struct ray_q *ray
 }
 
 void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit) {
-    *hit =
-        (struct hit){.shape = -1, .face = FACE_NONE, .normal_sure = true, .evals = 1}; // the bounds
+    *hit = (struct hit){
+        .shape = -1, .face = FACE_NONE, .normal_sure = true, .evals = 1}; // of the bounds
     struct ivq reach = find_reach(prepared, ray), length = sqrt_q(norm_sq_q(ray->d));
     if (!(length.lo > 0))
-        return; // no direction: undecided
+        return; // the direction may be 0: undecided
     if (reach.hi < 0)
         hit->status = PROVED;
     else
@@ -160,7 +159,7 @@ void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct h
         hit->status = hit->status > CONVERGED ? CONVERGED : hit->status;
     }
     struct ivq s = hit->s;
-    if (hit->status == UNDECIDED) // shown where the nearest sure surface is, if there is one
+    if (hit->status == UNDECIDED) // the picture shows the nearest sure surface, if there is one
         s.lo = s.hi;
     if (!(s.hi - s.hi == 0))
         hit->shape = -1;

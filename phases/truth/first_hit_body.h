@@ -1,6 +1,7 @@
-// A ray against all shapes: into each one's frame, through the cells that it is repeated in, and which
-// surface comes first. Included by solve.c twice.
+// Searches all solids for the first surface on a ray. A repeated solid is searched cell by cell (repetition_body.h).
+// Included by ray_spans.c, once in doubles and once in quads.
 
+// The ray in the shape's own frame.
 static void FN(to_local)(const struct solid *solid, const struct FN(ray) * ray,
                          struct FN(ray) * local) {
     struct IV moved[3];
@@ -12,8 +13,8 @@ static void FN(to_local)(const struct solid *solid, const struct FN(ray) * ray,
     }
 }
 
-// The ray's start moved to where it is nearest to the shape's centre, so that coefficients are of the
-// shape's size; returns by how much.
+// Moves the ray's start to the point nearest to the shape's centre, and returns by how much. The coefficients of the
+// equations are then of the shape's size, and their enclosures narrow.
 static REAL FN(move_start_near)(struct FN(ray) * ray) {
     struct IV a = FN(norm_sq)(ray->d), b = FN(dot)(ray->o, ray->d);
     REAL s = -FN(mid)(b) / FN(mid)(a);
@@ -24,7 +25,7 @@ static REAL FN(move_start_near)(struct FN(ray) * ray) {
     return s;
 }
 
-// Parts of the local ray inside of one copy of the shape.
+// Finds the spans of the local ray inside of one copy of the shape.
 static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct IV range,
                            struct FN(spans) * spans, long *evals) {
     REAL shift = 0;
@@ -43,7 +44,7 @@ static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct
     case SHAPE_CONE: FN(cone_spans)(shape, &ray, range, spans); break;
     case SHAPE_TORUS: FN(torus_spans)(shape, &ray, range, spans, evals); break;
     case SHAPE_OCTAHEDRON: FN(octahedron_spans)(shape, &ray, range, spans); break;
-    default: break; // a Mandelbulb is marched, not solved
+    default: break; // a Mandelbulb is marched
     }
     for (int i = 0; shift != 0 && i < spans->count; i++) {
         struct FN(span) *span = &spans->at[i];
@@ -54,24 +55,26 @@ static void FN(copy_spans)(const struct shape *shape, struct FN(ray) ray, struct
     }
 }
 
-// What has been seen so far along the ray.
+// What the search knows of the ray so far.
 struct FN(search) {
     struct FN(first) best; // the nearest sure entry
-    REAL rival;            // least s at which another shape, or a doubtful part, may begin
+    REAL rival;            // least s at which the first shape's surface may begin
     int rival_shape;
-    REAL second; // the same of the next shape
-    REAL doubt;  // least s at which something doubtful may begin
+    REAL second; // the same of any other shape
+    REAL doubt;  // least s at which a doubtful span may begin
     bool inside, gave_up;
-    struct FN(span) outer; // if inside: the part that holds the start
+    struct FN(span) outer; // if inside: the span that holds the ray's start
     int outer_shape;
     struct IV reach;
 };
 
+// Notes that from s on it is not certain whether a solid begins.
 static void FN(note_doubt)(struct FN(search) * search, REAL s) {
     s = s < 0 ? 0 : s;
     search->doubt = s < search->doubt ? s : search->doubt;
 }
 
+// Notes a sure entry into a solid: the nearest becomes the hit, the others its rivals.
 static void FN(note_entry)(struct FN(search) * search, int index, const struct FN(span) * span) {
     REAL from = span->in.lo;
     if (index == search->rival_shape || search->rival_shape < 0) {
@@ -91,7 +94,7 @@ static void FN(note_entry)(struct FN(search) * search, int index, const struct F
     memcpy(search->best.cell, span->in_cell, sizeof search->best.cell);
 }
 
-// One part of one shape. True: no later part of this shape can matter.
+// Takes one span of a shape into the search. Returns true if no later span of that shape can matter.
 static bool FN(take_span)(struct FN(search) * search, int index, const struct FN(span) * span) {
     if (span->out.hi < 0 || span->in.lo > search->reach.hi)
         return false;
@@ -115,6 +118,7 @@ static bool FN(take_span)(struct FN(search) * search, int index, const struct FN
 
 #include "repetition_body.h"
 
+// Takes all spans of one solid into the search.
 static void FN(search_solid)(struct FN(search) * search, const struct solid *solid, int index,
                              const struct FN(ray) * ray, long *evals) {
     struct FN(ray) local;
@@ -135,7 +139,7 @@ static void FN(search_solid)(struct FN(search) * search, const struct solid *sol
             break;
 }
 
-// The ray starts inside: out of one shape after the other, until none holds it.
+// For a ray that starts inside: leaves one solid after the other until none holds the point. The hit is there.
 static void FN(leave_union)(struct FN(search) * search, const struct solid *solids, int count,
                             const struct FN(ray) * ray, long *evals) {
     struct FN(span) outer = search->outer;
@@ -143,7 +147,7 @@ static void FN(leave_union)(struct FN(search) * search, const struct solid *soli
     for (int rounds = 0; rounds < 2 * count + 1000; rounds++) {
         if (outer.out.lo > search->reach.hi)
             break;
-        // The ray from there on: what holds that place holds it on.
+        // The ray from the exit on: a solid that holds the exit holds the ray further.
         struct FN(ray) rest = *ray;
         REAL from = outer.out.hi;
         for (int i = 0; i < 3; i++)
@@ -154,7 +158,7 @@ static void FN(leave_union)(struct FN(search) * search, const struct solid *soli
         if (next.reach.lo < 0)
             break;
         for (int i = 0; i < count; i++)
-            if (i != owner) // its other parts do not touch this one
+            if (i != owner) // its other spans do not touch this one
                 FN(search_solid)(&next, &solids[i], i, &rest, evals);
         if (next.doubt <= 0)
             FN(note_doubt)(search, outer.out.lo);
@@ -185,7 +189,7 @@ struct FN(first) FN(first_hit)(const struct solid *solids, int count, const stru
     search.doubt = search.rival = search.second = (REAL)INFINITY;
     if (!(FN(norm_sq)(ray->d).lo > 0) || !(reach.hi - reach.hi == 0)) {
         search.best.s = (struct IV){0, reach.hi};
-        return search.best; // no direction
+        return search.best; // the direction may be 0
     }
     for (int i = 0; i < count; i++)
         FN(search_solid)(&search, &solids[i], i, ray, evals);
@@ -200,7 +204,7 @@ struct FN(first) FN(first_hit)(const struct solid *solids, int count, const stru
         best->proved = !(search.doubt <= reach.hi);
     else
         best->proved = !(search.doubt <= best->s.hi) && !(other <= best->s.hi);
-    if (!best->proved) { // where it may be
+    if (!best->proved) { // s encloses where the hit may be
         REAL least = search.doubt < search.rival ? search.doubt : search.rival;
         REAL most = best->shape < 0 ? reach.hi : best->s.hi;
         best->s = (struct IV){least < most ? least : most, most};

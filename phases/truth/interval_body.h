@@ -1,8 +1,9 @@
-// Interval arithmetic over REAL, included by interval.h once for each kind of number.
+// Interval arithmetic over REAL. Included by interval.h, once in doubles and once in quads.
 struct IV {
     REAL lo, hi;
 };
 
+// At least the next number up, and down.
 static inline REAL FN(above)(REAL x) {
     return x + (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
 }
@@ -27,7 +28,7 @@ static inline bool FN(has_zero)(struct IV a) {
     return !(a.lo > 0 || a.hi < 0);
 }
 
-// Of a: +1 or −1 where it is certain, else 0.
+// Returns +1 or −1 where the sign is certain, else 0.
 static inline int FN(sign)(struct IV a) {
     return a.lo > 0 ? 1 : a.hi < 0 ? -1 : 0;
 }
@@ -45,7 +46,7 @@ static inline struct IV FN(neg)(struct IV a) {
     return (struct IV){-a.hi, -a.lo};
 }
 
-// What a + b in floating point left out: exact in rounding to nearest.
+// Returns the rounding error of sum = a + b, which is exact in rounding to nearest.
 static inline REAL FN(sum_error)(REAL a, REAL b, REAL sum) {
     REAL b_part = sum - a;
     return (a - (sum - b_part)) + (b - b_part);
@@ -54,7 +55,7 @@ static inline REAL FN(sum_error)(REAL a, REAL b, REAL sum) {
 static inline struct IV FN(add)(struct IV a, struct IV b) {
     REAL lo = a.lo + b.lo, hi = a.hi + b.hi;
     REAL under = FN(sum_error)(a.lo, b.lo, lo), over = FN(sum_error)(a.hi, b.hi, hi);
-    // Written so that a left-over that is no number widens.
+    // An error that is NaN widens, too.
     return (struct IV){under >= 0 ? lo : FN(below)(lo), over <= 0 ? hi : FN(above)(hi)};
 }
 
@@ -107,7 +108,7 @@ static inline struct IV FN(square)(struct IV a) {
     return (struct IV){0, FN(product_above)(most, most)};
 }
 
-// b without zero; else everything.
+// Returns a/b; everything if b may be 0.
 static inline struct IV FN(div)(struct IV a, struct IV b) {
     if (FN(has_zero)(b))
         return (struct IV){-(REAL)INFINITY, (REAL)INFINITY};
@@ -124,7 +125,7 @@ static inline struct IV FN(div)(struct IV a, struct IV b) {
     return (struct IV){FN(below)(least), FN(above)(most)};
 }
 
-// Of what is not negative in a. The bounds are held against x by their squares.
+// Returns the roots of what is not negative in a. The bounds are checked by their squares.
 static inline struct IV FN(sqrt)(struct IV a) {
     struct IV r = {0, 0};
     if (a.lo > 0) {

@@ -8,8 +8,8 @@ static void normalize(struct ivq v[3]) {
         v[i] = div_q(v[i], length);
 }
 
-// By the scene's local_normal rule, forward differences over normal_step, in double-double: closer by, the
-// gradient of a fractal's estimate says nothing of what is seen.
+// A Mandelbulb's normal by the scene's own rule: forward differences over normal_step, in double-double. The gradient
+// itself would show leaves of the fractal that are far smaller than a pixel.
 static void bulb_normal(const struct prepared *prepared, const struct ivq point[3],
                         struct ivq n[3]) {
     struct dd p[3], slope[3], step = dd_from(prepared->model.march.normal_step);
@@ -29,12 +29,13 @@ static void bulb_normal(const struct prepared *prepared, const struct ivq point[
     }
 }
 
-static void side_normal(struct ivq n[3], int code) { // 2·axis + upper
+// code: 2·axis + 1 for the upper side.
+static void side_normal(struct ivq n[3], int code) {
     for (int i = 0; i < 3; i++)
         n[i] = point_q(i == code / 2 ? (code & 1 ? 1 : -1) : 0);
 }
 
-// The gradient of the shape's local_normal surface at the local point p.
+// Computes the unit gradient of the shape's equation at the local point p of that face.
 static void surface_normal(const struct shape *shape, int face, const struct ivq p[3],
                            struct ivq n[3]) {
     if (face >= FACE_CELL) {
@@ -48,7 +49,7 @@ static void surface_normal(const struct shape *shape, int face, const struct ivq
         for (int i = 0; i < 3; i++)
             n[i] = point_q(shape->plane.normal[i]);
         break;
-    case SHAPE_ROUNDED_BOX: // away from the nearest point of the box that is grown
+    case SHAPE_ROUNDED_BOX: // away from the nearest point of the inner box
         for (int i = 0; i < 3; i++) {
             struct ivq half = point_q(shape->box.half_size[i]), over = sub_q(p[i], half),
                        under = add_q(p[i], half);
@@ -114,7 +115,7 @@ void find_normal(const struct prepared *prepared, const struct ray_q *ray, struc
         }
     }
     struct ivq facing = dot_q(ray->d, hit->normal);
-    if (!finite_vector(hit->normal)) { // no direction, as at a point: towards the ray
+    if (!finite_vector(hit->normal)) { // no gradient, as at a centre: against the ray
         for (int i = 0; i < 3; i++)
             hit->normal[i] = neg_q(ray->d[i]);
         normalize(hit->normal);

@@ -1,4 +1,5 @@
-// The solver, once in doubles and once in quads.
+// Builds the intersection of rays with solids from its templates, once in doubles and once in quads.
+// RESOLUTION: the smallest interval, relative to the search, that is still split.
 #include "ray_spans.h"
 
 #include <string.h>
@@ -15,7 +16,7 @@ enum { MAX_SPANS = 8, MAX_ROOTS = 16, MAX_CELLS = 2000, MAX_ROUNDS = 5000 };
 
 #include "spans_torus_body.h"
 
-#include "first_hit_body.h" // in this order
+#include "first_hit_body.h" // the order matters: each uses the ones above
 #undef REAL
 #undef IV
 #undef FN

@@ -1,4 +1,4 @@
-// Where a ray is inside of which shape, in intervals of double and of quad: solve.c.
+// The spans of a ray inside of solids, and the first surface on it, in intervals of double and of quad.
 #ifndef TRUTH_SOLVE_H
 #define TRUTH_SOLVE_H
 
@@ -8,22 +8,22 @@
 #include "interval.h"
 #include "scene/scene.h"
 
-// Which part of a shape's surface: half-spaces by number (box: 2·axis + upper; octahedron: bits of
-// the signs; cone: BOTTOM, TOP, SIDE), or the side of the cell that a repeated shape is clipped to.
+// A face of a shape. A box has 2·axis + 1 for the upper side, an octahedron a bit for each sign, a cone BOTTOM, TOP and
+// SIDE. From CELL on: a wall of the cell that a repeated shape is clipped to, 2·axis + 1 for the upper one.
 enum { FACE_BOTTOM, FACE_TOP, FACE_SIDE, FACE_CELL = 16, FACE_NONE = -1 };
 
-// What is worked out once per shape.
+// A shape with what is computed once per scene.
 struct solid {
     const struct shape *shape;
     bool rotated, repeated;
     bool duplicate; // of a shape before it, which then owns every hit
     struct ivd rotation_d[3][3];
-    struct ivq rotation_q[3][3]; // world to shape, after the shift by −position
+    struct ivq rotation_q[3][3]; // from the scene's axes to the shape's
     struct dd rotation[3][3];
 };
 
-// Part of a ray inside of a solid, s from `in` to `out`. Not sure: the part may not be there at
-// all, and then only in.lo and out.hi bound it.
+// A span of a ray inside of a solid: s from `in` to `out`, each enclosed. If it is not sure, the span may be missing,
+// and only in.lo and out.hi bound it.
 #define SPAN(IV, name)                                                                             \
     struct name {                                                                                  \
         struct IV in, out;                                                                         \
@@ -43,7 +43,7 @@ struct ray_q {
     struct ivq o[3], d[3];
 };
 
-// The first zero of the union's surface for 0 ≤ s ≤ reach.
+// The first point on the surface of the union of all solids, for 0 ≤ s ≤ reach.
 #define FIRST_HIT(IV, name)                                                                        \
     struct name {                                                                                  \
         struct IV s;                                                                               \
@@ -51,19 +51,21 @@ struct ray_q {
         int face;                                                                                  \
         double cell[3];                                                                            \
         bool proved;                                                                               \
-        bool gave_up;           /* gave up in small cells: quads would too */                      \
-        bool face_sure, inside; /* the ray started inside of a shape */                            \
+        bool gave_up;           /* too many cells: quads would give up, too */                     \
+        bool face_sure, inside; /* inside: the ray starts in a solid */                            \
     }
 FIRST_HIT(ivd, first_d);
 FIRST_HIT(ivq, first_q);
 #undef FIRST_HIT
 
+// Return the first surface on the ray, proved or with an enclosure of where it may be. `evals` is increased by the
+// number of copies and quartics that were solved. A duplicate solid and a Mandelbulb have no surface here.
 struct first_d first_hit_d(const struct solid *solids, int count, const struct ray_d *ray,
                            struct ivd reach, long *evals);
 struct first_q first_hit_q(const struct solid *solids, int count, const struct ray_q *ray,
                            struct ivq reach, long *evals);
 
-// s at which the ray leaves the ball about the origin, from within.
+// Returns the s at which a ray that starts in the ball about the origin leaves it.
 struct ivq leave_ball(const struct ray_q *ray, double radius);
 
 #endif

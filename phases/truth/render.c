@@ -1,5 +1,4 @@
-// The phase's entry points: camera rays as intervals about the exact rational direction, tiles of
-// the picture dealt to threads.
+// The phase's entry points: camera rays as intervals about the exact rational direction, and tiles that threads share.
 #include <float.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -18,7 +17,7 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-// The same surface twice: whoever comes first in the scene has it, as with a tie in every phase.
+// Whether two shapes are the same surface. The first in the scene then owns every hit, as in every phase's ties.
 static bool same_surface(const struct shape *a, const struct shape *b) {
     if (a->type != b->type || memcmp(a->position, b->position, sizeof a->position) != 0 ||
         memcmp(a->rotation_degrees, b->rotation_degrees, sizeof a->rotation_degrees) != 0 ||
@@ -36,7 +35,7 @@ static bool same_surface(const struct shape *a, const struct shape *b) {
     }
 }
 
-// The three rotations as one matrix: x first, then y, then z.
+// The rotation about x, then y, then z as one matrix.
 static void rotation_matrix(const double degrees[3], struct ivq turn[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     for (int i = 0; i < 3; i++)
@@ -104,7 +103,7 @@ void phase_release(struct prepared *prepared) {
     free(prepared);
 }
 
-// Of the exact ray through the middle of the pixel. 2·column + 1 − width times a double is exact.
+// The exact ray through the middle of the pixel. 2·column + 1 − width times a double is exact in quad.
 static void camera_ray(const struct view *view, const struct frame *frame, int column, int row,
                        struct ray_q *ray) {
     struct ivq tangent = point_q(view->tan_half_fov), height = point_q(frame->height);
@@ -137,7 +136,7 @@ static void store(struct frame *frame, size_t pixel, const struct shaded *result
     }
     frame->planes[PLANE_SHADOW][pixel] = (float)result->shadow[SHADOW_ESTIMATE];
     frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)result->shadow[SHADOW_IDEAL];
-    // Upward: a float that is no less than the width. Of a ray that may never leave a half-space: FLT_MAX.
+    // Rounded up. The width of a ray that may never leave a half-space is FLT_MAX.
     quad width = hit->t.hi - hit->t.lo;
     bool none = !found && hit->status != UNDECIDED;
     float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
@@ -153,7 +152,8 @@ struct job {
     atomic_int next; // tile
 };
 
-static void *work(void *argument) {
+// One thread: renders tiles until none is left.
+static void *render_tiles(void *argument) {
     struct job *job = argument;
     struct frame *frame = job->frame;
     int across = (frame->width + TILE - 1) / TILE, down = (frame->height + TILE - 1) / TILE;
@@ -173,13 +173,13 @@ static void *work(void *argument) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     struct job job = {.prepared = prepared, .view = view, .frame = frame};
-    enum { MOST = 4096 };
-    pthread_t threads[MOST];
+    enum { MAX_THREADS = 4096 };
+    pthread_t threads[MAX_THREADS];
     int started = 0;
-    for (; started < prepared->threads - 1 && started < MOST; started++)
-        if (pthread_create(&threads[started], NULL, work, &job) != 0)
+    for (; started < prepared->threads - 1 && started < MAX_THREADS; started++)
+        if (pthread_create(&threads[started], NULL, render_tiles, &job) != 0)
             break; // the others do its share
-    work(&job);
+    render_tiles(&job);
     while (started > 0)
         pthread_join(threads[--started], NULL);
     return true;

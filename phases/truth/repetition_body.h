@@ -1,8 +1,8 @@
-// A repeated shape: the cells along the ray in order, each copy clipped to its own cell. Included by
-// first_body.h twice. Where the order of two cells is not certain both orders' cells are looked at:
-// a cell that the ray does not pass leaves no part, or a doubtful one.
+// Walks through the cells of a repeated shape in the ray's order; each copy is clipped to its own cell. Where the order of
+// two walls is not certain, the cells of both orders are searched: a cell that the ray misses gives no span, or a
+// doubtful one. So the walk visits a superset of the ray's cells. Included by first_hit_body.h.
 
-// The part clipped to cell `cell`, and when the ray leaves it.
+// Clips the span to a cell. Returns false if nothing is left.
 static bool FN(clip_to_cell)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
                              const double cell[3], struct FN(span) * span) {
     for (int i = 0; i < 3; i++) {
@@ -18,6 +18,7 @@ static bool FN(clip_to_cell)(const struct shape *shape, const struct FN(ray) * r
     return span->in.lo <= span->out.hi;
 }
 
+// The largest whole number that is not above x; beyond 2⁶² every number is whole.
 static REAL FN(floor)(REAL x) {
     if (x >= (REAL)0x1p62 || x <= -(REAL)0x1p62)
         return x;
@@ -25,14 +26,14 @@ static REAL FN(floor)(REAL x) {
     return whole > x ? whole - 1 : whole;
 }
 
-// The last part seen: pending while it may hold the ray's start and go on in the next cell.
+// The span that may go on in the next cell: pending while it may also hold the ray's start.
 struct FN(carried) {
     struct FN(span) span;
     bool pending;
 };
 
-// Parts of the copy in one cell, joined to the last one where the solid goes on through the wall.
-// True: this shape is done.
+// Takes the spans of the copy in one cell, joined to the carried one where the solid goes on through the wall.
+// Returns true if no further cell can matter.
 static bool FN(search_cell)(struct FN(search) * search, const struct solid *solid, int index,
                             const struct FN(ray) * ray, struct IV range, const double cell[3],
                             struct FN(carried) * last, long *evals) {
@@ -81,13 +82,14 @@ static bool FN(search_cell)(struct FN(search) * search, const struct solid *soli
     return false;
 }
 
-// One axis of the walk: the cells that the ray may be in, and the wall that it goes to.
+// One axis of the walk: the cells that the ray may be in, and the s of the wall that it goes to.
 struct FN(axis) {
-    int direction; // the sign of the direction; 0: stands, or nearly
+    int direction; // its sign; 0: along the walls, or not certain
     double low, high;
     struct IV wall;
 };
 
+// The numbers of the cells that x may be in.
 static struct IV FN(cells_at)(struct IV x, double size) {
     struct IV place = FN(add)(FN(div)(x, FN(point)(size)), FN(point)(0.5));
     return (struct IV){FN(floor)(place.lo), FN(floor)(place.hi)};
@@ -104,38 +106,39 @@ static struct FN(axis) FN(start_axis)(struct IV o, struct IV d, double size, str
     return axis;
 }
 
-// Looks into every cell of the block that the last block did not have, in the ray's order.
+// Searches every cell of the block that was not in the last block, in the ray's order.
 static bool FN(search_block)(struct FN(search) * search, const struct solid *solid, int index,
                              const struct FN(ray) * ray, struct IV range, double block[3][2],
-                             double seen[3][2], struct FN(carried) * last, long *evals) {
+                             double searched[3][2], struct FN(carried) * last, long *evals) {
     double step[3], cell[3];
     for (int i = 0; i < 3; i++)
         step[i] = block[i][0] <= block[i][1] ? 1 : -1;
     for (cell[0] = block[0][0]; cell[0] != block[0][1] + step[0]; cell[0] += step[0])
         for (cell[1] = block[1][0]; cell[1] != block[1][1] + step[1]; cell[1] += step[1])
             for (cell[2] = block[2][0]; cell[2] != block[2][1] + step[2]; cell[2] += step[2]) {
-                bool again = true;
+                bool again = true; // searched with the last block
                 for (int i = 0; i < 3; i++)
-                    again = again && cell[i] >= fmin(seen[i][0], seen[i][1]) &&
-                            cell[i] <= fmax(seen[i][0], seen[i][1]);
+                    again = again && cell[i] >= fmin(searched[i][0], searched[i][1]) &&
+                            cell[i] <= fmax(searched[i][0], searched[i][1]);
                 if (!again && FN(search_cell)(search, solid, index, ray, range, cell, last, evals))
                     return true;
             }
     return false;
 }
 
+// Searches a repeated solid cell by cell. Gives up after MAX_CELLS, or where a block would be more than three cells wide.
 static void FN(walk_cells)(struct FN(search) * search, const struct solid *solid, int index,
                            const struct FN(ray) * ray, long *evals) {
     const double *size = solid->shape->repeat;
     struct IV range = {0, search->reach.hi};
     struct FN(carried) last = {.span = FN(whole_ray)};
     struct FN(axis) axes[3];
-    double block[3][2], seen[3][2] = {{INFINITY, INFINITY}, {0, 0}, {0, 0}};
+    double block[3][2], searched[3][2] = {{INFINITY, INFINITY}, {0, 0}, {0, 0}};
     for (int i = 0; i < 3; i++)
         axes[i] = FN(start_axis)(ray->o[i], ray->d[i], size[i], range);
-    REAL before = 0; // up to there every cell has been looked at
+    REAL before = 0; // every cell up to here is searched
     for (long cells = 0;; cells++) {
-        REAL leaves = (REAL)INFINITY; // by then the ray has left the block
+        REAL leaves = (REAL)INFINITY; // s at which the ray has left the block
         bool wide = false;
         for (int i = 0; i < 3; i++) {
             struct FN(axis) *axis = &axes[i];
@@ -152,12 +155,12 @@ static void FN(walk_cells)(struct FN(search) * search, const struct solid *solid
             search->gave_up = !wide;
             break;
         }
-        for (int i = 0; i < 3; i++) { // with the cells behind the walls that it may reach by then
+        for (int i = 0; i < 3; i++) { // and the cells behind walls that the ray may reach by then
             bool may = axes[i].direction != 0 && axes[i].wall.lo <= leaves;
             block[i][0] = axes[i].direction < 0 ? axes[i].high : axes[i].low;
             block[i][1] = axes[i].direction < 0 ? axes[i].low - may : axes[i].high + may;
         }
-        if (FN(search_block)(search, solid, index, ray, range, block, seen, &last, evals))
+        if (FN(search_block)(search, solid, index, ray, range, block, searched, &last, evals))
             return;
         bool known = search->best.shape >= 0 && !search->inside && !last.pending &&
                      leaves > search->best.s.hi;
@@ -176,7 +179,7 @@ static void FN(walk_cells)(struct FN(search) * search, const struct solid *solid
                 axis->low -= may;
             }
         }
-        memcpy(seen, block, sizeof seen);
+        memcpy(searched, block, sizeof searched);
         before = leaves;
     }
     if (last.pending)

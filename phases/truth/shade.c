@@ -1,12 +1,12 @@
-// What a hit looks like: light (B. T. Phong, "Illumination for computer generated pictures", CACM 18
-// (1975)), mirror by recursion, fog, in doubles from exact points and normals.
+// Shading in doubles from enclosed points and normals: light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
 static double dot3(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Adds one point light's share to color[kind]; the light reaches the point by factor[kind].
+// Computes the reflected light for each kind of shadow; n is the unit normal, `direction` the ray's.
 static void light_at(const struct prepared *prepared, const struct view *view,
                      const struct hit *hit, const double n[3], const double direction[3],
                      struct shaded *result) {
@@ -14,7 +14,7 @@ static void light_at(const struct prepared *prepared, const struct view *view,
         &prepared->model.materials[prepared->model.shapes[hit->shape].material];
     double to_light[3];
     for (int i = 0; i < 3; i++) {
-        // The difference in quad: nothing cancels.
+        // In quad, so that nothing cancels.
         to_light[i] = (double)((quad)view->light_position[i] - mid_q(hit->point[i]));
         for (int kind = 0; kind < SHADOW_KINDS; kind++)
             result->color[kind][i] = material->color[i] * 0.01;
@@ -40,7 +40,7 @@ static void light_at(const struct prepared *prepared, const struct view *view,
                                       (result->shadow[kind] / distance);
 }
 
-// The mirrored ray as intervals: from the enclosed point, into the enclosed direction.
+// The reflected ray as intervals, from the enclosed point into the enclosed direction.
 static void mirror(const struct prepared *prepared, const struct ray_q *ray, const struct hit *hit,
                    struct ray_q *out) {
     struct ivq offset = point_q(prepared->model.march.surface_offset);

@@ -1,8 +1,9 @@
-// Parts of a ray inside of one shape, in the shape's own frame. Included by solve.c twice.
+// The spans of a ray inside of one shape, in the shape's own frame. Included by ray_spans.c, once in doubles and once in
+// quads. A shape is an intersection of half-spaces and of quadratics: each clips the span.
 
 struct FN(spans) {
     int count;
-    bool overflow; // more than can be kept: nothing is known
+    bool overflow; // more than MAX_SPANS: nothing is known
     struct FN(span) at[MAX_SPANS];
 };
 
@@ -24,6 +25,7 @@ static inline struct IV FN(sooner)(struct IV a, struct IV b) {
     return (struct IV){a.lo < b.lo ? a.lo : b.lo, a.hi < b.hi ? a.hi : b.hi};
 }
 
+// Lets the span begin at s, on that face, if it begins earlier.
 static void FN(clip_start)(struct FN(span) * span, struct IV s, int face) {
     if (s.hi < span->in.lo)
         return;
@@ -34,6 +36,7 @@ static void FN(clip_start)(struct FN(span) * span, struct IV s, int face) {
     span->in = FN(later)(span->in, s);
 }
 
+// Lets the span end at s, on that face, if it ends later.
 static void FN(clip_end)(struct FN(span) * span, struct IV s, int face) {
     if (s.lo > span->out.hi)
         return;
@@ -44,14 +47,14 @@ static void FN(clip_end)(struct FN(span) * span, struct IV s, int face) {
     span->out = FN(sooner)(span->out, s);
 }
 
-// Clips the part to a + b·s ≤ 0. False: nothing is left. `range`: the s that matter.
+// Clips the span to a + b·s ≤ 0. Returns false if nothing is left. range: the s that matter to the caller.
 static bool FN(clip)(struct FN(span) * span, struct IV a, struct IV b, struct IV range, int face) {
     int slope = FN(sign)(b);
     if (slope > 0)
         FN(clip_end)(span, FN(neg)(FN(div)(a, b)), face);
     else if (slope < 0)
         FN(clip_start)(span, FN(neg)(FN(div)(a, b)), face);
-    else { // along the face, or nearly
+    else { // along the face, or not certain
         struct IV value = FN(add)(a, FN(mul)(b, range));
         if (value.lo > 0)
             return false;
@@ -60,6 +63,7 @@ static bool FN(clip)(struct FN(span) * span, struct IV a, struct IV b, struct IV
     return span->in.lo <= span->out.hi;
 }
 
+// Adds a span to the list, unless it is surely empty.
 static void FN(add_span)(struct FN(spans) * spans, struct FN(span) span) {
     if (span.in.lo > span.out.hi)
         return;
@@ -70,7 +74,7 @@ static void FN(add_span)(struct FN(spans) * spans, struct FN(span) span) {
         spans->at[spans->count++] = span;
 }
 
-// a s² + 2b s + c ≤ 0 with a > 0, the discriminant (b² − ac) given.
+// Clips the span to a s² + 2b s + c ≤ 0 for a > 0; disc: b² − ac.
 static bool FN(clip_quadratic)(struct FN(span) * span, struct IV a, struct IV b, struct IV disc,
                                int face) {
     if (disc.hi < 0)
@@ -82,7 +86,7 @@ static bool FN(clip_quadratic)(struct FN(span) * span, struct IV a, struct IV b,
     return span->in.lo <= span->out.hi;
 }
 
-// |o × d|², without the cancellation of o²d² − (o·d)².
+// Returns |o × d|², which does not cancel as o²d² − (o·d)² does.
 static struct IV FN(cross_norm_sq)(const struct IV o[3], const struct IV d[3]) {
     struct IV cross[3];
     for (int i = 0, j = 1, k = 2; i < 3; i++, j = (j + 1) % 3, k = (k + 1) % 3)
@@ -141,7 +145,7 @@ static void FN(octahedron_spans)(const struct shape *shape, const struct FN(ray)
     FN(add_span)(spans, span);
 }
 
-// Root of a s² + 2b s + c in [x.lo, x.hi], where it changes its sign once: interval Newton.
+// Returns the root of a s² + 2b s + c in x, where it changes its sign once, by interval Newton.
 static struct IV FN(quadratic_root)(struct IV a, struct IV b, struct IV c, struct IV x) {
     for (int i = 0; i < 100; i++) {
         REAL m = FN(mid)(x);
@@ -161,7 +165,7 @@ static struct IV FN(quadratic_root)(struct IV a, struct IV b, struct IV c, struc
     return x;
 }
 
-// The side of a cone where the square's coefficient may be 0: by the signs at the two caps.
+// Clips the span to a cone's side where the coefficient a may be 0: by the signs at the two caps.
 static bool FN(clip_by_signs)(struct FN(span) * span, struct IV a, struct IV b, struct IV c) {
     struct IV x = span->in, y = span->out;
     if (!(x.lo > -(REAL)INFINITY) || !(y.hi < (REAL)INFINITY)) {
@@ -183,7 +187,7 @@ static bool FN(clip_by_signs)(struct FN(span) * span, struct IV a, struct IV b, 
         span->in = FN(quadratic_root)(a, b, c, between);
         span->in_face = FACE_SIDE;
         span->in_face_sure = true;
-    } else if (p > 0 && q > 0) { // below its chord by |a|·length²/4 at most
+    } else if (p > 0 && q > 0) { // the parabola is below its chord by at most |a|·length²/4
         struct IV length = FN(sub)(y, x);
         struct IV sag =
             FN(scale)(FN(mul)((struct IV){0, FN(magnitude)(a)}, FN(square)(length)), 0.25);
@@ -196,7 +200,7 @@ static bool FN(clip_by_signs)(struct FN(span) * span, struct IV a, struct IV b, 
     return true;
 }
 
-// Between the caps, and ρ ≤ r(y) = middle + slope·y: one side of a double cone.
+// Between the caps, and ρ ≤ r(y) = middle + slope·y: one half of a double cone.
 static void FN(cone_spans)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
                            struct FN(spans) * spans) {
     struct FN(span) span = FN(whole_ray);
@@ -218,7 +222,7 @@ static void FN(cone_spans)(const struct shape *shape, const struct FN(ray) * ray
     if (bend > 0)
         left = FN(clip_quadratic)(&span, a, b, disc, FACE_SIDE);
     else if (bend < 0 && FN(sign)(growth) != 0 && disc.lo > 0) {
-        // Inside beyond the roots, which for a < 0 stand in the other order.
+        // Inside beyond the roots; for a < 0 they stand in the other order.
         struct IV root = FN(sqrt)(disc), minus_b = FN(neg)(b);
         if (growth.lo > 0)
             FN(clip_start)(&span, FN(div)(FN(sub)(minus_b, root), a), FACE_SIDE);

@@ -1,8 +1,8 @@
-// Parts of a ray inside of a rounded box: of three boxes, each wider along one axis, of a cylinder about each edge
-// of the box that is grown and of a ball about each of its corners. Together they are convex, so that what the ray
-// has of them is one part. Included by solve.c twice.
+// The span of a ray inside of a rounded box: the union of three boxes, each wider along one axis, of a cylinder about each
+// edge of the inner box and of a ball about each of its corners. The union is convex, so the ray has one span in it.
+// Included by ray_spans.c, once in doubles and once in quads.
 
-// Into the one part that solids with a convex union have together.
+// Joins a span to the one of the convex union.
 static void FN(join_span)(struct FN(span) * all, struct FN(span) span) {
     if (span.in.lo > span.out.hi)
         return;
@@ -15,14 +15,14 @@ static void FN(join_span)(struct FN(span) * all, struct FN(span) span) {
     all->sure = true;
 }
 
-// As clip(), between two solids that share the face: a ray along it is in both, for they are closed.
+// As clip(), at a face that two of the solids share. A ray along it is in both, as they are closed.
 static bool FN(clip_seam)(struct FN(span) * span, struct IV a, struct IV b, struct IV range,
                           int face) {
     return (b.lo == 0 && b.hi == 0 && a.hi <= 0) || FN(clip)(span, a, b, range, face);
 }
 
-// Within the rounding of a corner, or of an edge: the axis that is left is the edge's, −1 where none is. `signs`: bits of
-// which corner, and of which edge.
+// Joins the span in the ball of a corner, or in the cylinder of an edge along axis `left` (−1: a corner).
+// signs: a bit for each axis, set on the upper side.
 static void FN(corner_span)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
                             int left, int signs, struct FN(span) * all) {
     struct FN(span) span = FN(whole_ray);
@@ -43,7 +43,7 @@ static void FN(corner_span)(const struct shape *shape, const struct FN(ray) * ra
         struct IV disc = FN(sub)(FN(mul)(a, square), FN(cross_norm_sq)(o, d));
         if (!FN(clip_quadratic)(&span, a, FN(dot)(o, d), disc, 0))
             return;
-    } else { // along the edge, or nearly
+    } else { // along the edge, or not certain
         struct IV beside = FN(sub)(FN(norm_sq)(o), square);
         bool along = a.lo == 0 && a.hi == 0;
         if (along && beside.lo > 0)
@@ -53,6 +53,7 @@ static void FN(corner_span)(const struct shape *shape, const struct FN(ray) * ra
     FN(join_span)(all, span);
 }
 
+// Clips the span to the box that is wider by the rounding along the axes in `wide`.
 static bool FN(clip_faces)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
                            const bool wide[3], struct FN(span) * span) {
     for (int i = 0; i < 3; i++) {
@@ -72,7 +73,7 @@ static bool FN(clip_faces)(const struct shape *shape, const struct FN(ray) * ray
     return true;
 }
 
-// Whether the ray is surely on the flat part of the face at s.
+// Whether the ray is certainly on the flat part of the face at s.
 static bool FN(on_flat)(const struct shape *shape, const struct FN(ray) * ray, struct IV s,
                         int face) {
     for (int i = 0; i < 3; i++) {
@@ -91,13 +92,14 @@ static void FN(rounded_box_spans)(const struct shape *shape, const struct FN(ray
     span.sure = span.sure && span.in.hi < span.out.lo;
     if (span.sure && span.in_face_sure && span.out_face_sure && span.in_face >= 0 &&
         span.out_face >= 0 && FN(on_flat)(shape, ray, span.in, span.in_face) &&
-        FN(on_flat)(shape, ray, span.out, span.out_face)) { // as most are
+        FN(on_flat)(shape, ray, span.out, span.out_face)) { // most rays
         FN(add_span)(spans, span);
         return;
     }
     REAL far = (REAL)INFINITY;
     struct FN(span) all = {.in = {far, far}, .out = {-far, -far}};
-    all.in_face_sure = all.out_face_sure = true; // its normal goes by the point
+    all.in_face_sure = all.out_face_sure =
+        true; // the normal follows from the point, not from the face
     for (int i = 0; i < 3; i++) {
         span = FN(whole_ray);
         if (FN(clip_faces)(shape, ray, range, (const bool[3]){i == 0, i == 1, i == 2}, &span))
@@ -108,7 +110,7 @@ static void FN(rounded_box_spans)(const struct shape *shape, const struct FN(ray
     }
     for (int signs = 0; signs < 8; signs++)
         FN(corner_span)(shape, ray, range, -1, signs, &all);
-    // Where what may begin first is not sure to be there, what does is known too roughly: to be looked at again in quads.
+    // If the first solid to begin is not sure, the start is known too roughly: quads are needed.
     struct IV length = FN(sub)(all.out, all.in);
     all.sure = all.sure && !(all.in.hi - all.in.lo > length.lo * (REAL)0x1p-30) &&
                !(all.out.hi - all.out.lo > length.lo * (REAL)0x1p-30);

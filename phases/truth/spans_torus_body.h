@@ -1,19 +1,19 @@
-// Parts of a ray inside of a torus: roots of its quartic, isolated by the sign of the polynomial and
-// of its derivative over intervals (Taylor forms about the middle: R. E. Moore, "Interval Analysis",
-// 1966, chapter 6), then closed in by interval Newton. Included by solve.c twice.
+// The spans of a ray inside of a torus, from the roots of its quartic. Roots are isolated by the signs of the polynomial
+// and of its derivative over intervals (Taylor forms about the middle: R. E. Moore, "Interval Analysis", 1966, chapter
+// 6), then refined by interval Newton. Included by ray_spans.c, once in doubles and once in quads.
 
 struct FN(quartic) {
-    struct IV f[5]; // G² − H, rising powers of s
+    struct IV f[5]; // G² − H, by rising powers of s
     struct IV g[3]; // G = ρ² + y² + R² − r²: below 0 the inside of a spindle torus
     long *evals;
 };
 
 struct FN(root) {
     struct IV s;
-    bool fuzzy; // no proved single root
+    bool fuzzy; // not proved to be one single root
 };
 
-// Coefficients about m.
+// Computes the coefficients about m.
 static void FN(taylor_shift)(const struct FN(quartic) * q, REAL m, struct IV out[5]) {
     struct IV at = {m, m};
     memcpy(out, q->f, 5 * sizeof *out);
@@ -31,7 +31,7 @@ static int FN(sign_at)(const struct FN(quartic) * q, REAL s) {
     return FN(sign)(sum);
 }
 
-// −1 inside, 1 outside, 0 not certain.
+// Returns −1 inside, 1 outside, 0 if it is not certain.
 static int FN(side_at)(const struct FN(quartic) * q, REAL s) {
     struct IV at = {s, s};
     int f = FN(sign_at)(q, s);
@@ -42,7 +42,7 @@ static int FN(side_at)(const struct FN(quartic) * q, REAL s) {
     return side < 0 ? -1 : f > 0 && side > 0 ? 1 : 0;
 }
 
-// The polynomial and its derivative over m ± h, by the coefficients about m.
+// Enclose the derivative and the polynomial over m ± h, from the coefficients about m.
 static struct IV FN(slope_range)(const struct IV c[5], REAL h) {
     struct IV u = {-h, h}, sum = FN(scale)(c[4], 4);
     sum = FN(add)(FN(mul)(sum, u), FN(scale)(c[3], 3));
@@ -63,7 +63,7 @@ static REAL FN(half_width)(REAL low, REAL high, REAL m) {
     return FN(above)(below > above ? below : above);
 }
 
-// x holds one root: where the polynomial is monotone and changes sign.
+// Refines x, where the polynomial is monotone and changes its sign: x holds one root.
 static struct IV FN(refine_root)(const struct FN(quartic) * q, struct IV x, int sign_low) {
     for (int i = 0; i < 200; i++) {
         REAL m = FN(mid)(x), width = x.hi - x.lo;
@@ -95,7 +95,7 @@ static struct IV FN(refine_root)(const struct FN(quartic) * q, struct IV x, int 
 
 static bool FN(add_root)(struct FN(root) events[MAX_ROOTS], int *count, struct IV s, bool fuzzy) {
     struct FN(root) *last = events + *count - 1;
-    if (*count > 0 && last->s.hi >= s.lo) { // they touch: one place, two doubts
+    if (*count > 0 && last->s.hi >= s.lo) { // the intervals touch: one, without proof
         last->s = FN(hull)(last->s, s);
         last->fuzzy = true;
         return true;
@@ -106,7 +106,7 @@ static bool FN(add_root)(struct FN(root) events[MAX_ROOTS], int *count, struct I
     return true;
 }
 
-// The places in [low, high] where the polynomial may be 0, in order. False: too many.
+// Finds all intervals in [low, high] where the polynomial may be 0, in order. Returns false if they are too many.
 static bool FN(isolate_roots)(const struct FN(quartic) * q, REAL low, REAL high, REAL scale,
                               struct FN(root) events[MAX_ROOTS], int *count) {
     struct IV stack[160];
@@ -132,7 +132,7 @@ static bool FN(isolate_roots)(const struct FN(quartic) * q, REAL low, REAL high,
                 continue;
             }
         }
-        // Rounding alone, of a double root or near one: smaller pieces would say no more.
+        // Near a double root the value is rounding alone: smaller intervals would tell no more.
         bool drowned = value.hi - value.lo <= (c[0].hi - c[0].lo) * 4;
         if (drowned || x.hi - x.lo <= RESOLUTION * scale || depth + 2 > 160 ||
             !(m > x.lo && m < x.hi)) {
@@ -146,11 +146,11 @@ static bool FN(isolate_roots)(const struct FN(quartic) * q, REAL low, REAL high,
     return true;
 }
 
-// From the places to the parts: which side the ray is on between them.
+// Finds the spans from the roots and from the side that the ray is on between them.
 static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct FN(root) * events,
                                     int count, struct IV range, int side, bool open,
                                     struct FN(spans) * spans) {
-    struct FN(span) span = FN(whole_ray); // if it begins inside, it has done so for ever
+    struct FN(span) span = FN(whole_ray); // a ray that starts inside is inside before
     REAL end = range.hi;
     span.in_face = span.out_face = 0;
     if (side == 0) {
@@ -163,7 +163,7 @@ static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct F
         struct IV s = events[i].s;
         struct IV gap = {s.hi, i + 1 < count ? events[i + 1].s.lo : end};
         int next = i + 1 == count && !open ? 1 : FN(side_at)(q, FN(mid)(gap));
-        if (next == 0) { // nothing is known from here to the end
+        if (next == 0) { // nothing is known from here on
             span.in = side < 0 ? span.in : s;
             span.out = (struct IV){s.lo, end};
             span.sure = false;
@@ -177,11 +177,11 @@ static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct F
         } else if (side < 0 && next > 0) {
             span.out = s;
             FN(add_span)(spans, span);
-        } else if (side > 0 && events[i].fuzzy) { // touches, perhaps
+        } else if (side > 0 && events[i].fuzzy) { // may touch
             span.in = span.out = s;
             span.sure = false;
             FN(add_span)(spans, span);
-        } else if (side < 0 && events[i].fuzzy) { // leaves, perhaps, for a moment
+        } else if (side < 0 && events[i].fuzzy) { // may leave for a moment
             span.out = s;
             span.sure = true;
             FN(add_span)(spans, span);
@@ -192,7 +192,7 @@ static void FN(spans_between_roots)(const struct FN(quartic) * q, const struct F
         side = next;
     }
     if (side < 0)
-        FN(add_span)(spans, span); // it goes on
+        FN(add_span)(spans, span); // the ray ends inside
 }
 
 static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ray, struct IV range,
@@ -201,7 +201,7 @@ static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ra
     struct IV big = FN(point)(shape->torus.major_radius);
     struct IV small = FN(point)(shape->torus.minor_radius);
     struct IV a = FN(norm_sq)(d), b = FN(dot)(o, d), c = FN(norm_sq)(o);
-    // Only within the ball of radius R + r.
+    // The torus lies in the ball of radius R + r.
     struct FN(span) ball = FN(whole_ray);
     struct IV disc = FN(sub)(FN(mul)(a, FN(square)(FN(add)(big, small))), FN(cross_norm_sq)(o, d));
     if (!FN(clip_quadratic)(&ball, a, b, disc, 0))
@@ -223,12 +223,12 @@ static void FN(torus_spans)(const struct shape *shape, const struct FN(ray) * ra
     q.f[4] = FN(square)(a);
     struct FN(root) events[MAX_ROOTS];
     int count = 0;
-    // A hair more than the ball, so that both ends are outside of the torus: of the ball's own size, for
-    // a ray that touches it, as one along the outer equator does, has no way inside of it.
+    // A hair more than the ball, so that both ends are outside of the torus. The margin is relative to the ball: a
+    // ray along the outer equator has no length inside of it.
     struct IV across = FN(sqrt)(FN(div)(FN(square)(FN(add)(big, small)), a));
     REAL room = ((ball.out.hi - ball.in.lo) + across.hi) * (REAL)0x1p-20;
     REAL low = ball.in.lo - room, high = ball.out.hi + room;
-    // Nor beyond the range; there it may begin or end inside.
+    // Not beyond the range, where the ray may begin or end inside.
     int side = 1;
     if (low < range.lo) {
         low = range.lo;
