@@ -1,28 +1,28 @@
-// The phase's entry points: what it renders and why not, and a frame as tiles of blocks for the team.
+// The phase's entry points: which scenes it renders, set-up, and a frame as tiles for the worker threads.
 // The article: N. L. Corneliusen, "Integer Raytracing on Mellanox TILE-Gx" (2017).
 #include <math.h>
 #include <stdalign.h>
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "config.h"
 #include "driver/variant.h"
+#include "path_distance.h"
 #include "phase.h"
-#include "places.h"
+#include "scene_tables.h"
 #include "threads.h"
-#include "trace.h"
 
 struct prepared {
     struct model model;
     struct settings settings;
-    struct world
-        *world; // its format is the camera's and light's too, so that a frame may change it
+    struct scene_tables *scene; // a frame may change its format, which must fit camera and light
     struct team *team;
     int lanes;
-    char *said;
+    char *settings_text;
 };
 
-// Why a model has no closed form here; NULL: it has one.
-static const char *no_spheres(const struct model *model) {
+// Returns why the phase cannot draw the model's shapes, shadows or fog; NULL if it can.
+static const char *unsupported_model(const struct model *model) {
     static char error[512];
     if (model->shadows == SHADOWS_SOFT)
         return "soft shadows need the distances along a shadow ray's march, and a closed form has "
@@ -53,15 +53,15 @@ static const char *no_spheres(const struct model *model) {
     return NULL;
 }
 
-// Why a sphere is, or its path leads it, where it is not drawn; NULL: none is.
-static const char *out_of_place(const struct scene *scene) {
+// Returns why a sphere cannot be drawn where it is or where its path leads it; NULL if all can.
+static const char *unsupported_place(const struct scene *scene) {
     static char error[512];
     const double origin[3] = {0}, *camera = scene->view.position;
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct shape *shape = &scene->model.shapes[i];
         const char *place = shape->path.type == PATH_NONE ? "" : ", or will be on its path";
-        double reach = places_of(shape, origin).furthest + shape->sphere.radius;
-        if (!(places_of(shape, camera).nearest > shape->sphere.radius)) {
+        double reach = path_distance(shape, origin).furthest + shape->sphere.radius;
+        if (!(path_distance(shape, camera).nearest > shape->sphere.radius)) {
             snprintf(error, sizeof error,
                      "the camera is inside of shapes[%d]%s; only a sphere's near side is hit, from "
                      "outside",
@@ -86,10 +86,10 @@ const char *phase_unsupported(const struct scene *scene) {
     const struct model *model = &scene->model;
     if (!settings_read(getenv("STEPWISE_FIXED"), &settings, error))
         return error;
-    const char *reason = no_spheres(model);
+    const char *reason = unsupported_model(model);
     if (reason)
         return reason;
-    if ((reason = out_of_place(scene)))
+    if ((reason = unsupported_place(scene)))
         return reason;
     return format_fit(&settings, model, &scene->view, &format, error) ? NULL : error;
 }
@@ -105,35 +105,36 @@ const char *phase_picture_unsupported(const struct scene *scene, int width, int 
 }
 
 const char *phase_settings(const struct prepared *prepared) {
-    return prepared->said;
+    return prepared->settings_text;
 }
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    world_place(prepared->world, model);
+    tables_set_shapes(prepared->scene, model);
     return true;
 }
 
 static struct prepared *allocate(int count) {
     struct prepared *prepared = calloc(1, sizeof *prepared);
     if (prepared) {
-        prepared->world = calloc(1, sizeof *prepared->world);
-        prepared->said = calloc(1, 128);
+        prepared->scene = calloc(1, sizeof *prepared->scene);
+        prepared->settings_text = calloc(1, 128);
     }
-    if (prepared && prepared->world && prepared->said && world_create(prepared->world, count))
+    if (prepared && prepared->scene && prepared->settings_text &&
+        tables_create(prepared->scene, count))
         return prepared;
     if (prepared) {
-        free(prepared->world);
-        free(prepared->said);
+        free(prepared->scene);
+        free(prepared->settings_text);
     }
     free(prepared);
     return NULL;
 }
 
 static void release(struct prepared *prepared) {
-    world_free(prepared->world);
-    free(prepared->world);
-    free(prepared->said);
+    tables_free(prepared->scene);
+    free(prepared->scene);
+    free(prepared->settings_text);
     free(prepared);
 }
 
@@ -149,13 +150,9 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
         release(prepared);
         return NULL;
     }
-    const struct settings *s = &prepared->settings;
-    // Until a frame's camera and light say what fits.
-    int unit = s->unit < 0 ? 0 : s->unit;
-    prepared->world->format = (struct format){.bits = s->bits,
-                                              .unit = unit,
-                                              .scale = ldexp(1, -s->bits),
-                                              .length = ldexp(1, unit - s->bits)};
+    // The unit fits the shapes until a frame's camera and light decide.
+    int unit = prepared->settings.unit;
+    prepared->scene->format = format_make(&prepared->settings, unit < 0 ? 0 : unit);
     phase_update(prepared, model);
     return prepared;
 }
@@ -165,15 +162,15 @@ void phase_release(struct prepared *prepared) {
     release(prepared);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// In cache lines of its own: all workers read it while the caller writes its stack.
 struct frame_job {
     alignas(APART) struct job job;
     int lanes;
 };
 
-void render_tile(const void *data, int tile, void *own) {
+void render_tile(const void *data, int tile, void *scratch) {
     const struct frame_job *job = data;
-    TILES(job->lanes, &job->job, tile, own);
+    render_tile_in_lanes(job->lanes, &job->job, tile, scratch);
 }
 
 static int tiles_of(const struct frame *frame) {
@@ -182,38 +179,39 @@ static int tiles_of(const struct frame *frame) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    struct world *world = prepared->world;
+    struct scene_tables *scene = prepared->scene;
     struct format format;
     char error[512];
-    // It did fit when the driver asked; a hair more does not turn a frame away.
+    // The driver has checked the scene. The camera of this frame may differ by a hair: then the format is kept.
     if (format_fit(&prepared->settings, &prepared->model, view, &format, error)) {
-        bool other = format.unit != world->format.unit;
-        world->format = format;
+        bool other = format.unit != scene->format.unit;
+        scene->format = format;
         if (other)
-            world_place(world, &prepared->model);
+            tables_set_shapes(scene, &prepared->model);
     }
-    if (!directions_fit(&world->format, view, (double)frame->width / frame->height, error)) {
-        fprintf(stderr, "%s\n", error); // by a hair of the camera's: the driver asked before
+    if (!directions_fit(&scene->format, view, (double)frame->width / frame->height, error)) {
+        fprintf(stderr, "%s\n",
+                error); // the driver has checked: only a camera moved by a hair gets here
         return false;
     }
-    format_say(&world->format, prepared->said);
-    world_look(world, &prepared->model, view, frame);
-    struct frame_job job = {{world, frame}, prepared->lanes};
+    settings_say(&scene->format, prepared->settings_text);
+    tables_set_view(scene, &prepared->model, view, frame);
+    struct frame_job job = {{scene, frame}, prepared->lanes};
     team_run(prepared->team, &job, tiles_of(frame));
     return true;
 }
 
-// There is no march, so no distance that one would use: that to the spheres as their numbers place them.
+// The phase does not march. These are the distances to the spheres as the number format places them.
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
-    const struct world *w = prepared->world;
+    const struct scene_tables *scene = prepared->scene;
     for (size_t i = 0; i < count; i++) {
         distance[i] = INFINITY;
-        for (int k = 0; k < w->count; k++) {
+        for (int k = 0; k < scene->count; k++) {
             double far = 0;
             for (int axis = 0; axis < 3; axis++) {
-                double off =
-                    points[3 * i + (size_t)axis] - (double)w->centre[axis][k] * w->format.length;
+                double off = points[3 * i + (size_t)axis] -
+                             (double)scene->centre[axis][k] * scene->format.length_scale;
                 far += off * off;
             }
             double here = sqrt(far) - prepared->model.shapes[k].sphere.radius;

@@ -1,90 +1,95 @@
-// Roots by way of a float's bits. Its bits, read as a whole number, are its logarithm but for a few percent, so that
-// halving them is a root: J. F. Blinn, "Floating-point tricks", IEEE CG&A 17 (1997); the constant of 1/√ is Quake
-// III's. Numbers become floats as C. Hecker tells ("Let's get to the (floating) point", Game Developer, 1996):
-// beside a set exponent a fixed-point number is a mantissa, less the float that the exponent is alone.
+// Square roots from the bits of a float. Read as an integer, a float's bits are its logarithm within a few percent,
+// so halving them gives a root: J. F. Blinn, "Floating-point tricks", IEEE CG&A 17 (1997). The constant of 1/√ is
+// Quake III's. A fixed-point number becomes a float by C. Hecker's trick ("Let's get to the (floating) point", Game
+// Developer, 1996): placed beside a fixed exponent it is a mantissa, and the float of that exponent is subtracted.
+// Included by number.h, whose operations it uses.
 #ifndef FIXED_ROOTS_H
 #define FIXED_ROOTS_H
 
-// √a for 0 ≤ a < 2^near, as the article has it: no Newton step, up to 6 % too large.
-static inline num article_root(num a, const struct format *f) {
-    const num whole = set((int64_t)(127 + f->near) << 23);
-    const float alone = (float)(1 << f->near);
-    num x = add_float(or_bits(and_bits(a, set(0x7fffff)), whole), -alone);
-    x = plus(right(x, 1), set((1 << 29) - (1 << 22)));
-    return and_bits(add_float(x, alone), set(0x7fffff));
+enum { MANTISSA = 0x7fffff, EXPONENT_BIAS = 127, EXPONENT_SHIFT = 23 }; // of a float
+
+// Returns √a for 0 ≤ a < 2^sqrt_whole_bits as the article computes it: no Newton step, up to 6.1 % too large.
+static inline vnum article_sqrt(vnum a, const struct format *f) {
+    const vnum exponent = v_splat((int64_t)(EXPONENT_BIAS + f->sqrt_whole_bits) << EXPONENT_SHIFT);
+    const float offset = (float)(1 << f->sqrt_whole_bits);
+    vnum x = v_add_float(v_or_bits(v_and_bits(a, v_splat(MANTISSA)), exponent), -offset);
+    x = v_add(v_srl(x, 1), v_splat((1 << 29) - (1 << 22)));
+    return v_and_bits(v_add_float(x, offset), v_splat(MANTISSA));
 }
 
-// 1/√a for least ≤ a < 2^wide, as the article has it: two Newton steps.
-static inline num article_inverse_root(num a, const struct format *f) {
-    const num whole = set((int64_t)(127 + f->wide) << 23), three = set((int64_t)3 << (f->bits - 1));
-    const float alone = (float)(1 << f->wide);
-    num x = right(left(a, f->from_wide), f->to_wide);
-    x = add_float(or_bits(and_bits(x, set(0x7fffff)), whole), -alone);
-    x = add_float(minus(set(0x5f3759df), right(x, 1)), alone);
-    x = right(left(and_bits(x, set(0x7fffff)), f->to_wide), f->from_wide);
-    a = half_of(a);
+// Returns 1/√a for rsqrt_least ≤ a < 2^rsqrt_whole_bits as the article computes it: two Newton steps.
+static inline vnum article_rsqrt(vnum a, const struct format *f) {
+    const vnum exponent = v_splat((int64_t)(EXPONENT_BIAS + f->rsqrt_whole_bits) << EXPONENT_SHIFT);
+    const vnum three_halves = v_splat((int64_t)3 << (f->bits - 1));
+    const float offset = (float)(1 << f->rsqrt_whole_bits);
+    vnum x = v_srl(v_sll(a, f->rsqrt_shift_left), f->rsqrt_shift_right);
+    x = v_add_float(v_or_bits(v_and_bits(x, v_splat(MANTISSA)), exponent), -offset);
+    x = v_add_float(v_sub(v_splat(0x5f3759df), v_srl(x, 1)), offset);
+    x = v_srl(v_sll(v_and_bits(x, v_splat(MANTISSA)), f->rsqrt_shift_right), f->rsqrt_shift_left);
+    a = v_half(a);
     for (int i = 0; i < 2; i++)
-        x = times(x, minus(three, times(times(x, x, f), a, f)), f);
+        x = v_mul(x, v_sub(three_halves, v_mul(v_mul(x, x, f), a, f)), f);
     return x;
 }
 
-// 1/√a of a whole number 0 < a < 2^62 is y·2^-30·2^-h; a itself m·2^-29·4^h with 1 ≤ m < 4.
-struct inverse {
-    num y, h, m;
+// 1/√a = y·2^-30·2^-h, and a = m·2^-29·4^h with 1 ≤ m·2^-29 < 4.
+struct rsqrt {
+    vnum y, h, m;
 };
 
-// The article's way with the bits of a double, for any range: what is iterated is brought to 1 ≤ m < 4, with 30 bits of
-// fraction whatever the format has.
-static inline struct inverse inverse_root(num a, const struct format *f) {
-    struct inverse r;
-    num x = as_double(a);
-    r.h = right(minus(right(x, 52), set(1023)), 1);
-    num up = minus(set(29), plus(r.h, r.h));
-    r.m = or_bits(left_each(a, up), right_each(a, minus(set(0), up)));
-    num y = minus(set(0x5fe6eb50c7b537a9), right(x, 1));
-    y = plus(y, left(plus(r.h, set(30)), 52));
-    y = and_bits(add_double(y, 0x1p52), set(0xfffffffffffff));
-    for (int i = 0; i < f->steps; i++) {
-        num error = shifted(product(r.m, shifted(product(y, y), 30)), 30); // m·y²/2, of 30 bits
-        y = shifted(product(y, minus(set(3 << 29), error)), 30);
+// Returns 1/√a of an integer 0 < a < 2^62, by the bits of a double and format->newton_steps Newton steps.
+// It has no other range: the steps work on m, with 30 bits of fraction whatever the format has.
+static inline struct rsqrt v_rsqrt(vnum a, const struct format *f) {
+    struct rsqrt r;
+    vnum x = v_double_bits(a);
+    r.h = v_srl(v_sub(v_srl(x, 52), v_splat(1023)), 1);
+    vnum up = v_sub(v_splat(29), v_add(r.h, r.h));
+    r.m = v_or_bits(v_sllv(a, up), v_srlv(a, v_sub(v_splat(0), up)));
+    vnum y = v_sub(v_splat(0x5fe6eb50c7b537a9), v_srl(x, 1));
+    y = v_add(y, v_sll(v_add(r.h, v_splat(30)), 52));
+    y = v_and_bits(v_add_double(y, 0x1p52), v_splat(0xfffffffffffff));
+    for (int i = 0; i < f->newton_steps; i++) {
+        vnum error = v_sra(v_mul_wide(r.m, v_sra(v_mul_wide(y, y), 30)), 30); // m·y²/2
+        y = v_sra(v_mul_wide(y, v_sub(v_splat(3 << 29), error)), 30);
     }
     r.y = y;
     return r;
 }
 
-// √a for 0 < a < 2^(62 − 2·bits).
-static inline num root(num a, const struct format *f) {
-    if (f->steps == 0)
-        return article_root(a, f);
-    struct inverse r = inverse_root(left(a, f->bits), f);
-    return right_each(product(r.m, r.y), minus(set(59), r.h));
+// Returns √a for 0 < a < 2^(62 − 2·bits).
+static inline vnum v_sqrt(vnum a, const struct format *f) {
+    if (f->newton_steps == 0)
+        return article_sqrt(a, f);
+    struct rsqrt r = v_rsqrt(v_sll(a, f->bits), f);
+    return v_srlv(v_mul_wide(r.m, r.y), v_sub(v_splat(59), r.h));
 }
 
-// 1/|v| as a factor and its bits of fraction: as many as the format has, or as few as leave it one where |v| is small.
-struct per {
-    num factor, fraction;
+// 1/|v| as a factor below 2^31 with `fraction` bits of fraction: the format's bits, or fewer where |v| is small.
+struct reciprocal {
+    vnum factor, fraction;
 };
 
-// a/|v|
-static inline num over(num a, struct per per) {
-    return shifted_each(product(a, per.factor), per.fraction);
+// Returns a/|v|.
+static inline vnum times_reciprocal(vnum a, struct reciprocal r) {
+    return v_srav(v_mul_wide(a, r.factor), r.fraction);
 }
 
-// v/|v|, and 1/|v|; 0 where v is.
-static inline struct vec normalised(struct vec v, const struct format *f, struct per *per) {
-    if (f->steps == 0) {
-        num x = article_inverse_root(greatest(sum3(v, v, f), set(f->least)), f);
-        *per = (struct per){x, set(f->bits)};
-        return (struct vec){times(v.x, x, f), times(v.y, x, f), times(v.z, x, f)};
+// Returns v/|v|, or 0 if v is 0, and 1/|v| in `length`.
+// The article's 1/√ gets at least rsqrt_least; the other one keeps |v|² in full, with 2·bits of fraction.
+static inline struct vec normalize(struct vec v, const struct format *f,
+                                   struct reciprocal *length) {
+    if (f->newton_steps == 0) {
+        vnum x = article_rsqrt(v_max(v_dot(v, v, f), v_splat(f->rsqrt_least)), f);
+        *length = (struct reciprocal){x, v_splat(f->bits)};
+        return (struct vec){v_mul(v.x, x, f), v_mul(v.y, x, f), v_mul(v.z, x, f)};
     }
-    num square = plus(plus(product(v.x, v.x), product(v.y, v.y)), product(v.z, v.z));
-    struct inverse r = inverse_root(greatest(square, set(1)), f);
-    num down = minus(plus(r.h, set(30)), set(f->bits));
-    num more = greatest(minus(down, set(f->bits)), set(0));
-    *per = (struct per){right_each(r.y, more), minus(down, more)};
-    return (struct vec){shifted_each(product(v.x, r.y), down),
-                        shifted_each(product(v.y, r.y), down),
-                        shifted_each(product(v.z, r.y), down)};
+    vnum square = v_add(v_add(v_mul_wide(v.x, v.x), v_mul_wide(v.y, v.y)), v_mul_wide(v.z, v.z));
+    struct rsqrt r = v_rsqrt(v_max(square, v_splat(1)), f);
+    vnum down = v_sub(v_add(r.h, v_splat(30)), v_splat(f->bits));
+    vnum excess = v_max(v_sub(down, v_splat(f->bits)), v_splat(0));
+    *length = (struct reciprocal){v_srlv(r.y, excess), v_sub(down, excess)};
+    return (struct vec){v_srav(v_mul_wide(v.x, r.y), down), v_srav(v_mul_wide(v.y, r.y), down),
+                        v_srav(v_mul_wide(v.z, r.y), down)};
 }
 
 #endif

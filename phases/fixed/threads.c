@@ -1,5 +1,5 @@
-// Persistent workers that sleep on a condition variable between frames and draw tiles from one
-// atomic counter. Which worker draws which tile differs from frame to frame; what is in it does not.
+// Persistent workers that sleep on a condition variable between frames and take tiles from one atomic counter.
+// Which worker renders a tile varies from frame to frame; the tile's pixels do not.
 #include "threads.h"
 
 #include <pthread.h>
@@ -13,27 +13,27 @@
 
 struct worker {
     struct team *team;
-    void *own; // NULL: memory was short
+    void *scratch; // NULL: memory was short
     pthread_t thread;
-    int cpu;   // to be pinned to; −1: not known which there are
+    int cpu;   // to pin to; −1: the CPUs are not known
     int error; // of pinning
 };
 
 struct team {
-    // Hot: everyone writes it at every tile.
+    // Written by every worker at every tile.
     alignas(APART) atomic_int next;
-    // Cold: a few times a frame, under the lock.
+    // Written a few times a frame, under the lock.
     alignas(APART) pthread_mutex_t lock;
     pthread_cond_t begin, rest;
     const void *job;
     int tiles;
-    int ready;           // workers that have started
-    int busy;            // workers that have joined the frame and not yet left it
-    unsigned long frame; // its number: each worker joins it once
-    bool open;           // it may be joined
-    bool ending, stated; // that a thread is not pinned
-    int count;           // workers, the caller as the first
-    size_t own_size;
+    int ready;             // workers that have started
+    int busy;              // workers that have joined the frame and not yet left it
+    unsigned long frame;   // its number: each worker joins it once
+    bool open;             // it may be joined
+    bool ending, reported; // reported: that a thread is not pinned
+    int count;             // workers, the caller as the first
+    size_t scratch_size;
     struct worker worker[];
 };
 
@@ -44,7 +44,7 @@ static int pin(int cpu) {
     return pthread_setaffinity_np(pthread_self(), sizeof one, &one);
 }
 
-// The CPUs that this process may use by turns, the caller's own first.
+// Assigns the CPUs that this process may use in turn, beginning with the caller's.
 static void assign_cpus(struct team *team) {
     cpu_set_t allowed;
     int cpus[CPU_SETSIZE], count = 0, first = 0, here = sched_getcpu();
@@ -60,27 +60,26 @@ static void assign_cpus(struct team *team) {
     }
 }
 
-// By the thread that will use it, once it is where it stays: memory is near the core that touches
-// it first.
-static void *own_memory(size_t size) {
+// Called by the thread that will use the memory, once it is pinned: pages lie near the core that first touches them.
+static void *scratch_memory(size_t size) {
     size_t whole = (size / APART + 1) * APART;
-    void *own = aligned_alloc(APART, whole);
-    return own ? memset(own, 0, whole) : NULL;
+    void *scratch = aligned_alloc(APART, whole);
+    return scratch ? memset(scratch, 0, whole) : NULL;
 }
 
-static void draw_tiles(struct team *team, void *own) {
-    // The lock has published what a tile needs; the counter only has to count.
+static void take_tiles(struct team *team, void *scratch) {
+    // The lock has published the job, so the counter needs no memory order.
     for (int tile;
          (tile = atomic_fetch_add_explicit(&team->next, 1, memory_order_relaxed)) < team->tiles;)
-        render_tile(team->job, tile, own);
+        render_tile(team->job, tile, scratch);
 }
 
-static void *live(void *argument) {
+static void *run_worker(void *argument) {
     struct worker *self = argument;
     struct team *team = self->team;
     if (self->cpu >= 0)
         self->error = pin(self->cpu);
-    self->own = own_memory(team->own_size);
+    self->scratch = scratch_memory(team->scratch_size);
     pthread_mutex_lock(&team->lock);
     team->ready++;
     pthread_cond_signal(&team->rest);
@@ -92,21 +91,22 @@ static void *live(void *argument) {
         seen = team->frame;
         team->busy++;
         pthread_mutex_unlock(&team->lock);
-        draw_tiles(team, self->own);
+        take_tiles(team, self->scratch);
         pthread_mutex_lock(&team->lock);
         if (--team->busy == 0)
             pthread_cond_signal(&team->rest);
     }
     pthread_mutex_unlock(&team->lock);
-    free(self->own);
+    free(self->scratch);
     return NULL;
 }
 
-// Starts all but the caller and waits until they sleep. Fewer than asked for do the whole work.
+// Starts all workers but the caller and waits until they sleep. If some cannot be started, the others do their share.
 static void start_workers(struct team *team) {
     int wanted = team->count, started = 1, error = 0;
     for (; started < wanted && !error; started += !error)
-        error = pthread_create(&team->worker[started].thread, NULL, live, &team->worker[started]);
+        error =
+            pthread_create(&team->worker[started].thread, NULL, run_worker, &team->worker[started]);
     pthread_mutex_lock(&team->lock);
     team->count = started;
     while (team->ready < started - 1)
@@ -117,14 +117,14 @@ static void start_workers(struct team *team) {
                 started, wanted, strerror(error));
 }
 
-static void state_unpinned(struct team *team, int failed, int error) {
-    if (failed > 0 && !team->stated)
+static void report_unpinned(struct team *team, int failed, int error) {
+    if (failed > 0 && !team->reported)
         fprintf(stderr, "fixed: %d of %d threads cannot be pinned (%s); they go on unpinned\n",
                 failed, team->count, strerror(error));
-    team->stated = team->stated || failed > 0;
+    team->reported = team->reported || failed > 0;
 }
 
-struct team *team_start(int threads, size_t own_size) {
+struct team *team_start(int threads, size_t scratch_size) {
     size_t size = sizeof(struct team) + (size_t)threads * sizeof(struct worker);
     struct team *team = aligned_alloc(APART, (size + APART - 1) / APART * APART);
     if (!team)
@@ -134,10 +134,10 @@ struct team *team_start(int threads, size_t own_size) {
     pthread_cond_init(&team->begin, NULL);
     pthread_cond_init(&team->rest, NULL);
     team->count = threads;
-    team->own_size = own_size;
+    team->scratch_size = scratch_size;
     for (int i = 0; i < threads; i++)
         team->worker[i].team = team;
-    team->worker[0].own = own_memory(own_size);
+    team->worker[0].scratch = scratch_memory(scratch_size);
     if (threads > 1) {
         assign_cpus(team);
         start_workers(team);
@@ -148,9 +148,9 @@ struct team *team_start(int threads, size_t own_size) {
             failed++;
             error = team->worker[i].error;
         }
-    state_unpinned(team, failed, error);
+    report_unpinned(team, failed, error);
     for (int i = 0; i < team->count; i++)
-        if (!team->worker[i].own) {
+        if (!team->worker[i].scratch) {
             team_end(team);
             return NULL;
         }
@@ -167,20 +167,20 @@ void team_run(struct team *team, const void *job, int tiles) {
     team->open = true;
     pthread_cond_broadcast(&team->begin);
     pthread_mutex_unlock(&team->lock);
-    // The caller is pinned for the frame only: afterwards it is its owner's again.
+    // The caller is pinned for the frame only.
     cpu_set_t before;
     bool pinned = false;
     if (team->count > 1 && self->cpu >= 0 &&
         pthread_getaffinity_np(pthread_self(), sizeof before, &before) == 0) {
         int error = pin(self->cpu);
         pinned = error == 0;
-        state_unpinned(team, !pinned, error);
+        report_unpinned(team, !pinned, error);
     }
-    draw_tiles(team, self->own);
+    take_tiles(team, self->scratch);
     if (pinned)
         pthread_setaffinity_np(pthread_self(), sizeof before, &before);
     pthread_mutex_lock(&team->lock);
-    team->open = false; // who has not woken by now need not
+    team->open = false; // a worker that has not woken need not join
     while (team->busy > 0)
         pthread_cond_wait(&team->rest, &team->lock);
     pthread_mutex_unlock(&team->lock);
@@ -193,7 +193,7 @@ void team_end(struct team *team) {
     pthread_mutex_unlock(&team->lock);
     for (int i = 1; i < team->count; i++)
         pthread_join(team->worker[i].thread, NULL);
-    free(team->worker[0].own);
+    free(team->worker[0].scratch);
     pthread_cond_destroy(&team->rest);
     pthread_cond_destroy(&team->begin);
     pthread_mutex_destroy(&team->lock);

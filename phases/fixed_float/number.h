@@ -1,16 +1,19 @@
-// Numbers and the words in which everything is computed with them: floats in lanes, in the place of phase fixed_simd's
-// fixed point; the sources that use these words are the same. A float has its own exponent: what shifts a fixed-point
-// number does nothing here.
+// Float arithmetic in lanes, in place of fixed_simd's fixed point: tile.c is the same. A float has its own exponent, so
+// a shift that brings a fixed-point product back to the format does nothing here. Lengths are in scene units.
 //
-//     num                       a float in each lane; lengths in scene units
-//     mask                      which lanes
-//     set(a)  ramp()            a in each lane; 0, 1, 2 … from the first lane on
-//     plus  minus  product  times   sum3(…): a·x + b·y + c·z by fused products
-//     positive  less            choose(m, yes, no)  both  but_not(a, b): b where not a
-//     any(m)  bit_of(m, i)      whether the lane i is among them; count_of(m): how many there are
-//     root(a, f)                √a; normalised(v, f, &per): v/|v| and 1/|v|, by root and division; over(a, per): a/|v|
-//     look_up(table, at)        table[at] of each lane; bit_set(a, k): lanes whose whole number has that bit
-//     unload(a, scale, to)      as floats, times scale; unload_wide: as doubles
+// From lanes.h, lane by lane:
+//     vnum  vmask               floats; which lanes
+//     v_splat(a)  v_iota()      a in each lane; 0, 1, 2 … from the first lane on
+//     v_add  v_sub  v_mul_wide  sum, difference, product
+//     v_cmp_lt  v_positive      a < b; a > 0; false for NaN
+//     v_and  v_or  v_andnot     of masks; v_andnot(a, b): b where not a
+//     v_any(m)  v_count(m)  v_mask_lane(m, i)  v_mask_first(n)
+//     v_select(m, yes, no)      yes where m, else no
+//     v_gather(table, at)       table[at]; v_test_bit(a, k): lanes whose whole number has bit k set
+//     v_load(p)  v_store_float(a, scale, p)  v_store_double: stored times scale
+// From this file:
+//     v_mul(a, b, f)            a·b; v_dot(a, b, f): a·x + b·y + c·z by fused products
+//     v_sqrt(a, f)              √a; normalize(v, f, &r): v/|v|, and 1/|v| in r; times_reciprocal(a, r): a/|v|
 #ifndef FIXED_NUMBER_H
 #define FIXED_NUMBER_H
 
@@ -19,53 +22,48 @@
 #include <stdint.h>
 
 #include "format.h"
+#include "lanes.h"
 
-#if LANES == 16
-#include "lanes16.h"
-#elif LANES == 8
-#include "lanes8.h"
-#else
-#error "LANES: 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
-#endif
-
-static const float MOST = 0x1p31f; // where fixed point ends, so that both cap alike
+static const float LARGEST_FACTOR = 0x1p31f; // fixed point's, so that both limit brightness alike
 
 struct vec {
-    num x, y, z;
+    vnum x, y, z;
 };
 
-static inline num shifted(num a, int by) {
+static inline vnum v_sra(vnum a, int by) {
     (void)by;
     return a;
 }
 
-static inline num times(num a, num b, const struct format *f) {
+static inline vnum v_mul(vnum a, vnum b, const struct format *f) {
     (void)f;
     return a * b;
 }
 
-static inline num sum3(struct vec a, struct vec b, const struct format *f) {
+static inline vnum v_dot(struct vec a, struct vec b, const struct format *f) {
     (void)f;
-    return mul_add(a.z, b.z, mul_add(a.y, b.y, a.x * b.x));
+    return v_madd(a.z, b.z, v_madd(a.y, b.y, a.x * b.x));
 }
 
-static inline num root(num a, const struct format *f) {
+static inline vnum v_sqrt(vnum a, const struct format *f) {
     (void)f;
-    return root_of(a);
+    return v_sqrt_of(a);
 }
 
-struct per {
-    num factor;
+struct reciprocal {
+    vnum factor;
 };
 
-static inline num over(num a, struct per per) {
-    return a * per.factor;
+static inline vnum times_reciprocal(vnum a, struct reciprocal r) {
+    return a * r.factor;
 }
 
-static inline struct vec normalised(struct vec v, const struct format *f, struct per *per) {
-    num square = sum3(v, v, f), least = set(1e-30f);
-    num x = set(1) / root_of(choose(less(square, least), least, square));
-    per->factor = x;
+// Returns v/|v|, and 1/|v| in `length`, correctly rounded root and quotient. |v|² is taken as at least 1e-30.
+static inline struct vec normalize(struct vec v, const struct format *f,
+                                   struct reciprocal *length) {
+    vnum square = v_dot(v, v, f), least = v_splat(1e-30f);
+    vnum x = v_splat(1) / v_sqrt_of(v_select(v_cmp_lt(square, least), least, square));
+    length->factor = x;
     return (struct vec){v.x * x, v.y * x, v.z * x};
 }
 

@@ -4,16 +4,16 @@
 
 double sdf(const double *p, const struct prepared *scene, int *nearest) {
     COUNT(sdf, call);
-    double least = INFINITY;
+    double closest = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &scene->placed[i]);
-        if (distance < least) {
-            least = distance;
+        double distance = distance_to_shape(p, &scene->primitives[i]);
+        if (distance < closest) {
+            closest = distance;
             *nearest = i;
         }
     }
-    return least;
+    return closest;
 }
 
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
@@ -25,8 +25,8 @@ void ray_march(const double *origin, const double *direction, const struct prepa
         COUNT(ray_march, step);
         double distance = sdf(hit->point, scene, &hit->shape);
         hit->evals++;
-        hit->last = hit->t;
-        hit->left = distance;
+        hit->last_t = hit->t;
+        hit->last_distance = distance;
         hit->t += distance;
         vec_along(origin, direction, hit->t, hit->point);
         if (distance < scene->model.march.hit_distance) {
@@ -40,14 +40,14 @@ void ray_march(const double *origin, const double *direction, const struct prepa
     hit->shape = -1;
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
+// Returns the visibility of the light, 0 to 1. Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
+// rmshadows), after S. Aaltonen's GDC 2018 talk. The march goes past the light to the bounds.
 static double soft_shadow(const double *point, const double *to_light,
                           const struct prepared *scene) {
     COUNT(soft_shadow, call);
     int nearest;
     double strength_sq = scene->model.shadow_strength * scene->model.shadow_strength;
-    double least = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
+    double visibility = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
@@ -56,14 +56,14 @@ static double soft_shadow(const double *point, const double *to_light,
         if (h < scene->model.march.hit_distance)
             break;
         COUNT(soft_shadow, on);
-        double y = h * h / (2.0 * previous), inside = h * h - y * y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        // strength·√inside/(t − y) < least, asked without the root: it is seldom so.
-        double scaled = least * (t - y);
-        if (inside > 0.0 && t - y > 0.0 &&
-            (COUNT(soft_shadow, asked), strength_sq * inside < scaled * scaled)) {
+        double y = h * h / (2.0 * previous), d_sq = h * h - y * y;
+        // Straight away from a surface h = 2·previous, and the term is 0/0: it is left out.
+        // strength·√d_sq/(t − y) < visibility is seldom true, so it is tested without the root.
+        double bound = visibility * (t - y);
+        if (d_sq > 0.0 && t - y > 0.0 &&
+            (COUNT(soft_shadow, asked), strength_sq * d_sq < bound * bound)) {
             COUNT(soft_shadow, darker);
-            least = scene->model.shadow_strength * sqrt(inside) / (t - y);
+            visibility = scene->model.shadow_strength * sqrt(d_sq) / (t - y);
         }
         previous = h;
         t += h;
@@ -71,9 +71,10 @@ static double soft_shadow(const double *point, const double *to_light,
         if (vec_norm_sq(p) > scene->bounds_sq)
             break;
     }
-    return least;
+    return visibility;
 }
 
+// Returns 0 if the march meets a surface before the light, else 1.
 static double hard_shadow(const double *point, const double *to_light, double distance,
                           const struct prepared *scene) {
     COUNT(hard_shadow, call);
@@ -95,7 +96,6 @@ static double hard_shadow(const double *point, const double *to_light, double di
     return 1.0;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 double shadow(const double *point, const double *to_light, double distance,
               const struct prepared *scene) {
     switch (scene->model.shadows) {

@@ -1,37 +1,37 @@
-// STEPWISE_RODS: words like "down=16 step=safe", parted by one space.
+// Reads STEPWISE_RODS: words like "down=16 step=safe", separated by one blank each.
 #include "settings.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST = 4096 };
+enum { LARGEST = 4096 };
 
 static const char *const FORM =
     "march=rods|pixels down=1..4096 least=1..4096 step=whole|safe picture=shaded|map";
 
-// One of two words: whether it is the second.
+// Reads one of two words; `out`: whether it is the second.
 static bool choice(const char *value, const char *first, const char *second, bool *out) {
     *out = strcmp(value, second) == 0;
     return *out || strcmp(value, first) == 0;
 }
 
-static bool number(const char *value, int *out) {
+static bool whole_number(const char *value, int *out) {
     char *end;
     long found = strtol(value, &end, 10);
-    if (*value < '0' || *value > '9' || *end || found < 1 || found > MOST)
+    if (*value < '0' || *value > '9' || *end || found < 1 || found > LARGEST)
         return false;
     *out = (int)found;
     return true;
 }
 
-static bool set_one(const char *key, const char *value, struct settings *settings) {
+static bool set_setting(const char *key, const char *value, struct settings *settings) {
     if (strcmp(key, "march") == 0)
         return choice(value, "rods", "pixels", &settings->pixels);
     if (strcmp(key, "down") == 0)
-        return number(value, &settings->down);
+        return whole_number(value, &settings->down);
     if (strcmp(key, "least") == 0)
-        return number(value, &settings->least);
+        return whole_number(value, &settings->least);
     if (strcmp(key, "step") == 0)
         return choice(value, "whole", "safe", &settings->safe);
     return strcmp(key, "picture") == 0 && choice(value, "shaded", "map", &settings->map);
@@ -50,7 +50,7 @@ bool settings_read(const char *text, struct settings *settings, char *error) {
         memcpy(word, text, length);
         word[length] = '\0';
         word[equals - text] = '\0';
-        if (!set_one(word, word + (equals - text) + 1, settings)) {
+        if (!set_setting(word, word + (equals - text) + 1, settings)) {
             snprintf(error, 512, "STEPWISE_RODS: \"%.*s\": should be of %s", (int)length, text,
                      FORM);
             return false;

@@ -1,8 +1,8 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shading: normal, light (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)), mirrors by
+// recursion, fog.
 #include "trace.h"
 
-// Forward differences of the scene's distance, towards the side the ray comes from.
+// The normal by forward differences of the scene's distance, on the side that the ray comes from.
 static void normal_at(const double *p, const double *direction, const struct prepared *scene,
                       double *n) {
     COUNT(normal_at, call);
@@ -14,7 +14,7 @@ static void normal_at(const double *p, const double *direction, const struct pre
         gradient[i] = sdf(moved, scene, &nearest) - here;
     }
     double length = vec_norm(gradient);
-    if (!(length > 0.0)) { // no direction, as at a centre: towards the ray
+    if (!(length > 0.0)) { // no gradient, as at a centre: against the ray
         vec_scale(direction, -1.0, n);
         return;
     }
@@ -23,42 +23,46 @@ static void normal_at(const double *p, const double *direction, const struct pre
     vec_scale(gradient, sign / length, n);
 }
 
+// Adds ambient, diffuse and specular light of the hit at p to the colour; n is its normal.
 static void light_at(const double *p, const double *n, const double *direction,
-                     const struct material *material, const struct world *world, double *color) {
+                     const struct material *material, const struct scene_view *input,
+                     double *color) {
     COUNT(light_at, call);
-    const double *base = material->color, *emission = world->view->light_emission;
-    vec_scale(base, 0.01, color); // ambient
+    const double *albedo = material->color, *emission = input->view->light_emission;
+    vec_scale(albedo, 0.01, color); // ambient
     double to_light[3];
-    vec_along(world->view->light_position, p, -1.0, to_light);
+    vec_along(input->view->light_position, p, -1.0, to_light);
     double distance = vec_norm(to_light);
     if (!(distance > 0.0)) // the light lies on the surface: no direction to it
         return;
     COUNT(light_at, lit);
     vec_scale(to_light, 1.0 / distance, to_light);
-    double facing = vec_dot(n, to_light);
-    if (!(facing > 0.0)) // turned away: both terms are zero whatever the shadow
+    double cos_light = vec_dot(n, to_light);
+    if (!(cos_light > 0.0)) // rotated away: both terms are zero whatever the shadow
         return;
     COUNT(light_at, facing);
-    double reach = shadow(p, to_light, distance, world->scene) / distance;
+    double attenuation = shadow(p, to_light, distance, input->scene) / distance;
     double mirrored[3];
-    vec_reflect(to_light, n, mirrored); // of the light's direction: minus the paper's R
-    double shine = vec_dot(mirrored, direction);
-    double specular =
-        shine > 0.0 ? (COUNT(light_at, specular), 0.2 * pow(shine, material->shininess)) : 0.0;
+    vec_reflect(to_light, n, mirrored); // minus the paper's R
+    double cos_mirror = vec_dot(mirrored, direction);
+    double specular = cos_mirror > 0.0
+                          ? (COUNT(light_at, specular), 0.2 * pow(cos_mirror, material->shininess))
+                          : 0.0;
     for (int i = 0; i < 3; i++)
-        color[i] += emission[i] * (base[i] * facing + specular) * reach;
+        color[i] += emission[i] * (albedo[i] * cos_light + specular) * attenuation;
 }
 
 static void trace(const double *origin, const double *direction, int bounce,
-                  const struct world *world, struct shaded *result) {
+                  const struct scene_view *input, struct shaded *result) {
     COUNT(trace, call);
-    ray_march(origin, direction, world->scene, &result->hit);
-    shade(direction, bounce, world, result);
+    ray_march(origin, direction, input->scene, &result->hit);
+    shade(direction, bounce, input, result);
 }
 
-void shade(const double *direction, int bounce, const struct world *world, struct shaded *result) {
+void shade(const double *direction, int bounce, const struct scene_view *input,
+           struct shaded *result) {
     COUNT(shade, call);
-    const struct model *model = &world->scene->model;
+    const struct model *model = &input->scene->model;
     vec_set(model->background, result->color);
     vec_set((double[3]){0, 0, 0}, result->normal);
     if (!result->hit.found)
@@ -66,17 +70,17 @@ void shade(const double *direction, int bounce, const struct world *world, struc
     COUNT(shade, hit);
     const double *p = result->hit.point;
     double *n = result->normal, *color = result->color;
-    normal_at(p, direction, world->scene, n);
+    normal_at(p, direction, input->scene, n);
     const struct material *material = &model->materials[model->shapes[result->hit.shape].material];
-    light_at(p, n, direction, material, world, color);
+    light_at(p, n, direction, material, input, color);
     if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
         COUNT(shade, mirror);
-        double start[3], mirrored[3];
+        double start[3], reflected_direction[3];
         vec_along(p, n, model->march.surface_offset, start);
-        vec_reflect(direction, n, mirrored);
-        struct shaded seen;
-        trace(start, mirrored, bounce + 1, world, &seen);
-        vec_along(color, seen.color, material->reflectivity * 0.1, color);
+        vec_reflect(direction, n, reflected_direction);
+        struct shaded reflected;
+        trace(start, reflected_direction, bounce + 1, input, &reflected);
+        vec_along(color, reflected.color, material->reflectivity * 0.1, color);
     }
     if (model->features.fog) {
         COUNT(shade, fog);

@@ -1,4 +1,4 @@
-// What render.c, rods.c, march.c and shade.c call of each other.
+// What render.c, rods.c, march.c and shade.c use of each other.
 #ifndef RODS_TRACE_H
 #define RODS_TRACE_H
 
@@ -7,7 +7,8 @@
 #include "frame/frame.h"
 #include "sdf.h"
 
-struct world {
+// What a frame is drawn from.
+struct scene_view {
     const struct prepared *scene;
     const struct view *view;
 };
@@ -17,8 +18,8 @@ struct hit {
     double t; // distance along the ray
     double point[3];
     int shape;
-    int evals; // evaluations of the scene's distance; of a rod's pixel in the march that led to it
-    double last, left; // where the march's last point is, and the distance to impact there
+    int evals; // evaluations of the scene's distance; for a rod's pixel, in the march that led to it
+    double last_t, last_distance; // the march's last point, and the scene's distance there
 };
 
 struct shaded {
@@ -27,26 +28,36 @@ struct shaded {
     struct hit hit;
 };
 
-// Of a pixel: `evaluated` of the evaluations were for it (those of a rod are its first pixel's), and its own rod
-// began at `start`; −1: it had none.
-struct share {
-    int evaluated;
-    double start;
+// What a pixel's march cost. The evaluations of a rod count for its first pixel.
+struct pixel_cost {
+    int evals;
+    double start; // where the pixel's own rod began; −1: it has none
 };
 
+// Computes the unit direction of the ray through a point of the picture.
+// column, row: in pixels, from the middle of the top left one.
 void get_direction(double column, double row, const struct frame *frame, const struct view *view,
                    double *direction);
-void put_pixel(const struct world *world, struct frame *frame, int column, int row,
-               const struct hit *hit, struct share share);
+
+// Shades and stores one pixel, whose camera ray the march followed to hit->t; hit->point is computed here.
+// With picture=map it stores the march's last t, last distance and steps instead.
+void put_pixel(const struct scene_view *input, struct frame *frame, int column, int row,
+               const struct hit *hit, struct pixel_cost cost);
 
 // Fills the frame's pixels by rods.
-void march_rods(const struct world *world, struct frame *frame);
+void march_rods(const struct scene_view *input, struct frame *frame);
 
+// Sphere-traces a ray of unit direction until the distance is below the scene's hit distance.
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
                struct hit *hit);
+
+// Returns the share of the light that reaches the point, 0 to 1; between, the penumbra of a soft shadow.
+// to_light is of unit length, and the light is `distance` away.
 double shadow(const double *point, const double *to_light, double distance,
               const struct prepared *scene);
-// The light of result->hit, which is of a ray from outside of all mirrors or of one.
-void shade(const double *direction, int bounce, const struct world *world, struct shaded *result);
+
+// Computes colour and normal for result->hit of a ray of that direction, after `bounce` mirrors.
+void shade(const double *direction, int bounce, const struct scene_view *input,
+           struct shaded *result);
 
 #endif

@@ -1,5 +1,5 @@
-// Vectors are arrays of three doubles, and their operations are inlined: nothing is copied, and the
-// compiler sees which components are used.
+// Vectors are arrays of three doubles. Their operations are inlined, so that nothing is copied and the compiler sees
+// which components are used.
 #ifndef RODS_VEC_H
 #define RODS_VEC_H
 
@@ -17,7 +17,7 @@ static inline void vec_scale(const double *a, double s, double *out) {
         out[i] = a[i] * s;
 }
 
-// The point at distance t along a ray.
+// The point at distance t along the ray.
 static inline void vec_along(const double *origin, const double *direction, double t, double *out) {
     for (int i = 0; i < 3; i++)
         out[i] = origin[i] + direction[i] * t;

@@ -1,7 +1,7 @@
 // Double-double arithmetic: a number as the sum of two doubles, about 104 bits. T. J. Dekker, "A
 // floating-point technique for extending the available precision", Numer. Math. 18 (1971); Y. Hida,
 // X. S. Li, D. H. Bailey, "Algorithms for quad-double precision floating point arithmetic" (2001).
-// For what has no proof: distances of the shadow's estimator and of the Mandelbulb.
+// For what is not proved: distances of the shadow's estimator and of the Mandelbulb.
 #ifndef TRUTH_DD_H
 #define TRUTH_DD_H
 
@@ -21,19 +21,22 @@ static inline struct dd dd_from_quad(__float128 x) {
     return (struct dd){hi, (double)(x - (__float128)hi)};
 }
 
+// a + b as sum and error, for |a| ≥ |b|.
 static inline struct dd quick_sum(double a, double b) {
     double sum = a + b;
     return (struct dd){sum, b - (sum - a)};
 }
 
+// a + b as sum and error.
 static inline struct dd exact_sum(double a, double b) {
     double sum = a + b, part = sum - a;
     return (struct dd){sum, (a - (sum - part)) + (b - part)};
 }
 
+// a·b as product and error.
 static inline struct dd exact_product(double a, double b) {
     double p = a * b;
-    double s = 134217729.0 * a, t = 134217729.0 * b; // 2²⁷ + 1: into halves
+    double s = 134217729.0 * a, t = 134217729.0 * b; // 2²⁷ + 1 splits a double into halves
     double a1 = s - (s - a), b1 = t - (t - b);
     double a2 = a - a1, b2 = b - b1;
     return (struct dd){p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2};
@@ -62,7 +65,7 @@ static inline struct dd dd_scale(struct dd a, double x) {
     return dd_mul(a, dd_from(x));
 }
 
-// By a power of two: exact.
+// Times a power of two, which is exact.
 static inline struct dd dd_twofold(struct dd a, double power) {
     return (struct dd){a.hi * power, a.lo * power};
 }
@@ -110,7 +113,7 @@ static inline struct dd dd_floor(struct dd a) {
     return hi == a.hi ? quick_sum(hi, floor(a.lo)) : dd_from(hi);
 }
 
-// ln 2 + 2 artanh((m − 1)/(m + 1)) with m within √½ … √2: 22 terms reach 2⁻¹⁰⁸.
+// Returns ln a = power·ln 2 + 2 artanh((m − 1)/(m + 1)) with m from √½ to √2: the series of 23 terms reaches 2⁻¹⁰⁸.
 static inline struct dd dd_log(struct dd a) {
     int power;
     double m = frexp(a.hi, &power);
@@ -125,10 +128,6 @@ static inline struct dd dd_log(struct dd a) {
     struct dd ln2 = {0x1.62e42fefa39efp-1, 0x1.abc9e3b39803fp-56};
     return dd_add(dd_scale(ln2, power), dd_twofold(dd_mul(sum, z), 2));
 }
-
-struct dd3 {
-    struct dd v[3];
-};
 
 static inline struct dd dd_dot(const struct dd a[3], const struct dd b[3]) {
     return dd_add(dd_add(dd_mul(a[0], b[0]), dd_mul(a[1], b[1])), dd_mul(a[2], b[2]));

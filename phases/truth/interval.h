@@ -1,11 +1,11 @@
-// Intervals of doubles (ivd) and of __float128 (ivq) that hold what they stand for.
+// Intervals of doubles (ivd) and of __float128 (ivq) that enclose the exact value.
 //
 // Round to nearest throughout, then one step outward: S. M. Rump, P. Zimmermann, S. Boldo,
 // G. Melquiond, "Computing predecessor and successor in rounding to nearest", BIT 49 (2009). No
-// rounding mode is changed, so no compiler can move an operation across the change, threads need no
-// set-up, and libgcc's __float128 follows the same rules. Sums are not widened where they are exact
-// (D. E. Knuth's error-free sum), products where a factor is 0 or ±1, in quad wherever two doubles
-// meet: what is exact in a scene (axes, whole numbers) stays exact and can be decided.
+// rounding mode is changed: a compiler cannot move an operation across the change, threads need no
+// set-up, and libgcc's __float128 follows the same rules. An exact sum is not widened (D. E. Knuth's
+// error-free sum). Neither is a product by 0 or ±1, nor a quad product of two doubles. So what is
+// exact in a scene (axes, whole numbers) stays exact and can be decided.
 #ifndef TRUTH_INTERVAL_H
 #define TRUTH_INTERVAL_H
 
@@ -14,12 +14,12 @@
 
 typedef __float128 quad;
 
-static inline double root_near_d(double x) {
+static inline double sqrt_near_d(double x) {
     return sqrt(x);
 }
 
-// Near the root of x > 0, within a few units of the last place: Newton from double's.
-static inline quad root_near_q(quad x) {
+// Returns √x for x > 0 within a few units of the last place: two Newton steps from the double root.
+static inline quad sqrt_near_q(quad x) {
     quad scale = 1, back = 1;
     while (x * scale < (quad)0x1p-900)
         scale *= (quad)0x1p800, back *= (quad)0x1p-400;
@@ -40,7 +40,7 @@ static inline bool exact_product_q(quad a, quad b) {
     return a == 0 || b == 0 || ((quad)(double)a == a && (quad)(double)b == b);
 }
 
-// u(1 + 2u) with the unit roundoff u, and no less than the smallest positive number.
+// SPREAD: u(1 + 2u) with the unit roundoff u, the relative size of a step outward.
 #define REAL double
 #define IV ivd
 #define FN(name) name##_d
@@ -61,7 +61,7 @@ static inline bool exact_product_q(quad a, quad b) {
 #undef FN
 #undef SPREAD
 
-// The double on either side of a quad.
+// The nearest double that is not above, and the nearest that is not below.
 static inline double double_below(quad x) {
     double near = (double)x;
     return (quad)near <= x ? near : nextafter(near, -INFINITY);
@@ -72,6 +72,7 @@ static inline double double_above(quad x) {
     return (quad)near >= x ? near : nextafter(near, INFINITY);
 }
 
+// Returns the narrowest interval of doubles that holds a.
 static inline struct ivd narrow(struct ivq a) {
     return (struct ivd){double_below(a.lo), double_above(a.hi)};
 }

@@ -1,8 +1,9 @@
-// Interval arithmetic over REAL, included by interval.h once for each kind of number.
+// Interval arithmetic over REAL. Included by interval.h, once in doubles and once in quads.
 struct IV {
     REAL lo, hi;
 };
 
+// At least the next number up, and down.
 static inline REAL FN(above)(REAL x) {
     return x + (SPREAD * (x < 0 ? -x : x) + (REAL)0x1p-1074);
 }
@@ -27,7 +28,7 @@ static inline bool FN(has_zero)(struct IV a) {
     return !(a.lo > 0 || a.hi < 0);
 }
 
-// Of a: +1 or −1 where it is certain, else 0.
+// Returns +1 or −1 where the sign is certain, else 0.
 static inline int FN(sign)(struct IV a) {
     return a.lo > 0 ? 1 : a.hi < 0 ? -1 : 0;
 }
@@ -45,16 +46,16 @@ static inline struct IV FN(neg)(struct IV a) {
     return (struct IV){-a.hi, -a.lo};
 }
 
-// What a + b in floating point left out: exact in rounding to nearest.
-static inline REAL FN(left_over)(REAL a, REAL b, REAL sum) {
+// Returns the rounding error of sum = a + b, which is exact in rounding to nearest.
+static inline REAL FN(sum_error)(REAL a, REAL b, REAL sum) {
     REAL b_part = sum - a;
     return (a - (sum - b_part)) + (b - b_part);
 }
 
 static inline struct IV FN(add)(struct IV a, struct IV b) {
     REAL lo = a.lo + b.lo, hi = a.hi + b.hi;
-    REAL under = FN(left_over)(a.lo, b.lo, lo), over = FN(left_over)(a.hi, b.hi, hi);
-    // Written so that a left-over that is no number widens.
+    REAL under = FN(sum_error)(a.lo, b.lo, lo), over = FN(sum_error)(a.hi, b.hi, hi);
+    // An error that is NaN widens, too.
     return (struct IV){under >= 0 ? lo : FN(below)(lo), over <= 0 ? hi : FN(above)(hi)};
 }
 
@@ -100,14 +101,14 @@ static inline struct IV FN(scale)(struct IV a, double x) {
     return FN(mul)(a, FN(point)(x));
 }
 
-static inline struct IV FN(sqr)(struct IV a) {
+static inline struct IV FN(square)(struct IV a) {
     if (a.lo >= 0 || a.hi <= 0)
         return FN(mul)(a, a);
     REAL most = FN(magnitude)(a);
     return (struct IV){0, FN(product_above)(most, most)};
 }
 
-// b without zero; else everything.
+// Returns a/b; everything if b may be 0.
 static inline struct IV FN(div)(struct IV a, struct IV b) {
     if (FN(has_zero)(b))
         return (struct IV){-(REAL)INFINITY, (REAL)INFINITY};
@@ -124,16 +125,16 @@ static inline struct IV FN(div)(struct IV a, struct IV b) {
     return (struct IV){FN(below)(least), FN(above)(most)};
 }
 
-// Of what is not negative in a. The bounds are held against x by their squares.
-static inline struct IV FN(root)(struct IV a) {
+// Returns the roots of what is not negative in a. The bounds are checked by their squares.
+static inline struct IV FN(sqrt)(struct IV a) {
     struct IV r = {0, 0};
     if (a.lo > 0) {
-        r.lo = FN(below)(FN(root_near)(a.lo));
+        r.lo = FN(below)(FN(sqrt_near)(a.lo));
         while (FN(product_above)(r.lo, r.lo) > a.lo)
             r.lo = FN(below)(r.lo);
     }
     if (a.hi > 0) {
-        r.hi = FN(above)(FN(root_near)(a.hi));
+        r.hi = FN(above)(FN(sqrt_near)(a.hi));
         while (FN(product_below)(r.hi, r.hi) < a.hi)
             r.hi = FN(above)(r.hi);
     }
@@ -147,6 +148,6 @@ static inline struct IV FN(dot)(const struct IV a[3], const struct IV b[3]) {
     return FN(add)(FN(add)(FN(mul)(a[0], b[0]), FN(mul)(a[1], b[1])), FN(mul)(a[2], b[2]));
 }
 
-static inline struct IV FN(square)(const struct IV a[3]) {
-    return FN(add)(FN(add)(FN(sqr)(a[0]), FN(sqr)(a[1])), FN(sqr)(a[2]));
+static inline struct IV FN(norm_sq)(const struct IV a[3]) {
+    return FN(add)(FN(add)(FN(square)(a[0]), FN(square)(a[1])), FN(square)(a[2]));
 }

@@ -1,5 +1,4 @@
-// The phase's entry points: camera rays as intervals about the exact rational direction, tiles of
-// the picture dealt to threads.
+// The phase's entry points: camera rays as intervals about the exact rational direction, and tiles that threads share.
 #include <float.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -18,7 +17,7 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-// The same surface twice: whoever comes first in the scene has it, as with a tie in every phase.
+// Whether two shapes are the same surface. The first in the scene then owns every hit, as in every phase's ties.
 static bool same_surface(const struct shape *a, const struct shape *b) {
     if (a->type != b->type || memcmp(a->position, b->position, sizeof a->position) != 0 ||
         memcmp(a->rotation_degrees, b->rotation_degrees, sizeof a->rotation_degrees) != 0 ||
@@ -36,8 +35,8 @@ static bool same_surface(const struct shape *a, const struct shape *b) {
     }
 }
 
-// The three rotations as one matrix: x first, then y, then z.
-static void turn_of(const double degrees[3], struct ivq turn[3][3]) {
+// The rotation about x, then y, then z as one matrix.
+static void rotation_matrix(const double degrees[3], struct ivq turn[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -58,16 +57,16 @@ static void prepare_solid(struct solid *solid, const struct model *model, int in
     const struct shape *shape = &model->shapes[index];
     *solid = (struct solid){.shape = shape};
     for (int i = 0; i < 3; i++) {
-        solid->turned = solid->turned || shape->rotation_degrees[i] != 0;
+        solid->rotated = solid->rotated || shape->rotation_degrees[i] != 0;
         solid->repeated = solid->repeated || shape->repeat[i] > 0;
     }
-    for (int i = 0; i < index && !solid->copy; i++)
-        solid->copy = same_surface(&model->shapes[i], shape);
-    turn_of(shape->rotation_degrees, solid->turn_q);
+    for (int i = 0; i < index && !solid->duplicate; i++)
+        solid->duplicate = same_surface(&model->shapes[i], shape);
+    rotation_matrix(shape->rotation_degrees, solid->rotation_q);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            solid->turn_d[i][j] = narrow(solid->turn_q[i][j]);
-            solid->turn[i][j] = dd_from_quad(mid_q(solid->turn_q[i][j]));
+            solid->rotation_d[i][j] = narrow(solid->rotation_q[i][j]);
+            solid->rotation[i][j] = dd_from_quad(mid_q(solid->rotation_q[i][j]));
         }
 }
 
@@ -104,7 +103,7 @@ void phase_release(struct prepared *prepared) {
     free(prepared);
 }
 
-// Of the exact ray through the middle of the pixel. 2·column + 1 − width times a double is exact.
+// The exact ray through the middle of the pixel. 2·column + 1 − width times a double is exact in quad.
 static void camera_ray(const struct view *view, const struct frame *frame, int column, int row,
                        struct ray_q *ray) {
     struct ivq tangent = point_q(view->tan_half_fov), height = point_q(frame->height);
@@ -117,14 +116,14 @@ static void camera_ray(const struct view *view, const struct frame *frame, int c
     }
 }
 
-static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
-    const struct hit *hit = &seen->hit;
+static void store(struct frame *frame, size_t pixel, const struct shaded *result) {
+    const struct hit *hit = &result->hit;
     bool found = hit->shape >= 0;
     for (int i = 0; i < 3; i++)
-        frame->rgb[3 * pixel + (size_t)i] = (float)seen->color[SOFT][i];
+        frame->rgb[3 * pixel + (size_t)i] = (float)result->color[SHADOW_ESTIMATE][i];
     if (!frame->depth)
         return;
-    frame->depth[pixel] = found ? (float)hit->guess : INFINITY;
+    frame->depth[pixel] = found ? (float)hit->shown_t : INFINITY;
     frame->id[pixel] = (float)hit->shape;
     for (int i = 0; i < 3; i++)
         frame->normal[3 * pixel + (size_t)i] = found ? (float)mid_q(hit->normal[i]) : 0;
@@ -132,18 +131,18 @@ static void store(struct frame *frame, size_t pixel, const struct seen *seen) {
     if (frame->plane_count == 0)
         return;
     for (int i = 0; i < 3; i++) {
-        frame->planes[PLANE_IDEAL + i][pixel] = (float)seen->color[IDEAL][i];
-        frame->planes[PLANE_NONE + i][pixel] = (float)seen->color[NONE][i];
+        frame->planes[PLANE_IDEAL + i][pixel] = (float)result->color[SHADOW_IDEAL][i];
+        frame->planes[PLANE_NONE + i][pixel] = (float)result->color[SHADOW_NONE][i];
     }
-    frame->planes[PLANE_SHADOW][pixel] = (float)seen->shadow[SOFT];
-    frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)seen->shadow[IDEAL];
-    // Upward: a float that is no less than the width. Of a ray that may never leave a half-space: FLT_MAX.
+    frame->planes[PLANE_SHADOW][pixel] = (float)result->shadow[SHADOW_ESTIMATE];
+    frame->planes[PLANE_SHADOW_IDEAL][pixel] = (float)result->shadow[SHADOW_IDEAL];
+    // Rounded up. The width of a ray that may never leave a half-space is FLT_MAX.
     quad width = hit->t.hi - hit->t.lo;
     bool none = !found && hit->status != UNDECIDED;
     float above = width < FLT_MAX ? nextafterf((float)width, INFINITY) : FLT_MAX;
     frame->planes[PLANE_WIDTH][pixel] = none ? 0 : above;
     frame->planes[PLANE_STATUS][pixel] = (float)hit->status;
-    frame->planes[PLANE_STATUS_ALL][pixel] = (float)seen->all;
+    frame->planes[PLANE_STATUS_ALL][pixel] = (float)result->status_all;
 }
 
 struct job {
@@ -153,7 +152,8 @@ struct job {
     atomic_int next; // tile
 };
 
-static void *work(void *argument) {
+// One thread: renders tiles until none is left.
+static void *render_tiles(void *argument) {
     struct job *job = argument;
     struct frame *frame = job->frame;
     int across = (frame->width + TILE - 1) / TILE, down = (frame->height + TILE - 1) / TILE;
@@ -162,10 +162,10 @@ static void *work(void *argument) {
         for (int row = top; row < top + TILE && row < frame->height; row++)
             for (int column = left; column < left + TILE && column < frame->width; column++) {
                 struct ray_q ray;
-                struct seen seen;
+                struct shaded result;
                 camera_ray(job->view, frame, column, row, &ray);
-                trace(job->prepared, job->view, &ray, 0, &seen);
-                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &seen);
+                trace(job->prepared, job->view, &ray, 0, &result);
+                store(frame, (size_t)row * (size_t)frame->width + (size_t)column, &result);
             }
     }
     return NULL;
@@ -173,13 +173,13 @@ static void *work(void *argument) {
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     struct job job = {.prepared = prepared, .view = view, .frame = frame};
-    enum { MOST = 4096 };
-    pthread_t threads[MOST];
+    enum { MAX_THREADS = 4096 };
+    pthread_t threads[MAX_THREADS];
     int started = 0;
-    for (; started < prepared->threads - 1 && started < MOST; started++)
-        if (pthread_create(&threads[started], NULL, work, &job) != 0)
+    for (; started < prepared->threads - 1 && started < MAX_THREADS; started++)
+        if (pthread_create(&threads[started], NULL, render_tiles, &job) != 0)
             break; // the others do its share
-    work(&job);
+    render_tiles(&job);
     while (started > 0)
         pthread_join(threads[--started], NULL);
     return true;

@@ -1,5 +1,5 @@
-// Shadows: the estimator that every phase has, in double-double; the ideal that it estimates; and
-// whether anything stands between the point and the light.
+// Shadows at a hit: the estimator of every phase, in double-double; the ideal soft shadow that it estimates; and the hard
+// shadow.
 #include "sdf.h"
 #include "trace.h"
 
@@ -15,8 +15,8 @@ static struct dd distance_at(const struct light_ray *ray, const struct solid *so
     return distance_to(solid, p);
 }
 
-// The Mandelbulb's estimate in plain doubles, for the ideal, which no bound proves there anyway.
-static double rough_bulb(const struct dd local[3], const struct shape *shape) {
+// The Mandelbulb's distance estimate in doubles, for the ideal shadow, which has no proof there.
+static double bulb_distance(const struct dd local[3], const struct shape *shape) {
     double p[3] = {local[0].hi, local[1].hi, local[2].hi};
     double x = p[0], y = p[1], z = p[2], m = x * x + y * y + z * z, dz = 1.5;
     for (int i = 0; i < shape->mandelbulb.iterations; i++) {
@@ -35,19 +35,19 @@ static double rough_bulb(const struct dd local[3], const struct shape *shape) {
     return m > 0.0 && isfinite(m) ? 0.25 * log(m) * sqrt(m) / dz : 0.0;
 }
 
-// For the ideal.
+// Returns a solid's distance from the light ray at t, for the ideal shadow.
 static double height_at(const struct light_ray *ray, const struct solid *solid, double t) {
     struct dd p[3], local[3];
     if (solid->shape->type != SHAPE_MANDELBULB)
         return distance_at(ray, solid, t).hi;
     dd_along(ray->o, dd_from(t), ray->d, p);
     to_frame(solid, p, local);
-    return rough_bulb(local, solid->shape);
+    return bulb_distance(local, solid->shape);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Step for step as the phases take them.
-static double estimate(const struct light_ray *ray) {
+// rmshadows), after S. Aaltonen's GDC 2018 talk. It takes the same steps as the phases.
+static double estimated_shadow(const struct light_ray *ray) {
     const struct model *model = &ray->prepared->model;
     int nearest;
     struct dd least = dd_from(1), previous = dd_from(1e20), t = dd_from(ray->start), p[3];
@@ -69,10 +69,10 @@ static double estimate(const struct light_ray *ray) {
     return fmin(fmax(least.hi, 0.0), 1.0);
 }
 
-// Least strength·h/t over [low, high] of a convex solid: its distance along a line is convex, so
-// h/t falls, then rises. Golden section (J. Kiefer, 1953).
-static double least_convex(const struct light_ray *ray, const struct solid *solid, double low,
-                           double high, double best) {
+// Returns the least strength·h/t over [low, high] of a convex solid, or `best` if that is less. The distance h along a
+// line is convex, so h/t falls, then rises: golden section (J. Kiefer, 1953).
+static double least_ratio_convex(const struct light_ray *ray, const struct solid *solid, double low,
+                                 double high, double best) {
     const double golden = 0.6180339887498949;
     double strength = ray->prepared->model.shadow_strength;
     double a = high - golden * (high - low), b = low + golden * (high - low);
@@ -82,7 +82,7 @@ static double least_convex(const struct light_ray *ray, const struct solid *soli
                            strength * height_at(ray, solid, high) / high));
     for (int i = 0; i < 200 && best > 0; i++) {
         best = fmin(best, fmin(at_a, at_b));
-        // h falls by no more than the way: what is left cannot be less than this.
+        // h falls by no more than the length: the rest of the interval has no smaller ratio than this.
         double possible = fmin(at_a * a, at_b * b) - strength * (high - low);
         if (possible / high >= best - 1e-12)
             break;
@@ -103,9 +103,9 @@ static double least_convex(const struct light_ray *ray, const struct solid *soli
     return best;
 }
 
-// Of any solid: branch and bound, h being 1-Lipschitz; proved to 1e-4 (of a
-// Mandelbulb, whose estimate is no bound, sought to 1/1024), then refined where it is least.
-static double least_any(const struct light_ray *ray, const struct solid *solid, double best) {
+// The same for any solid, by branch and bound: h is 1-Lipschitz. Proved to 1e-4, then refined by golden section. A
+// Mandelbulb's estimate is no bound; there it is searched to 1/1024.
+static double least_ratio_any(const struct light_ray *ray, const struct solid *solid, double best) {
     enum { DEEPEST = 200 };
     double strength = ray->prepared->model.shadow_strength;
     double room = solid->shape->type == SHAPE_MANDELBULB ? 1.0 / 1024 : 1e-4;
@@ -126,16 +126,16 @@ static double least_any(const struct light_ray *ray, const struct solid *solid, 
             continue;
         if (depth + 2 > DEEPEST || !(m > a && m < b))
             continue;
-        stack[depth][0] = m; // the nearer half is looked at first
+        stack[depth][0] = m; // the nearer half comes first
         stack[depth++][1] = b;
         stack[depth][0] = a;
         stack[depth++][1] = m;
     }
-    return high > low ? least_convex(ray, solid, low, high, best) : best;
+    return high > low ? least_ratio_convex(ray, solid, low, high, best) : best;
 }
 
-// Clamp of the least strength·h(t)/t between the start and the light.
-static double ideal(const struct light_ray *ray) {
+// Returns the least strength·h(t)/t between the start and the light, from 0 to 1.
+static double ideal_shadow(const struct light_ray *ray) {
     double best = 1;
     if (!(ray->start < ray->distance))
         return 1;
@@ -143,12 +143,13 @@ static double ideal(const struct light_ray *ray) {
         const struct solid *solid = &ray->prepared->solids[i];
         bool convex = !solid->repeated && solid->shape->type != SHAPE_TORUS &&
                       solid->shape->type != SHAPE_MANDELBULB;
-        best = convex ? least_convex(ray, solid, ray->start, ray->distance, best)
-                      : least_any(ray, solid, best);
+        best = convex ? least_ratio_convex(ray, solid, ray->start, ray->distance, best)
+                      : least_ratio_any(ray, solid, best);
     }
     return fmax(best, 0);
 }
 
+// Whether a march towards the light meets a Mandelbulb.
 static bool bulb_blocks(const struct light_ray *ray) {
     const struct model *model = &ray->prepared->model;
     for (int i = 0; i < model->shape_count; i++) {
@@ -165,16 +166,17 @@ static bool bulb_blocks(const struct light_ray *ray) {
     return false;
 }
 
-// 0: something stands within the bounds between the start and the light; 1: nothing does.
-static enum status hard(const struct light_ray *light, const struct hit *hit,
-                        const struct view *view, double *factor) {
+// Computes the hard shadow: 0 if a surface within the bounds lies between the start and the light, else 1.
+// Returns whether that is proved.
+static enum status hard_shadow(const struct light_ray *light, const struct hit *hit,
+                               const struct view *view, double *factor) {
     const struct prepared *prepared = light->prepared;
     struct ivq to_light[3], start = point_q(light->start);
     struct ray_q ray;
     struct ray_d rough;
     for (int i = 0; i < 3; i++)
         to_light[i] = sub_q(point_q(view->light_position[i]), hit->point[i]);
-    struct ivq distance = root_q(square_q(to_light));
+    struct ivq distance = sqrt_q(norm_sq_q(to_light));
     for (int i = 0; i < 3; i++) {
         ray.d[i] = div_q(to_light[i], distance);
         ray.o[i] = add_q(hit->point[i], mul_q(start, ray.d[i]));
@@ -204,7 +206,7 @@ static enum status hard(const struct light_ray *light, const struct hit *hit,
 }
 
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
-                        const struct view *view, double factor[KINDS]) {
+                        const struct view *view, double factor[SHADOW_KINDS]) {
     struct light_ray ray = {.prepared = prepared, .start = prepared->model.march.surface_offset};
     for (int i = 0; i < 3; i++) {
         ray.o[i] = dd_from_quad(mid_q(hit->point[i]));
@@ -214,16 +216,16 @@ enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
     ray.distance = distance.hi;
     for (int i = 0; i < 3; i++)
         ray.d[i] = dd_div(ray.d[i], distance);
-    for (int kind = 0; kind < KINDS; kind++)
+    for (int kind = 0; kind < SHADOW_KINDS; kind++)
         factor[kind] = 1;
     if (prepared->model.shadows == SHADOWS_HARD) {
-        enum status status = hard(&ray, hit, view, &factor[SOFT]);
-        factor[IDEAL] = factor[SOFT];
+        enum status status = hard_shadow(&ray, hit, view, &factor[SHADOW_ESTIMATE]);
+        factor[SHADOW_IDEAL] = factor[SHADOW_ESTIMATE];
         return status;
     }
     if (prepared->model.shadows == SHADOWS_SOFT) {
-        factor[SOFT] = estimate(&ray);
-        factor[IDEAL] = ideal(&ray);
+        factor[SHADOW_ESTIMATE] = estimated_shadow(&ray);
+        factor[SHADOW_IDEAL] = ideal_shadow(&ray);
     }
     return PROVED;
 }

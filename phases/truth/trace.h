@@ -1,9 +1,9 @@
-// What render.c, march.c and shade.c call of each other.
+// What the files of this phase use of each other: hits, normals, shadows, shading.
 #ifndef TRUTH_TRACE_H
 #define TRUTH_TRACE_H
 
+#include "ray_spans.h"
 #include "scene/scene.h"
-#include "solve.h"
 
 // The names of phase.json's "planes", in its order.
 enum plane {
@@ -30,31 +30,39 @@ struct hit {
     int face;
     double cell[3];
     struct ivq s, t; // p = o + s·d, t = s·|d|
-    quad guess;      // t to show: the middle, if it is decided
+    quad shown_t;    // the t in the picture: the middle of t if it is decided
     struct ivq point[3];
-    struct ivq normal[3]; // unit, towards the ray
+    struct ivq normal[3]; // of unit length, against the ray
     enum status status;
     bool normal_sure;
     long evals;
 };
 
-// Shadows by the estimator, ideal, none.
-enum { SOFT, IDEAL, NONE, KINDS };
+// Each picture has three kinds of shadow: by the phases' estimator, ideal, none.
+enum { SHADOW_ESTIMATE, SHADOW_IDEAL, SHADOW_NONE, SHADOW_KINDS };
 
-struct seen {
-    double color[KINDS][3];
-    double shadow[KINDS]; // at the first hit
+struct shaded {
+    double color[SHADOW_KINDS][3];
+    double shadow[SHADOW_KINDS]; // at the first hit
     struct hit hit;
-    enum status all; // the least of every ray that the picture hangs on
+    enum status status_all; // the least of all rays that the colour depends on
 };
 
+// Returns the distance to the nearest shape, in double-double, and its index.
 struct dd distance_to_scene(const struct prepared *prepared, const struct dd p[3], int *nearest);
+
+// Finds the first hit: shape, s, t, point and status. A repeated or rotated shape is solved in its own frame.
 void find_hit(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);
+
+// Computes the enclosed unit normal of a hit, against the ray. normal_sure: the hit is on one face.
 void find_normal(const struct prepared *prepared, const struct ray_q *ray, struct hit *hit);
-// Factors of SOFT and IDEAL. Returns how sure the hard shadow is.
+
+// Computes the share of the light that reaches the hit, by kind of shadow. Returns the status of a hard shadow.
 enum status find_shadow(const struct prepared *prepared, const struct hit *hit,
-                        const struct view *view, double factor[KINDS]);
+                        const struct view *view, double factor[SHADOW_KINDS]);
+
+// Traces a ray, after `bounce` mirrors: hit, colours and shadows.
 void trace(const struct prepared *prepared, const struct view *view, const struct ray_q *ray,
-           int bounce, struct seen *seen);
+           int bounce, struct shaded *result);
 
 #endif

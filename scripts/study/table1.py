@@ -26,25 +26,26 @@ TERMS = {
         height_along wake too_far surely_off keep_high sleeps others_sleep gather_bulb
     """,
     "normals": """
-        normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
+        normal_* surface_normal bulb_normal *_gradient gradient_of difference scene_difference moved_*
+        near_hit
     """,
     "light and colour": """
-        bring_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_* all_on_plane
-        add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
-        material_seen
+        bring_light direct_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_*
+        all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature
+        graze grazed material_seen
     """,
     "cones, tiles, lists and trees": """
-        bounds_at bundle_of can_be_* cones_around corner_hit get_cones intervals_of list_of_cone
+        bounds_at bundle_of can_be_* cones_around corner_* get_cones intervals_of list_of_cone
         lower_bound upper_bound march_cones meet way_out shapes_in look look_through look_at_*
-        look_from_plane cone_leaves exact_* in_picture convex_tile render_block world_look reach_* reached
-        cell_reached range_of frustum_of crowd_in most_along proper go_along go_together leaf_of_type
-        entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until ends_of
-        most_bound prove nothing_proved
+        look_from_plane cone_leaves exact_* in_picture convex_tile render_block tables_set_view *block_range
+        reach_* reached cell_reached range_of frustum_of crowd_in most_along proper go_along go_together
+        leaf_of_type entered in_reach begin_grid axis_of next_box next_cells bundles_next together_until
+        ends_of most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
     """,
     "closed forms and Newton's steps": """
-        first_hit next_hit hit_sphere blocked ask_* meet_* meets_bulbs enter* go_alone
+        first_hit intersect* take_nearer occluded ask_* meet_* meets_bulbs enter* go_alone
         bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
         cells_on_the_way until_bounds newton walk_alone exact_look see_along take_whole
     """,
@@ -62,12 +63,12 @@ TERMS = {
         stay_in advance* step* on_none go_on_by leap leave_on over take_bulb refill* retire_* close_first
         prepare_close join_close put_pieces put_terms put_slope wait_close
         gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
-        look_around rod_step land_rods set_out_rods aim fill tell outcome lone_distances plane_distances
-        falls_alone
+        look_around rod_step land_rods set_out_rods rod_axis fill_rod aim fill tell outcome
+        lone_distances plane_distances falls_alone
     """,
     "rays of the camera": """
-        get_direction get_rays set_camera_ray phase_render store* put_pixel draw_* render_patch*
-        render_tile column_of direction_in row_of_picture exact_direction
+        camera_direction get_direction get_rays set_camera_ray phase_render store* put_pixel draw_*
+        render_patch* render_tile column_of direction_in row_of_picture exact_direction
     """,
 }
 OTHER = "other functions"  # of a phase that is not the project's own

@@ -1,6 +1,6 @@
 // flags: -O1 -iquote phases/fixed
-// The fixed-point words of phase fixed over the ranges they are stated for: exact integers, and roots against long
-// doubles, whose own error is 2^-64.
+// The fixed-point arithmetic of phase fixed over its stated ranges: products against 128-bit integers, roots against
+// long doubles, whose own error is 2^-64.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -43,15 +43,15 @@ static void products_are_floors(void **state) {
         const struct format f = {.bits = bits};
         for (int i = 0; i < 20000; i++) {
             int64_t a = random_factor(), b = random_factor();
-            assert_int_equal(times(a, b, &f), floor_shift((wide)a * b, bits));
+            assert_int_equal(v_mul(a, b, &f), floor_shift((wide)a * b, bits));
             struct vec u = {random_factor() / 2, random_factor() / 2, random_factor() / 2};
             struct vec v = {random_factor() / 2, random_factor() / 2, random_factor() / 2};
             wide sum = (wide)u.x * v.x + (wide)u.y * v.y + (wide)u.z * v.z;
-            assert_int_equal(sum3(u, v, &f), floor_shift(sum, bits));
+            assert_int_equal(v_dot(u, v, &f), floor_shift(sum, bits));
         }
         const int64_t most = INT32_MAX, least = INT32_MIN;
-        assert_int_equal(times(most, least, &f), floor_shift((wide)most * least, bits));
-        assert_int_equal(times(least, least, &f), floor_shift((wide)least * least, bits));
+        assert_int_equal(v_mul(most, least, &f), floor_shift((wide)most * least, bits));
+        assert_int_equal(v_mul(least, least, &f), floor_shift((wide)least * least, bits));
     }
 }
 
@@ -59,8 +59,8 @@ static void products_are_floors(void **state) {
 static const double NEWTON[] = {0.035, 0.0019, 5.4e-6, 4.5e-11, 0};
 
 static void check_inverse(int64_t a, int steps) {
-    const struct format f = {.bits = 20, .steps = steps};
-    struct inverse r = inverse_root(a, &f);
+    const struct format f = {.bits = 20, .newton_steps = steps};
+    struct rsqrt r = v_rsqrt(a, &f);
     long double exact = 1 / sqrtl((long double)a);
     long double found = ldexpl((long double)r.y, (int)(-30 - r.h));
     double off = (double)(found / exact - 1), bound = NEWTON[steps] + 4 * 0x1p-29;
@@ -91,11 +91,11 @@ static void roots_over_the_whole_range(void **state) {
     (void)state;
     for (int steps = 1; steps <= 4; steps++)
         for (int bits = 8; bits <= 28; bits++) {
-            const struct format f = {.bits = bits, .steps = steps};
+            const struct format f = {.bits = bits, .newton_steps = steps};
             for (int i = 0; i < 5000; i++) {
                 int64_t a = random_up_to(62 - bits < 40 ? 62 - bits : 40);
                 long double exact = sqrtl(ldexpl((long double)a, bits)),
-                            found = (long double)root(a, &f);
+                            found = (long double)v_sqrt(a, &f);
                 long double bound = exact * (NEWTON[steps] + 6 * 0x1p-29) + 1;
                 if (!(fabsl(found - exact) <= bound))
                     fail_msg("root of %lld, %d bits, %d steps: %Lg, not %Lg", (long long)a, bits,
@@ -108,9 +108,10 @@ static void roots_over_the_whole_range(void **state) {
 static void the_articles_root(void **state) {
     (void)state;
     for (int bits = 8; bits <= 20; bits++) {
-        const struct format f = {.bits = bits, .near = 23 - bits};
+        const struct format f = {.bits = bits, .sqrt_whole_bits = 23 - bits};
         for (int64_t a = 1; a < 1 << 23; a += 1 + a / 500) {
-            double exact = sqrt(ldexp((double)a, -bits)), found = ldexp((double)root(a, &f), -bits);
+            double exact = sqrt(ldexp((double)a, -bits)),
+                   found = ldexp((double)v_sqrt(a, &f), -bits);
             double below = exact - ldexp(1, -bits), above = exact * 1.0607 + ldexp(1, -bits);
             if (!(found >= below && found <= above))
                 fail_msg("root of %lld, %d bits: %g, not %g", (long long)a, bits, found, exact);
@@ -123,10 +124,10 @@ static struct format article_format(int bits, int wide) {
     double least = fmax(1.25 * fmax(ldexp(1, bits - 31), ldexp(1, -2 * wide)),
                         fmax(ldexp(64, -bits), ldexp(16, wide - 23)));
     return (struct format){.bits = bits,
-                           .wide = wide,
-                           .to_wide = down > 0 ? down : 0,
-                           .from_wide = down < 0 ? -down : 0,
-                           .least = (int64_t)ceil(ldexp(least, bits))};
+                           .rsqrt_whole_bits = wide,
+                           .rsqrt_shift_right = down > 0 ? down : 0,
+                           .rsqrt_shift_left = down < 0 ? -down : 0,
+                           .rsqrt_least = (int64_t)ceil(ldexp(least, bits))};
 }
 
 // Two steps, and what is cut off in them: a last bit of each of three products, the second times a·y/2 = 1/(2y).
@@ -135,9 +136,9 @@ static void the_articles_inverse_root(void **state) {
     for (int bits = 8; bits <= 22; bits++)
         for (int wide = 5; wide <= 31 - bits; wide++) { // 5: the camera's directions, below 16
             const struct format f = article_format(bits, wide);
-            for (int64_t a = f.least; a < INT64_C(1) << (bits + wide); a += 1 + a / 300) {
+            for (int64_t a = f.rsqrt_least; a < INT64_C(1) << (bits + wide); a += 1 + a / 300) {
                 double exact = 1 / sqrt(ldexp((double)a, -bits)), last = ldexp(1, -bits);
-                double found = ldexp((double)article_inverse_root(a, &f), -bits);
+                double found = ldexp((double)article_rsqrt(a, &f), -bits);
                 // a and the estimate are cut to 23 − wide bits, of which two steps leave a fourth power
                 double first = 0.035 + ldexp(1, wide - 23) * (1 / exact + 0.5 * exact * exact),
                        e = 1.5 * first * first;
@@ -154,7 +155,7 @@ static void vectors_become_unit(void **state) {
     (void)state;
     for (int steps = 3; steps <= 4; steps++)
         for (int bits = 8; bits <= 28; bits++) {
-            const struct format f = {.bits = bits, .steps = steps};
+            const struct format f = {.bits = bits, .newton_steps = steps};
             for (int i = 0; i < 5000; i++) {
                 struct vec v = {random_factor() / 2, random_factor() / 2, random_factor() / 2};
                 long double length = sqrtl((long double)v.x * (long double)v.x +
@@ -162,23 +163,23 @@ static void vectors_become_unit(void **state) {
                                            (long double)v.z * (long double)v.z);
                 if (!(length > 0))
                     continue;
-                struct per per;
-                struct vec unit = normalised(v, &f, &per);
-                const num found[] = {unit.x, unit.y, unit.z}, of[] = {v.x, v.y, v.z};
+                struct reciprocal length_inverse;
+                struct vec unit = normalize(v, &f, &length_inverse);
+                const vnum found[] = {unit.x, unit.y, unit.z}, of[] = {v.x, v.y, v.z};
                 for (int k = 0; k < 3; k++) {
                     long double exact = ldexpl((long double)of[k] / length, bits);
                     if (!(fabsl((long double)found[k] - exact) <= 1 + ldexpl(2e-8L, bits)))
                         fail_msg("%lld of %Lg, %d bits: %lld, not %Lg", (long long)of[k], length,
                                  bits, (long long)found[k], exact);
                 }
-                long double inverse = ldexpl(1 / length, bits + (int)per.fraction);
-                if (!(per.fraction >= 0 && per.factor < INT64_C(1) << 31 &&
-                      fabsl((long double)per.factor - inverse) <= 1 + 2e-8L * inverse))
-                    fail_msg("1/%Lg, %d bits: %lld with %lld", length, bits, (long long)per.factor,
-                             (long long)per.fraction);
+                long double inverse = ldexpl(1 / length, bits + (int)length_inverse.fraction);
+                if (!(length_inverse.fraction >= 0 && length_inverse.factor < INT64_C(1) << 31 &&
+                      fabsl((long double)length_inverse.factor - inverse) <= 1 + 2e-8L * inverse))
+                    fail_msg("1/%Lg, %d bits: %lld with %lld", length, bits,
+                             (long long)length_inverse.factor, (long long)length_inverse.fraction);
             }
-            struct per per;
-            struct vec nothing = normalised((struct vec){0, 0, 0}, &f, &per);
+            struct reciprocal length_inverse;
+            struct vec nothing = normalize((struct vec){0, 0, 0}, &f, &length_inverse);
             assert_true(nothing.x == 0 && nothing.y == 0 && nothing.z == 0);
         }
 }

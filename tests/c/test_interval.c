@@ -7,7 +7,7 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "../../phases/truth/angles.h"
+#include "../../phases/truth/angles.c"
 #include "../../phases/truth/dd.h"
 
 enum { ROUNDS = 200000 };
@@ -54,7 +54,7 @@ static void test_double(void **unused) {
         double x = of(a), y = of(b);
         // Exact: products have 106 bits; sums of these magnitudes up to 113 or fewer, else next test.
         assert_true(holds(mul_d(a, b), (quad)x * (quad)y));
-        assert_true(holds(sqr_d(a), (quad)x * (quad)x));
+        assert_true(holds(square_d(a), (quad)x * (quad)x));
         struct dd sum = exact_sum(x, y);
         struct ivd s = add_d(a, b);
         assert_true(s.lo < sum.hi || (s.lo == sum.hi && sum.lo >= 0));
@@ -63,7 +63,7 @@ static void test_double(void **unused) {
         if (b.lo > 0) // lo ≤ x/y: lo·y ≤ x, exact on both sides
             assert_true((quad)q.lo * (quad)y <= (quad)x && (quad)x <= (quad)q.hi * (quad)y);
         if (a.lo > 0) {
-            struct ivd r = root_d(a);
+            struct ivd r = sqrt_d(a);
             assert_true((quad)r.lo * (quad)r.lo <= (quad)x && (quad)x <= (quad)r.hi * (quad)r.hi);
         }
     }
@@ -99,7 +99,7 @@ static void test_quad(void **unused) {
         if (a.lo <= 0 || b.lo == 0)
             continue;
         // From outside: a root's square and a quotient's product enclose what they came from.
-        struct ivq back = mul_q(div_q(a, b), b), square = sqr_q(root_q(a));
+        struct ivq back = mul_q(div_q(a, b), b), square = square_q(sqrt_q(a));
         assert_true(back.lo <= a.lo && a.hi <= back.hi &&
                     back.hi - back.lo <= a.hi * (quad)0x1p-108);
         assert_true(square.lo <= a.lo && a.hi <= square.hi);
@@ -128,7 +128,7 @@ static void test_angles(void **unused) {
         double degrees = ldexp(number(), -20);
         struct ivq s, c, s2, c2;
         sine_cosine_q(degrees, &s, &c);
-        struct ivq one = add_q(sqr_q(s), sqr_q(c));
+        struct ivq one = add_q(square_q(s), square_q(c));
         assert_true(one.lo <= 1 && one.hi >= 1 && one.hi - one.lo < (quad)0x1p-100);
         assert_true(fabs((double)mid_q(s) - sin(fmod(degrees, 360) * (M_PI / 180))) < 1e-14);
         assert_true(fabs((double)mid_q(c) - cos(fmod(degrees, 360) * (M_PI / 180))) < 1e-14);
@@ -139,7 +139,7 @@ static void test_angles(void **unused) {
     sine_cosine_q(30, &s, &c);
     assert_true(s.lo <= (quad)0.5 && s.hi >= (quad)0.5 && s.hi - s.lo < (quad)0x1p-105);
     sine_cosine_q(45, &s, &c);
-    assert_true(sqr_q(s).lo <= (quad)0.5 && sqr_q(s).hi >= (quad)0.5);
+    assert_true(square_q(s).lo <= (quad)0.5 && square_q(s).hi >= (quad)0.5);
     const double quarter[5][2] = {{0, 1}, {1, 0}, {0, -1}, {-1, 0}, {0, 1}};
     for (int i = 0; i < 5; i++) {
         sine_cosine_q(90.0 * i, &s, &c);
@@ -162,7 +162,7 @@ static void test_special(void **unused) {
     struct ivd nothing = {NAN, NAN};
     assert_int_equal(sign_d(nothing), 0);
     assert_true(has_zero_d(nothing));
-    assert_true(root_d((struct ivd){-1, 4}).lo == 0 && root_d((struct ivd){-1, 4}).hi >= 2);
+    assert_true(sqrt_d((struct ivd){-1, 4}).lo == 0 && sqrt_d((struct ivd){-1, 4}).hi >= 2);
 }
 
 int main(void) {

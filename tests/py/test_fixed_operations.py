@@ -21,13 +21,13 @@ SCENE = ROOT / "common" / "scenes" / "spheres40.json"
 HEIGHT = 90
 PIXELS = 160 * HEIGHT
 WORDS = {
-    "products": ("product",),
-    "sums": ("plus", "minus"),
-    "shifts": ("shifted", "shifted_each", "left", "right", "left_each", "right_each"),
-    "comparisons": ("positive", "less"),
-    "bits": ("and_bits", "or_bits"),
+    "products": ("v_mul_wide",),
+    "sums": ("v_add", "v_sub"),
+    "shifts": ("v_sra", "v_srav", "v_sll", "v_srl", "v_sllv", "v_srlv"),
+    "comparisons": ("v_positive", "v_cmp_lt"),
+    "bits": ("v_and_bits", "v_or_bits"),
 }
-TILE = "lanes1_tile"  # what of a frame is timed but for threads and the world
+TILE = "lanes1_render_tile"  # a frame without the threads and the scene's conversion
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("valgrind") and shutil.which("objdump")), reason="no valgrind or objdump"

@@ -294,8 +294,8 @@ def test_declared_costs_hold():
     assert done.returncode == 0, done.stderr
     assert {row["function"] if "function" in row else row["scope"] for row in rows} >= {
         "march_rod",
-        "aim",
-        "fill",
+        "rod_axis",
+        "fill_rod",
     }
 
 

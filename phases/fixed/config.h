@@ -1,0 +1,19 @@
+// What distinguishes the phases of this family: the default settings and the builds of tile.c.
+#ifndef FIXED_CONFIG_H
+#define FIXED_CONFIG_H
+
+#include "format.h"
+#include "tile.h"
+
+// The article's square roots and its test of blocks, unless STEPWISE_FIXED says otherwise.
+static const struct settings DEFAULTS = {
+    .bits = 20, .unit = 0, .newton_steps = 0, .clear = CLEAR_CORNERS};
+
+// Renders one tile with the build of tile.c for that many lanes.
+static inline void render_tile_in_lanes(int lanes, const struct job *job, int tile,
+                                        int *candidates) {
+    (void)lanes; // one
+    lanes1_render_tile(job, tile, candidates);
+}
+
+#endif

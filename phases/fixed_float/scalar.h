@@ -1,0 +1,34 @@
+// One number of the phase outside of the lanes: a float. Lengths are in scene units.
+#ifndef FIXED_SCALAR_H
+#define FIXED_SCALAR_H
+
+#include "format.h"
+
+typedef float scalar;
+
+static inline scalar scalar_from(double a, const struct format *f) {
+    (void)f;
+    return (float)a;
+}
+
+static inline scalar scalar_from_length(double length, const struct format *f) {
+    return scalar_from(length, f);
+}
+
+static inline scalar scalar_from_per_length(double a, const struct format *f) {
+    return scalar_from(a, f);
+}
+
+static inline double in_units(double length, const struct format *f) {
+    (void)f;
+    return length;
+}
+
+// Returns how far a normalised direction may be from the exact one, with room for the rounding of the
+// discriminant, which is a difference of floats.
+static inline double direction_error(const struct format *f) {
+    (void)f;
+    return 0x1p-20;
+}
+
+#endif
