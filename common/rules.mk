@@ -52,7 +52,7 @@ endif
 # In every object's prerequisites and in every record: another compiler or sanitizer builds anew.
 TOOLCHAIN := $(shell $(CC) --version | head -n 1)
 CLANG := $(findstring clang,$(TOOLCHAIN))
-COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o scene_hash.o scene_path.o scene_reader.o scene_shapes.o frame.o present.o timer.o)
+COMMON_OBJECTS := $(addprefix $(BUILD)/common/,scene.o scene_hash.o scene_path.o scene_reader.o scene_shapes.o frame.o present.o timer.o workers/workers.o)
 # Of every render; driver.o alone is told what the phase is.
 DRIVER_OBJECTS := $(addprefix $(BUILD)/common/,driver_conditions.o driver_options.o driver_phases.o driver_record.o)
 
@@ -64,8 +64,8 @@ flags_of = $(lastword $(subst @, ,$(1)))
 # its tree is made as soon as make asks for it. (A stem with a / is another rule's, which make tries too.)
 DERIVED := $(patsubst phases/%/phase.json,%,$(shell grep -l '"derives"' phases/*/phase.json))
 folder_of = $(if $(and $(or $(findstring +,$(1)),$(filter $(DERIVED),$(call source_of,$(1)))),$(if $(findstring /,$(1)),,here)),$(call patched,$(call source_of,$(1)),$(BUILD)/$(1)/source),phases/$(call source_of,$(1)))
-# All of a phase's sources: its folder's and those of the folders in it.
-sources_of = $(foreach f,$(call folder_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*/*.[ch]))
+# All of a phase's sources: its folder's and those of the folders in it; and the headers that phases share.
+sources_of = $(foreach f,$(call folder_of,$(1)),$(wildcard $(f)/*.[ch] $(f)/*/*.[ch])) $(wildcard common/simd/*.h common/workers/*.h)
 # Made once by each make: its rules ask for it a dozen times.
 patched = $(or $(patched-$(2)),$(eval patched-$(2) := $(shell $(PYTHON3) -I -S scripts/study/patches.py $(1) $(2)))$(patched-$(2)),$(error $(1) cannot be made))
 
@@ -81,7 +81,8 @@ $(BUILD)/common/emulated_by: FORCE
 	@mkdir -p $(@D)
 	@echo '$(EMULATED_BY)' | cmp -s - $@ || echo '$(EMULATED_BY)' >$@
 
-$(BUILD)/common/%.o: common/%.c $(wildcard common/*.h) common/rules.mk $(BUILD)/common/toolchain
+$(BUILD)/common/%.o: common/%.c $(wildcard common/*.h common/workers/*.h) common/rules.mk $(BUILD)/common/toolchain
+	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $(COMMON_INCLUDES) -c $< -o $@
 
 # Re-made at every call, replaced only when phase.json says something new.
