@@ -6,13 +6,13 @@
 #include <string.h>
 
 #include "placed.h"
-#include "threads.h"
 #include "variant.h"
+#include "workers/workers.h"
 
 // What the march reads is `prepared`, as in opt4; the team stands behind it.
 struct kept {
     struct prepared prepared;
-    struct team *team;
+    struct workers *workers;
     bool sixteen; // lanes, not eight
 };
 
@@ -273,10 +273,10 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
     if (kept && placed && both) {
         kept->sixteen = variant_here().lanes == 16;
-        kept->team =
-            team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
+                                                             : lanes8_own_size(model));
     }
-    if (!kept || !placed || !both || !kept->team) {
+    if (!kept || !placed || !both || !kept->workers) {
         free(kept);
         free(placed);
         free(both);
@@ -291,7 +291,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
-    team_end(kept->team);
+    workers_end(kept->workers);
     free(prepared->placed);
     free((void *)prepared->all.shape); // and order
     free(kept);
@@ -299,11 +299,11 @@ void phase_release(struct prepared *prepared) {
 
 // Apart from what the caller writes on its stack: all workers read it.
 struct frame_job {
-    alignas(APART) struct job job;
+    alignas(WORKERS_APART) struct job job;
     bool sixteen;
 };
 
-void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *own) {
     const struct frame_job *job = data;
     if (job->sixteen)
         lanes16_tile(&job->job, tile, own);
@@ -314,7 +314,8 @@ void render_tile(const void *data, int tile, void *own) {
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {{prepared, view, frame}, kept->sixteen};
-    team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    workers_run(kept->workers, render_tile, &job,
+                kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
     return true;
 }
 

@@ -2,6 +2,7 @@
 #ifndef RODS_SIMD_RODS_H
 #define RODS_SIMD_RODS_H
 
+#include "simd/point.h"
 #include "trace.h"
 
 enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
@@ -22,7 +23,7 @@ struct survey {
 };
 
 // Fills start, steps and share of the tile whose first pixel is (left, top).
-void march_rods(int left, int top, const struct job *job, struct place eye, struct world *world,
+void march_rods(int left, int top, const struct job *job, struct point eye, struct world *world,
                 struct survey *survey);
 
 // Evaluations of one march that the scene allows, and a float can count.
