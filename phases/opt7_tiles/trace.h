@@ -1,7 +1,8 @@
-// What tile.c, march.c and shade.c call of each other.
-#ifndef OPT6_TRACE_H
-#define OPT6_TRACE_H
+// What the files of a packet's way call of each other: tile.c, march.c, shadow.c, normal.c and shade.c.
+#ifndef TRACE_H
+#define TRACE_H
 
+#include "marching.h"
 #include "sdf.h"
 #include "simd/point.h"
 
@@ -34,14 +35,6 @@ struct shaded {
     struct vec color;
     struct hit hit;
 };
-
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
-struct exit {
-    vfloat linear, constant; // t·(t + linear) + constant > 0
-};
-
-struct exit leaving(struct point origin, struct vec direction, const struct model *model);
 
 void ray_march(const struct rays *rays, struct world *world, struct hit *hit);
 

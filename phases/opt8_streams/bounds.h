@@ -1,6 +1,6 @@
 // What cones and bundles take a shape's distance for: what float makes of it is taken off before it is believed.
-#ifndef OPT7_BOUNDS_H
-#define OPT7_BOUNDS_H
+#ifndef BOUNDS_H
+#define BOUNDS_H
 
 #include "tiles.h"
 

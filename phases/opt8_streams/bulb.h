@@ -2,8 +2,8 @@
 // "mandelbulb", iquilezles.org/articles/mandelbulb), as three squarings each of two unit phasors: (ρ + iy)⁸ and
 // (x + iz)⁸/ρ⁸, ρ² = x² + z²: no division and no exact root. What only scales the estimate (the derivative's root and
 // quotient) has 14 bits: the surface stays where it is, and a step's length errs by 2⁻¹³ of itself.
-#ifndef OPT8_BULB_H
-#define OPT8_BULB_H
+#ifndef BULB_H
+#define BULB_H
 
 #include "numerics.h"
 #include "sdf.h"

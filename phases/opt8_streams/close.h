@@ -8,8 +8,8 @@
 // rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that), as long as ρ is 1e-5 or more: nearer to the axis a
 // piece is CLOSE_LEAST and not shorter, and they are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's
 // points: Trefethen, Approximation Theory and Approximation Practice, 2013; distance to a singularity, its chapter 8.
-#ifndef OPT8_CLOSE_H
-#define OPT8_CLOSE_H
+#ifndef CLOSE_H
+#define CLOSE_H
 
 #include "bulb.h"
 #include "simd/permute.h"

@@ -1,6 +1,6 @@
 // Cones about shadow rays, and what they say of a shape's distance along the ray: NOTES.md has the proofs.
-#ifndef OPT8_CONE_H
-#define OPT8_CONE_H
+#ifndef CONE_H
+#define CONE_H
 
 #include "streams.h"
 

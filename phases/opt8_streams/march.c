@@ -1,32 +1,9 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "marching.h"
 #include "numerics.h"
 #include "simd/point.h"
 #include "streams.h"
-
-struct exit leaving(struct point origin, struct vec direction, const struct model *model) {
-    COUNT(leaving, call);
-    COUNT(leaving, scalar);
-    float radius = (float)model->march.bounds_radius;
-    struct vec o = origin.hi;
-    return (struct exit){v_splat(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
-}
-
-static vmask within(struct point place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
-    double radius = model->march.bounds_radius;
-    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
-}
-
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
-    COUNT(newton, call);
-    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
-    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
-}
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
 // sum, rounded, would lose what places the hit on the surface.

@@ -1,6 +1,6 @@
 // What this phase computes with besides common/simd: approximate roots and quotients, with their costs.
-#ifndef OPT8_NUMERICS_H
-#define OPT8_NUMERICS_H
+#ifndef NUMERICS_H
+#define NUMERICS_H
 
 #include "simd/simd.h"
 

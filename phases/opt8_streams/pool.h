@@ -1,8 +1,8 @@
 // Where Mandelbulbs are, some rays take a thousand steps and most a few dozen: lanes whose ray has ended are filled
 // again from the rays that wait, so that the lanes of a packet are rays of different age. No lane's result depends on
 // its neighbours, so that it is to the bit that of a packet which waits for its last ray.
-#ifndef OPT8_POOL_H
-#define OPT8_POOL_H
+#ifndef POOL_H
+#define POOL_H
 
 #include "simd/permute.h"
 #include "umbra.h"

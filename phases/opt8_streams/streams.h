@@ -2,9 +2,10 @@
 // they bring: a colour is linear in every shadow and in every mirrored ray. Queues of rays that are sorted, packed and
 // filled again: I. Wald et al., "Active thread compaction for GPU path tracing" (HPG 2011); S. Boulos et al.,
 // "Adaptive ray packet reordering" (RT 2008).
-#ifndef OPT8_STREAMS_H
-#define OPT8_STREAMS_H
+#ifndef STREAMS_H
+#define STREAMS_H
 
+#include "block.h"
 #include "simd/permute.h"
 #include "simd/point.h"
 #include "tiles.h"
@@ -17,8 +18,6 @@ enum {
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
     STRIP = 4, // tiles side by side, whose rays wait together
     STRIP_PIXELS = STRIP * TILE_PIXELS,
-    BLOCK_WIDTH = 4,
-    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TOGETHER = GROUP * LANES, // rays that are marched together
     QUEUE = STRIP_PIXELS,     // of each kind; a full one is worked off
     ROOM = QUEUE + TOGETHER   // what is packed or loaded may reach beyond its end

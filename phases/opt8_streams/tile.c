@@ -1,7 +1,7 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "camera.h"
 #include "simd/point.h"
-#include "simd/rgb.h"
 #include "streams.h"
 
 #include <stdlib.h>
@@ -12,47 +12,6 @@
 // of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
 // width is a multiple of 32.
 enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
-
-static struct point place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct point){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
-// Of a block's lanes: twice the column, and the row.
-static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
-static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-
-static vmask in_picture(struct block block) {
-    return v_and(v_cmp_lt(v_load(twice_right), v_splat(2.0f * (float)block.across)),
-                 v_cmp_lt(v_load(row_below), v_splat((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
-    vfloat y = v_splat(0.0f);
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        vfloat row = v_splat((float)((top - 2.0 * (block.row + i)) * per_height));
-        y = i == 0 ? row : v_select(v_cmp_lt(v_load(row_below), v_splat((float)i)), y, row);
-    }
-    vfloat columns =
-        v_load(twice_right) + v_splat((float)(2 * block.column + 1 - frame->width)); // exact
-    vfloat x = columns * v_splat((float)per_height);
-    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
-    d = vec_along(d, vec_from_doubles(view->up), y);
-    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
-}
 
 // The same in doubles: as floats, rays would pass by what they are to meet.
 static struct vec_double exact_direction(struct block block, const struct frame *frame,
@@ -80,17 +39,6 @@ static struct vec_double exact_direction(struct block block, const struct frame 
     return (struct vec_double){d[0], d[1], d[2]};
 }
 
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        vfloat values) {
-    float lanes[LANES];
-    v_store(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
 static void store_hit(struct frame *frame, struct block block, vfloat start, int shapes,
                       const struct hit *hit) {
     store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
@@ -105,26 +53,8 @@ static void store_hit(struct frame *frame, struct block block, vfloat start, int
     }
 }
 
-static void store_color(struct frame *frame, struct block block, const struct desk *desk, int at) {
-    vfloat red = v_load(&desk->color[0][at]), green = v_load(&desk->color[1][at]);
-    vfloat blue = v_load(&desk->color[2][at]);
-    size_t width = (size_t)frame->width;
-    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
-    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        v_store_block(rgb, 3 * width, red, green, blue);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, red);
-    store_plane(frame->rgb + 1, 3, frame, block, green);
-    store_plane(frame->rgb + 2, 3, frame, block, blue);
-}
-
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-}
-
-static int lesser(int a, int b) {
-    return a < b ? a : b;
 }
 
 struct patch { // of pixels, what of it is in the picture
@@ -384,9 +314,12 @@ static void store_colors(const struct drawn *drawn, int at, const struct job *jo
     for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         struct patch patch = patch_of(drawn->tile, lane, job->frame);
-        for (int i = 0; i < BLOCKS; i++)
-            store_color(job->frame, block_of(&patch, i), desk,
-                        at + lane * PATCH * PATCH + i * LANES);
+        for (int i = 0; i < BLOCKS; i++) {
+            int first = at + lane * PATCH * PATCH + i * LANES;
+            struct vec color = {v_load(&desk->color[0][first]), v_load(&desk->color[1][first]),
+                                v_load(&desk->color[2][first])};
+            store_color(job->frame, block_of(&patch, i), color);
+        }
     }
 }
 

@@ -1,7 +1,8 @@
 // What tile.c, march.c, shade.c and umbra.c call of each other.
-#ifndef OPT8_TRACE_H
-#define OPT8_TRACE_H
+#ifndef TRACE_H
+#define TRACE_H
 
+#include "marching.h"
 #include "sdf.h"
 #include "simd/point.h"
 
@@ -46,31 +47,6 @@ struct hit {
     vfloat shape;      // a whole number; −1 where not found
     vfloat evals;      // evaluations of the scene's distance
 };
-
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
-struct exit {
-    vfloat linear, constant; // t·(t + linear) + constant > 0
-};
-
-struct exit leaving(struct point origin, struct vec direction, const struct model *model);
-
-static inline vfloat beyond(struct exit exit, vfloat t) { // > 0: outside
-    return v_madd(t, t + exit.linear, exit.constant);
-}
-
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
-static inline vfloat least_step(vfloat t, vfloat hit_distance) {
-    return v_max(hit_distance, t * v_splat(0x1p-24f));
-}
-
-// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
-enum { MOST_STEPS = 1 << 24 };
-
-static inline int step_cap(const struct model *model) {
-    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
-}
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.
 void set_out(struct group *group);

@@ -1,6 +1,6 @@
 // A step of a shadow ray: of whole packets (umbra.c), and of lanes that are filled again (stretch.c).
-#ifndef OPT8_UMBRA_H
-#define OPT8_UMBRA_H
+#ifndef UMBRA_H
+#define UMBRA_H
 
 #include "streams.h"
 

@@ -1,68 +1,16 @@
 // The pixels of a tile: rods say where their rays begin, and which of them meet nothing. The others are finished in
 // blocks of neighbours on both axes, four wide, one ray through the middle of each; what of a block lies outside the
 // picture is masked, so any size will do.
+#include "camera.h"
 #include "rods.h"
 #include "simd/point.h"
 
 #include <stdlib.h>
 
-enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
-
-static struct point place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct point){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
 // Where the rays of a block begin, evaluations of the rods that led there, and those of them told with each.
 struct beginning {
     vfloat start, steps, share;
 };
-
-static vmask in_picture(struct block block) {
-    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
-    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-    return v_and(v_cmp_lt(v_load(right), v_splat((float)block.across)),
-                 v_cmp_lt(v_load(below), v_splat((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    float columns[LANES], rows[LANES];
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
-        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
-            int column = block.column + lane % BLOCK_WIDTH;
-            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
-            rows[lane] = y;
-        }
-    }
-    vfloat x = v_load(columns) * v_splat((float)per_height), y = v_load(rows);
-    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
-    d = vec_along(d, vec_from_doubles(view->up), y);
-    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
-}
-
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        vfloat values) {
-    float lanes[LANES];
-    v_store(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
 
 static void store(struct frame *frame, struct block block, const struct shaded *seen,
                   const struct beginning *began) {
@@ -86,10 +34,6 @@ static void store(struct frame *frame, struct block block, const struct shaded *
 
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE - 1) / TILE;
-}
-
-static int lesser(int a, int b) {
-    return a < b ? a : b;
 }
 
 // In a worker's own memory.

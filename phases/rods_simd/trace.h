@@ -1,6 +1,6 @@
-// What tile.c, march.c and shade.c call of each other.
-#ifndef RODS_SIMD_TRACE_H
-#define RODS_SIMD_TRACE_H
+// What the files of a packet's way call of each other: tile.c, march.c, shadow.c, normal.c and shade.c.
+#ifndef TRACE_H
+#define TRACE_H
 
 #include "sdf.h"
 #include "simd/point.h"
