@@ -117,7 +117,7 @@ $(BUILD)/%/count/read: $(phase_prerequisites)
 	$(call compile,read,--more='-DSTEPWISE_COUNT $(if $(CLANG),-fsyntax-only,-O0 -S)')
 
 # --- Programs. The objects that every render has besides its phase:
-SCENE_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c))
+SCENE_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(wildcard common/scene/*.c common/frame/*.c common/timing/*.c common/workers/*.c))
 DRIVER_OBJECTS := $(patsubst %.c,$(BUILD)/%.o,$(filter-out common/driver/driver.c common/driver/variant.c,$(wildcard common/driver/*.c)))
 RENDER = $(BUILD)/%/driver.o $(BUILD)/%/variant.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)
 COUNTER = $(BUILD)/%/count/driver.o $(BUILD)/%/variant.o $(BUILD)/common/counting/tally.o $(DRIVER_OBJECTS) $(SCENE_OBJECTS)

@@ -1,79 +1,14 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "camera.h"
+#include "simd/point.h"
 #include "trace.h"
 
 #include <stdlib.h>
 
 // 32 pixels of a row are whole cache lines of every plane where the width is a multiple of 32. A tile takes
 // some 30 µs of scene0, hundreds of times the contended counter.
-enum { TILE_WIDTH = 32, TILE_HEIGHT = 8, BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
-
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
-}
-
-static struct place place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct place){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
-// Of a block's lanes: twice the column, and the row.
-static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
-static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-
-static mask in_picture(struct block block) {
-    return both(less(load(twice_right), set(2.0f * (float)block.across)),
-                less(load(row_below), set((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
-    real y = set(0.0f);
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        real row = set((float)((top - 2.0 * (block.row + i)) * per_height));
-        y = i == 0 ? row : choose(less(load(row_below), set((float)i)), y, row);
-    }
-    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
-    real x = columns * set((float)per_height);
-    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
-    d = vec_along(d, vec_from(view->up), y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
-}
-
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
-static void store_color(struct frame *frame, struct block block, struct vec color) {
-    size_t width = (size_t)frame->width;
-    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
-    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        store_block(rgb, 3 * width, color.x, color.y, color.z);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, color.z);
-}
+enum { TILE_WIDTH = 32, TILE_HEIGHT = 8 };
 
 static void store(struct frame *frame, struct block block, const struct shaded *seen) {
     COUNT(store, call);
@@ -81,7 +16,7 @@ static void store(struct frame *frame, struct block block, const struct shaded *
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
@@ -93,16 +28,12 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-static int lesser(int a, int b) {
-    return a < b ? a : b;
-}
-
 // In a worker's own memory.
 static void place_beams(struct group *group, void *own, int shapes) {
-    real *wake = own;
+    vfloat *wake = own;
     struct approach *approach = (struct approach *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
     for (int k = 0; k < GROUP; k++)
         group->beam[k] = (struct beam){.approach = approach + k * shapes, .wake = wake + k};
 }
@@ -114,7 +45,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     struct frame *frame = job->frame;
     struct world world = {.scene = job->prepared, .view = job->view};
     place_beams(&world.group, own, job->prepared->model.shape_count);
-    struct place origin = place_of(job->view->position);
+    struct point origin = place_of(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
@@ -146,7 +77,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
-    return GROUP * (size_t)model->shape_count * (sizeof(real) + sizeof(struct approach));
+    return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct approach));
 }
 
 int VARIANT(tiles)(const struct frame *frame) {
@@ -166,14 +97,14 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct group group;
     place_beams(&group, own, prepared->model.shape_count);
     struct beam *beam = &group.beam[0];
-    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0f);
+        vfloat shape = v_splat(-1.0f);
         approach_origins(place_of(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam->approach);
         distance[i] =
-            first_of(nearest_shape(beam->approach, set(0.0f), prepared, all_lanes(), &shape));
-        nearest[i] = (int)first_of(shape);
+            v_lane0(nearest_shape(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        nearest[i] = (int)v_lane0(shape);
     }
     free(own);
     return true;

@@ -1,66 +1,27 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "marching.h"
+#include "simd/point.h"
 #include "tiles.h"
-
-struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
-    COUNT(leaving, call);
-    COUNT(leaving, scalar);
-    float radius = (float)model->march.bounds_radius;
-    struct vec o = origin.hi;
-    return (struct exit){set(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
-}
-
-static mask within(struct place place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
-    double radius = model->march.bounds_radius;
-    return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
-}
-
-static inline real beyond(struct exit exit, real t) { // > 0: outside
-    return mul_add(t, t + exit.linear, exit.constant);
-}
-
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
-static inline real least_step(real t, real hit_distance) {
-    return most_of(hit_distance, t * set(0x1p-24f));
-}
-
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline real newton(real h, real slope, real way) {
-    COUNT(newton, call);
-    mask own = less(absolute(h), way * set(0x1p-21f));
-    return keep(own, h / most_of(slope, set(0x1p-9f)));
-}
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
 // sum, rounded, would lose what places the hit on the surface.
 struct progress {
-    struct place origin; // at the distance `before`
-    real before, t, last, evals;
-    real start; // t of the next evaluation
-    mask found;
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vfloat start; // t of the next evaluation
+    vmask found;
     struct exit exit;
-    int left;  // steps that every ray has before its cap
-    mask deep; // a ray that started inside a shape has stepped back out of it
-    real inside;
+    int left;   // steps that every ray has before its cap
+    vmask deep; // a ray that started inside a shape has stepped back out of it
+    vfloat inside;
     struct nearness near;
 };
 
-// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
-enum { MOST_STEPS = 1 << 24 };
-
-static int step_cap(const struct model *model) {
-    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
-}
-
 // Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct progress *at, mask live, int cap) {
+static int steps_left(const struct progress *at, vmask live, int cap) {
     float evals[LANES];
-    unload(keep(live, at->evals), evals);
+    v_store(v_select_or_zero(live, at->evals), evals);
     int had = 0;
     for (int lane = 0; lane < LANES; lane++)
         had = (int)evals[lane] > had ? (int)evals[lane] : had;
@@ -69,88 +30,77 @@ static int steps_left(const struct progress *at, mask live, int cap) {
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
-__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
-                                                 mask inside, struct group *group, int cap) {
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, vmask going,
+                                                 vmask inside, struct group *group, int cap) {
     COUNT(march_ends, call);
-    mask live = group->live[k], reached = but_not(going, live);
-    at->last = choose(reached, group->distance[k], at->last);
-    at->found = either(at->found, reached);
-    real evals = at->evals + set((float)step);
+    vmask live = group->live[k], reached = v_andnot(going, live);
+    at->last = v_select(reached, group->distance[k], at->last);
+    at->found = v_or(at->found, reached);
+    vfloat evals = at->evals + v_splat((float)step);
     if (step >= at->left) {
         COUNT(march_ends, cap);
-        inside = less_in(inside, evals, set((float)cap));
+        inside = v_cmp_lt_in(inside, evals, v_splat((float)cap));
     }
-    at->evals = choose(but_not(inside, live), evals, at->evals);
+    at->evals = v_select(v_andnot(inside, live), evals, at->evals);
     group->live[k] = inside;
-    group->high[k] = choose(inside, group->high[k], set(-INFINITY));
-}
-
-// The packets that have a live ray, and what of a ray that has none would wake a shape.
-static void set_out(struct group *group) {
-    group->count = 0;
-    for (int k = 0; k < group->size; k++) {
-        group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
-        if (any(group->live[k]))
-            group->list[group->count++] = k;
-        else
-            group->t[k] = set(0.0f);
-    }
+    group->high[k] = v_select(inside, group->high[k], v_splat(-INFINITY));
 }
 
 // The step-th step of a packet, its distance known. False after the last.
 static inline bool march_step(struct progress *at, int step, int k, struct group *group,
                               const struct model *model) {
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
     COUNT(march_step, call);
-    real t = group->t[k], distance = group->distance[k];
-    mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
-    group->t[k] = t = add_where(going, t, distance);
-    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
-    if (same(inside, live) && step < at->left)
+    vfloat t = group->t[k], distance = group->distance[k];
+    vmask going =
+        v_cmp_nlt_in(live, distance, least_step(t, v_splat((float)model->march.hit_distance)));
+    group->t[k] = t = v_add_where(going, t, distance);
+    vmask inside = v_cmp_ngt_in(going, beyond(at->exit, t), v_splat(0.0f));
+    if (v_same(inside, live) && step < at->left)
         return true;
     march_ends(at, step, k, going, inside, group, step_cap(model));
-    return any(group->live[k]);
+    return v_any(group->live[k]);
 }
 
 // Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
 // operations that wait for each other.
 struct line {
-    real origin, direction, t;
+    vfloat origin, direction, t;
     struct exit exit;
-    mask live;
+    vmask live;
 };
 
 // What a step has come to.
 struct stride {
-    real distance;
-    mask going, inside;
+    vfloat distance;
+    vmask going, inside;
 };
 
-static inline struct stride march_line(struct line *line, real hit_distance) {
-    ACTIVE(count_of(line->live));
+static inline struct stride march_line(struct line *line, vfloat hit_distance) {
+    ACTIVE(v_count(line->live));
     COUNT(march_line, call);
-    real distance = mul_add(line->t, line->direction, line->origin);
-    mask going = not_less_in(line->live, distance, least_step(line->t, hit_distance));
-    line->t = add_where(going, line->t, distance);
-    mask inside = not_greater_in(going, beyond(line->exit, line->t), set(0.0f));
+    vfloat distance = v_madd(line->t, line->direction, line->origin);
+    vmask going = v_cmp_nlt_in(line->live, distance, least_step(line->t, hit_distance));
+    line->t = v_add_where(going, line->t, distance);
+    vmask inside = v_cmp_ngt_in(going, beyond(line->exit, line->t), v_splat(0.0f));
     return (struct stride){distance, going, inside};
 }
 
 // From step number `next` on.
 static void march_lines(struct progress packets[FEW], int first, int shape, int next,
                         struct group *group, const struct model *model) {
-    real hit_distance = set((float)model->march.hit_distance);
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct line line[FEW];
-    mask begun[FEW];
+    vmask begun[FEW];
     int cap = step_cap(model), left = cap, under_way = 0;
     for (int k = 0; k < FEW; k++) {
         const struct approach *a = &group->beam[first + k].approach[shape];
         begun[k] = group->live[first + k];
         line[k] = (struct line){a->origin.x, a->direction.x, group->t[first + k], packets[k].exit,
                                 begun[k]};
-        under_way += any(begun[k]);
-        if (any(begun[k]) && packets[k].left < left)
+        under_way += v_any(begun[k]);
+        if (v_any(begun[k]) && packets[k].left < left)
             left = packets[k].left;
     }
     for (int step = next; under_way > 0; step++) {
@@ -159,21 +109,21 @@ static void march_lines(struct progress packets[FEW], int first, int shape, int 
         for (int k = 0; k < FEW; k++)
             stride[k] = march_line(&line[k], hit_distance);
         for (int k = 0; k < FEW; k++)
-            on = on && same(stride[k].inside, line[k].live);
+            on = on && v_same(stride[k].inside, line[k].live);
         if (on)
             continue;
         for (int k = 0; k < FEW; k++) {
-            if (!any(line[k].live) ||
-                (same(stride[k].inside, line[k].live) && step < packets[k].left))
+            if (!v_any(line[k].live) ||
+                (v_same(stride[k].inside, line[k].live) && step < packets[k].left))
                 continue;
             group->distance[first + k] = stride[k].distance;
             march_ends(&packets[k], step, first + k, stride[k].going, stride[k].inside, group, cap);
             line[k].live = group->live[first + k];
-            under_way -= !any(line[k].live);
+            under_way -= !v_any(line[k].live);
         }
     }
     for (int k = 0; k < FEW; k++)
-        if (any(begun[k]))
+        if (v_any(begun[k]))
             packets[k].t = line[k].t;
 }
 
@@ -190,13 +140,13 @@ static bool falls_alone(const struct group *group, const struct alone *alone) {
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(falls_alone, packet);
         const struct approach *a = &group->beam[k].approach[alone->shape];
-        real down = set(0.0f) - a->direction.x;
-        mask on = less_in(group->live[k], set(0.0f), down);
-        on = less_in(on, a->origin.x / down * set(1.0f + 0x1p-16f), alone->until[k]);
-        falls = same(on, group->live[k]);
+        vfloat down = v_splat(0.0f) - a->direction.x;
+        vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
+        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
+        falls = v_same(on, group->live[k]);
     }
     return falls;
 }
@@ -208,27 +158,27 @@ __attribute__((always_inline)) static inline void march_alone(struct progress pa
                                                               const struct prepared *scene) {
     COUNT(march_alone, call);
     const struct placed *placed = &scene->placed[shape];
-    real hit_distance = set((float)scene->model.march.hit_distance);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
     int cap = step_cap(&scene->model), under_way = group->count;
     for (int step = 1; under_way > 0; step++)
         for (int i = 0; i < under_way;) {
             int k = group->list[i];
             struct progress *at = &packets[k];
-            mask live = group->live[k];
-            ACTIVE(count_of(live));
+            vmask live = group->live[k];
+            ACTIVE(v_count(live));
             COUNT(march_alone, step);
-            real t = group->t[k];
-            real distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
-                                              AT_POINT, type, live);
-            mask going = not_less_in(live, distance, least_step(t, hit_distance));
-            group->t[k] = t = add_where(going, t, distance);
-            mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+            vfloat t = group->t[k];
+            vfloat distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
+                                                AT_POINT, type, live);
+            vmask going = v_cmp_nlt_in(live, distance, least_step(t, hit_distance));
+            group->t[k] = t = v_add_where(going, t, distance);
+            vmask inside = v_cmp_ngt_in(going, beyond(at->exit, t), v_splat(0.0f));
             i++;
-            if (same(inside, live) && step < at->left)
+            if (v_same(inside, live) && step < at->left)
                 continue;
             group->distance[k] = distance;
             march_ends(at, step, k, going, inside, group, cap);
-            if (any(group->live[k]))
+            if (v_any(group->live[k]))
                 continue;
             at->t = t;
             group->list[--i] = group->list[--under_way];
@@ -261,13 +211,13 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     set_out(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         struct progress *at = &packets[k];
         at->exit = leaving(at->origin, rays->direction[k], &scene->model);
         at->left = steps_left(at, group->live[k], step_cap(&scene->model));
-        group->t[k] = choose(group->live[k], at->start, at->t); // what is done stays where it is
-        at->start = set(0.0f);
-        at->last = drop(group->live[k], at->last);
+        group->t[k] = v_select(group->live[k], at->start, at->t); // what is done stays where it is
+        at->start = v_splat(0.0f);
+        at->last = v_zero_where(group->live[k], at->last);
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
@@ -297,75 +247,75 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct prepared *scene,
-                                              const struct beam *beam, real *shape) {
-    ACTIVE(count_of(deep));
+__attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct prepared *scene,
+                                              const struct beam *beam, vfloat *shape) {
+    ACTIVE(v_count(deep));
     COUNT(stay_in, call);
-    real inside = set(-1.0f);
+    vfloat inside = v_splat(-1.0f);
     nearest_shape(beam, t, scene, deep, &inside);
-    *shape = choose(deep, inside, *shape);
+    *shape = v_select(deep, inside, *shape);
 }
 
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
-static bool landed(struct progress *at, mask settled, struct vec direction,
-                   const struct prepared *scene, struct beam *beam, mask *live) {
-    ACTIVE(count_of(at->found));
+static bool landed(struct progress *at, vmask settled, struct vec direction,
+                   const struct prepared *scene, struct beam *beam, vmask *live) {
+    ACTIVE(v_count(at->found));
     COUNT(landed, call);
-    if (!any(at->found))
+    if (!v_any(at->found))
         return false;
     COUNT(landed, point);
     COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
-    if (any(sunk))
+    vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
+    if (v_any(sunk))
         stay_in(sunk, at->t, scene, beam, &at->inside);
-    at->deep = either(at->deep, sunk);
+    at->deep = v_or(at->deep, sunk);
     // What has settled stays as it is to the bit, whatever its neighbours do.
     at->origin =
-        place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
+        point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     approach_origins(at->origin, scene, beam);
     at->near = near_hit(at->found, scene, beam);
-    mask off =
-        both(at->found, but_not(either(at->deep, settled), greater(at->near.distance, set(twice))));
-    if (!any(off))
+    vmask off = v_and(
+        at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));
+    if (!v_any(off))
         return false;
-    ACTIVE(count_of(off));
+    ACTIVE(v_count(off));
     COUNT(landed, on);
     // From where it surely was before that surface, be it as thin as an ulp of t.
-    real back = keep(off, at->t * set(-0x1p-22f));
+    vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
-    at->before = choose(off, at->before + (at->t + (at->last + back)), at->before);
+    at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam);
-    at->found = but_not(off, at->found);
-    *live = less_in(off, at->evals, set((float)step_cap(&scene->model)));
-    return any(*live);
+    at->found = v_andnot(off, at->found);
+    *live = v_cmp_lt_in(off, at->evals, v_splat((float)step_cap(&scene->model)));
+    return v_any(*live);
 }
 
 static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,
                          struct beam *beam) {
     COUNT(hit_of, call);
-    struct hit hit = {.found = at->found, .shape = set(-1.0f), .evals = at->evals};
-    if (!any(at->found))
+    struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
+    if (!v_any(at->found))
         return hit;
-    real way = at->before + at->t;
-    mask unmoved = not_less(set(0.0f), way); // hits wherever it starts
-    hit.found = both(hit.found, either(within(at->origin, &scene->model), unmoved));
+    vfloat way = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
+    hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct nearness near = at->near;
-    if (any(at->deep)) {
+    if (v_any(at->deep)) {
         COUNT(hit_of, deep);
-        mask other = not_less(absolute(near.shape - at->inside), set(0.5f));
-        near.contact = either(near.contact, both(at->deep, other));
-        near.shape = choose(at->deep, at->inside, near.shape);
+        vmask other = v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f));
+        near.contact = v_or(near.contact, v_and(at->deep, other));
+        near.shape = v_select(at->deep, at->inside, near.shape);
     }
-    real slope;
+    vfloat slope;
     hit.normal = normal_at(direction, hit.found, &near, scene, beam, &slope);
-    ACTIVE(count_of(hit.found));
+    ACTIVE(v_count(hit.found));
     COUNT(hit_of, end);
-    hit.shape = choose(hit.found, near.shape, hit.shape);
-    real more = drop(at->deep, newton(near.distance, slope, way));
+    hit.shape = v_select(hit.found, near.shape, hit.shape);
+    vfloat more = v_zero_where(at->deep, newton(near.distance, slope, way));
     hit.t = at->before + (at->t + (at->last + more));
     hit.point = at->origin;
     hit.point.lo = vec_along(hit.point.lo, direction, more);
@@ -379,22 +329,22 @@ void ray_march(const struct rays *rays, struct world *world, struct hit *hit) {
     struct progress packets[GROUP];
     unsigned going = 0;
     for (int k = 0; k < world->group.size; k++) {
-        ACTIVE(count_of(rays->active[k]));
-        real zero = set(0.0f);
+        ACTIVE(v_count(rays->active[k]));
+        vfloat zero = v_splat(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
-        packets[k].found = packets[k].deep = no_lane();
-        packets[k].inside = set(-1.0f);
+        packets[k].found = packets[k].deep = v_mask_none();
+        packets[k].inside = v_splat(-1.0f);
         packets[k].start = rays->start;
         world->group.live[k] = rays->active[k];
-        if (!any(rays->active[k]))
+        if (!v_any(rays->active[k]))
             continue;
         going |= 1u << k;
         approach_origins(rays->origin[k], scene, &world->group.beam[k]);
         approach_directions(rays->direction[k], scene, &world->group.beam[k]);
     }
     while (going) {
-        mask settled[GROUP];
+        vmask settled[GROUP];
         for (int k = 0; k < world->group.size; k++)
             settled[k] = packets[k].found;
         march(packets, rays, world);
@@ -404,136 +354,7 @@ void ray_march(const struct rays *rays, struct world *world, struct hit *hit) {
                 going &= ~(1u << k);
     }
     for (int k = 0; k < world->group.size; k++) {
-        ACTIVE(count_of(packets[k].found));
+        ACTIVE(v_count(packets[k].found));
         hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
-    }
-}
-
-// Rays to the light.
-struct shade {
-    real least_sq; // of the light so far: the root is taken once, of what is left in the end
-    real twice_previous;
-    struct exit exit;
-};
-
-// The rays that are still under way, after some have ended.
-__attribute__((noinline)) static bool shade_ends(int k, mask live, struct group *group) {
-    group->live[k] = live;
-    group->high[k] = choose(live, group->high[k], set(-INFINITY));
-    return any(live);
-}
-
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
-// packet's last step.
-static inline bool soft_step(struct shade *ray, int k, float strength_sq, struct group *group,
-                             const struct model *model) {
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
-    COUNT(soft_step, call);
-    real t = group->t[k], h = group->distance[k], zero = set(0.0f);
-    mask going = not_less_in(live, h, least_step(t, set((float)model->march.hit_distance)));
-    if (!any(going))
-        return shade_ends(k, going, group);
-    ACTIVE(count_of(going));
-    COUNT(soft_step, step);
-    // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
-    real twice = ray->twice_previous;
-    real square = h * h, scale = twice * twice, inside = scale - square;
-    real past = mul_sub(twice, t, square);
-    // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-    // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-    mask sound = less_in(less_in(going, scale * set(2e-5f), inside), zero, past);
-    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
-    real term = set(strength_sq) * square * inside, per = past * past;
-    mask darker = less_in(sound, term, ray->least_sq * per);
-    if (any(darker)) {
-        ACTIVE(count_of(darker));
-        COUNT(soft_step, darker);
-        ray->least_sq = choose(darker, term / past / past, ray->least_sq); // past² may overflow
-    }
-    ray->twice_previous = h + h;
-    group->t[k] = t = add_where(going, t, h);
-    mask on = not_greater_in(going, beyond(ray->exit, t), zero);
-    return same(on, live) || shade_ends(k, on, group);
-}
-
-static inline bool hard_step(struct shade *ray, real distance, int k, struct group *group,
-                             const struct model *model) {
-    // Past the light a ray is lit, and has taken one evaluation too many.
-    ACTIVE(count_of(group->live[k]));
-    COUNT(hard_step, call);
-    real t = group->t[k], h = group->distance[k];
-    mask live = group->live[k], before = less_in(live, t, distance);
-    mask going = not_less_in(before, h, least_step(t, set((float)model->march.hit_distance)));
-    ray->least_sq = drop(but_not(going, before), ray->least_sq);
-    group->t[k] = t = add_where(going, t, h);
-    mask on = not_greater_in(going, beyond(ray->exit, t), set(0.0f));
-    return same(on, live) || shade_ends(k, on, group);
-}
-
-// The list of what shadow rays can meet, and their origins in the frames of that.
-static void meet_light(const struct hit *hit, const struct lighting *light, struct world *world) {
-    struct group *group = &world->group;
-    struct place origin[GROUP];
-    struct vec direction[GROUP];
-    mask active[GROUP];
-    const struct rays rays = {origin, direction, active, set(0.0f)};
-    real length[GROUP];
-    mask lit = no_lane();
-    for (int k = 0; k < world->group.size; k++) {
-        rays.origin[k] = hit[k].point;
-        rays.direction[k] = light[k].to_light;
-        rays.active[k] = group->live[k];
-        lit = either(lit, group->live[k]);
-        length[k] = light[k].distance;
-    }
-    if (!any(lit))
-        return;
-    bool soft = world->scene->model.shadows == SHADOWS_SOFT;
-    meet(&rays, soft ? NULL : length, soft ? UNION : HIT, world, world->own->shadow);
-    for (int k = 0; k < world->group.size; k++)
-        if (any(rays.active[k]))
-            approach_origins(hit[k].point, world->scene, &group->beam[k]);
-}
-
-void shadow(const struct hit *hit, const struct lighting *light, struct world *world, real *reach) {
-    COUNT(shadow, call);
-    COUNT(shadow, scalar);
-    const struct model *model = &world->scene->model;
-    float strength = (float)model->shadow_strength, strength_sq = strength * strength;
-    struct group *group = &world->group;
-    bool soft = model->shadows == SHADOWS_SOFT;
-    struct shade rays[GROUP];
-    for (int k = 0; k < world->group.size; k++) {
-        rays[k].least_sq = set(1.0f);
-        group->live[k] = model->shadows == SHADOWS_NONE ? no_lane() : light[k].lit;
-    }
-    meet_light(hit, light, world);
-    set_out(group);
-    for (int i = 0; i < group->count; i++) {
-        int k = group->list[i];
-        ACTIVE(count_of(light[k].lit));
-        approach_directions(light[k].to_light, world->scene, &group->beam[k]);
-        rays[k].exit = leaving(hit[k].point, light[k].to_light, model);
-        rays[k].twice_previous = set(1e14f); // its square, times t's and the strength's, is a float
-        group->t[k] = set((float)model->march.surface_offset);
-    }
-    struct alone alone = {.shape = -1};
-    for (int step = 0; group->count > 0 && step < model->march.max_steps; step++) {
-        scene_distances(group, world->scene, &alone);
-        for (int i = 0; i < group->count;) {
-            int k = group->list[i];
-            if (soft ? soft_step(&rays[k], k, strength_sq, group, model)
-                     : hard_step(&rays[k], light[k].distance, k, group, model))
-                i++;
-            else
-                group->list[i] = group->list[--group->count];
-        }
-    }
-    for (int k = 0; k < world->group.size; k++) {
-        ACTIVE(count_of(light[k].lit));
-        COUNT(shadow, end);
-        reach[k] = root(rays[k].least_sq);
     }
 }

@@ -1,7 +1,7 @@
-// What render.c prepares once, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
+// What render.c and place.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
 // lanes in here.
-#ifndef OPT6_PLACED_H
-#define OPT6_PLACED_H
+#ifndef PLACED_H
+#define PLACED_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -59,6 +59,10 @@ struct prepared {
     struct placed *placed; // one per shape
     struct list all;
 };
+
+// place.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
+bool shapes_reserve(struct prepared *prepared, const struct model *model);
+void shapes_release(struct prepared *prepared);
 
 // One frame's work for all workers.
 struct job {

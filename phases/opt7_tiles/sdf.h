@@ -1,24 +1,15 @@
-// Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron: I. Quilez,
-// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
-// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
-// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// Distances of a scene's shapes, for several packets of rays at once, and which shapes need not be asked.
 //
-// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated
-// in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
-// own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
-// shape. Branches that differ between lanes are evaluated for all and chosen by mask.
-#ifndef OPT6_SDF_H
-#define OPT6_SDF_H
+// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated in world
+// coordinates: each ray holds, for each shape, its origin and direction in that shape's own frame, and the
+// march evaluates origin + t·direction there, rounded once at the size of the shape. Branches that differ
+// between lanes are evaluated for all and selected by mask.
+#ifndef SDF_H
+#define SDF_H
 
-#include "placed.h"
-#include "vec.h"
-
-// Rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
-// |p|² − radius² is power + t·(t + slope).
-struct approach {
-    struct vec origin, direction;
-    real power, slope;
-};
+#include "shapes.h"
+#include "simd/permute.h"
+#include "simd/point.h"
 
 // Packets under way together, one instruction of each after the other: the chain of operations through a step
 // is several times as long as it takes to issue them. They share the questions, too: a shape that one of
@@ -31,83 +22,27 @@ struct beam {
     struct list list;          // those that its rays can meet: the same for all of a group
     // One per shape, so many apart: the shape is not the nearest as long as this is above (distance to the
     // nearest) + t.
-    real *wake;
+    vfloat *wake;
     int apart;
-    real high;
+    vfloat high;
 };
 
-static inline struct vec turned(const struct placed *placed, struct vec v) {
-    COUNT(turned, call);
-    if (!placed->turned)
-        return v;
-    COUNT(turned, rotation);
-    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
-                        vec_dot(vec_set(placed->turn[2]), v)};
-}
-
-// Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct placed *placed, struct vec v) {
-    COUNT(turned_back, call);
-    if (!placed->turned)
-        return v;
-    COUNT(turned_back, rotation);
-    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
-    out = vec_along(out, vec_set(placed->turn[1]), v.y);
-    return vec_along(out, vec_set(placed->turn[2]), v.z);
-}
-
-static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not repeated
-    return neg_mul_add(set(cell), floor_of(mul_add(x, set(per_cell), set(0.5f))), x);
-}
-
-static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
-    COUNT(vec_wrapped, call);
-    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
-                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
-                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
-}
-
-static inline wide wide_wrapped(wide x, double cell, double per_cell) {
-    wide turns = wide_floor(wide_less(wide_mul(x, per_cell), -0.5));
-    return wide_mul_add(turns, -cell, x);
-}
-
-// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
-// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline real coordinate(const struct placed *placed, struct wide_vec from, int axis) {
-    COUNT(coordinate, call);
-    wide x = wide_less(wide_dot(from, placed->row[axis]), placed->offset);
-    if (placed->repeated) {
-        COUNT(coordinate, wrap);
-        x = wide_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
-    }
-    return narrow(x);
-}
-
-static inline real power_at(struct wide_vec from, double square) {
-    COUNT(power_at, call);
-    struct wide_vec p = from;
-    half each = half_set(square);
-    return narrow((wide){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
-                         p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
-}
-
 // Fills one approach per shape: where the rays are, and then where they go.
-static inline void approach_origins(struct place origin, const struct prepared *scene,
+static inline void approach_origins(struct point origin, const struct prepared *scene,
                                     struct beam *beam) {
     COUNT(approach_origins, call);
     struct approach *approach = beam->approach;
-    beam->high = set(INFINITY);
-    struct wide_vec at = wide_place(origin);
+    beam->high = v_splat(INFINITY);
+    struct vec_double at = vec_double_of(origin);
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         const struct placed *placed = &scene->placed[i];
-        beam->wake[i * beam->apart] = set(-INFINITY);
+        beam->wake[i * beam->apart] = v_splat(-INFINITY);
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
+            approach[i].origin = point_sub(origin, placed->position, placed->position_lo);
             continue;
         }
-        struct wide_vec from = wide_from(at, placed->centre);
+        struct vec_double from = vec_double_sub(at, placed->centre);
         approach[i].origin.x = coordinate(placed, from, 0);
         if (placed->way == LINEAR)
             continue;
@@ -133,246 +68,55 @@ static inline void approach_directions(struct vec direction, const struct prepar
         approach[i].direction = turned(placed, direction);
         if (placed->way == POWER) {
             COUNT(approach_directions, power);
-            approach[i].slope = set(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
+            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
         }
     }
 }
 
-static inline real sdf_sphere(struct vec p, const struct placed *s) {
-    COUNT(sdf_sphere, call);
-    return vec_norm(p) - set(s->a);
-}
-
-// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
-static inline real sdf_power(real power, const struct placed *s) {
-    COUNT(sdf_power, call);
-    return power / (root(most_of(power + set(s->b), set(0.0f))) + set(s->a));
-}
-
-static inline real sdf_plane(struct vec p, const struct placed *s) {
-    COUNT(sdf_plane, call);
-    return vec_dot(p, vec_set(s->size)) - set(s->a);
-}
-
-static inline real sdf_box(struct vec p, const struct placed *s) {
-    COUNT(sdf_box, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    struct vec outside = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
-}
-
-static inline real sdf_rounded_box(struct vec p, const struct placed *s) {
-    COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - set(s->a);
-}
-
-static inline real sdf_torus(struct vec p, const struct placed *s) {
-    COUNT(sdf_torus, call);
-    real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
-    return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
-}
-
-static inline real sdf_cone(struct vec p, const struct placed *s) {
-    COUNT(sdf_cone, call);
-    real zero = set(0.0f), one = set(1.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1]));
-    real along = least_of(most_of(across * set(-s->per_slope_sq), zero), one);
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    mask inside = both(negative(side_x), negative(cap_y));
-    real square =
-        least_of(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    return negate_where(inside, root(square));
-}
-
-static inline real sdf_octahedron(struct vec point, const struct placed *s) {
-    COUNT(sdf_octahedron, call);
-    real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
-    real zero = set(0.0f), radius = set(s->a);
-    real m = x + y + z - radius, third = m * set(1.0f / 3.0f);
-    mask over_yz = less(x, third), over_zx = less(y, third), over_xy = less(z, third);
-    real face = m * set(0.57735026918962576451f); // 1/√3
-    mask edges = either(over_yz, either(over_zx, over_xy));
-    if (!any(edges))
-        return face;
-    COUNT(sdf_octahedron, edges);
-    real a = choose(over_yz, x, choose(over_zx, y, z));
-    real b = choose(over_yz, y, choose(over_zx, z, x));
-    real c = choose(over_yz, z, choose(over_zx, x, y));
-    real k = least_of(most_of(set(0.5f) * (c - b + radius), zero), radius);
-    real beside = b - radius + k, above = c - k;
-    real edge = root(mul_add(a, a, mul_add(beside, beside, above * above)));
-    return choose(edges, edge, face);
-}
-
-// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
-// have (the paper's Fig. 5).
-struct bulb {
-    struct vec p, w;
-    real m, dz;
-    mask far, inside;
-};
-
-static inline struct bulb bulb_start(struct vec p, mask live) {
-    COUNT(bulb_start, call);
-    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
-    // to a float's precision, after the one iteration that escapes.
-    real m = vec_dot(p, p);
-    mask far = greater(m, set(1024.0f));
-    return (struct bulb){p, p, m, set(1.5f), far, but_not(far, live)};
-}
-
-static inline void bulb_iterate(struct bulb *b, real bailout) {
-    ACTIVE(count_of(b->inside));
-    COUNT(bulb_iterate, call);
-    real x = b->w.x, y = b->w.y, z = b->w.z, m = b->m;
-    real x2 = x * x, y2 = y * y, z2 = z * z;
-    real k3 = x2 + z2, k4 = k3 - y2;
-    real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
-    real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-    real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
-    real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
-    real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
-    x = mul_add(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
-    z = mul_add(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
-    y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, b->p.y));
-    real slope = mul_add(set(8.0f) * (m * m * m * root(m)), b->dz, set(1.0f));
-    real grown = mul_add(x, x, mul_add(y, y, z * z));
-    b->w = (struct vec){x, y, z};
-    b->m = choose(b->inside, grown, m);
-    b->dz = choose(b->inside, slope, b->dz);
-    b->inside = not_greater_in(b->inside, b->m, bailout);
-}
-
-static inline real bulb_estimate(const struct bulb *b) {
-    COUNT(bulb_estimate, call);
-    // r·ln(r)/3 is √m·ln(m)/6.
-    real per = choose(b->far, set(1.0f / 6.0f), set(0.25f) / b->dz);
-    real distance = root(b->m) * per * log_of(b->m);
-    return keep(greater(b->m, set(0.0f)), distance); // √m·ln m → 0 at the centre
-}
-
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask live) {
-    COUNT(sdf_mandelbulb, call);
-    struct bulb bulb = bulb_start(p, live);
-    for (int i = 0; i < s->iterations; i++) {
-        bulb_iterate(&bulb, set(s->bailout));
-        if (!any(bulb.inside))
-            break;
-    }
-    ACTIVE(count_of(live));
-    return bulb_estimate(&bulb);
-}
-
-// What the estimate is not less than from a place at distance √square from the centre on, as long as that
-// falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r, so that the estimate,
-// ½·w·ln(w)/(12·r⁷ + 1) and hardly less by further iterations, is over 0.18 + (r − 3/2)/2.
-static inline real bulb_wakes_at(real square, real t) {
-    COUNT(bulb_wakes_at, call);
-    real out = root_below(square) - set(1.5f);
-    real bound = least_of(out, mul_add(out, set(0.5f), set(0.18f)));
-    return mul_add(set(1.0f - 0x1p-10f), bound, t);
-}
-
-// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
-// is inlined in all_distances().
-__attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, enum shape_type type, mask live) {
-    switch (type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed, live);
-    }
-}
-
-// Distance to one shape at distance t along the rays.
-__attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, bool repeated,
-                  enum way way, enum shape_type type, mask live) {
-    COUNT(distance_to_shape, call);
-    if (way == POWER) {
-        COUNT(distance_to_shape, power);
-        return sdf_power(mul_add(t, t + a->slope, a->power), placed);
-    }
-    if (way == LINEAR) {
-        COUNT(distance_to_shape, linear);
-        return mul_add(t, a->direction.x, a->origin.x);
-    }
-    COUNT(distance_to_shape, point);
-    struct vec p = vec_along(a->origin, a->direction, t);
-    if (repeated)
-        p = vec_wrapped(placed, p);
-    return distance_at(p, placed, type, live);
-}
-
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
-static inline real nearest_shape(const struct beam *beam, real t, const struct prepared *scene,
-                                 mask live, real *shape) {
+static inline vfloat nearest_shape(const struct beam *beam, vfloat t, const struct prepared *scene,
+                                   vmask live, vfloat *shape) {
     COUNT(nearest_shape, call);
-    real least = set(INFINITY);
+    vfloat least = v_splat(INFINITY);
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         COUNT(nearest_shape, shape);
         const struct placed *placed = &scene->placed[i];
-        real distance = distance_to_shape(&beam->approach[i], t, placed, placed->repeated,
-                                          placed->way, placed->type, live);
-        *shape = choose(less(distance, least), set(placed->index), *shape);
-        least = least_of(distance, least);
+        vfloat distance = distance_to_shape(&beam->approach[i], t, placed, placed->repeated,
+                                            placed->way, placed->type, live);
+        *shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index), *shape);
+        least = v_min(distance, least);
     }
     return least;
 }
 
 // The origins moved by a little along the rays.
-static inline void approach_moved(real by, const struct prepared *scene, struct beam *beam) {
+static inline void approach_moved(vfloat by, const struct prepared *scene, struct beam *beam) {
     COUNT(approach_moved, call);
-    beam->high = beam->high + absolute(by);
+    beam->high = beam->high + v_abs(by);
     for (int place = 0; place < beam->list.count; place++) {
         int i = beam->list.shape[place];
         struct approach *a = &beam->approach[i];
         COUNT(approach_moved, first);
-        beam->wake[i * beam->apart] = beam->wake[i * beam->apart] - absolute(by);
-        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
+        beam->wake[i * beam->apart] = beam->wake[i * beam->apart] - v_abs(by);
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
         if (scene->placed[i].way == LINEAR)
             continue;
         COUNT(approach_moved, others);
-        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
-        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
         if (scene->placed[i].way == POWER) {
             COUNT(approach_moved, power);
-            a->power = mul_add(by, by + a->slope, a->power);
+            a->power = v_madd(by, by + a->slope, a->power);
         }
     }
 }
 
-// From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
-// distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
-// float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
-static inline real wakes_at(real sum, const struct placed *placed) {
-    return mul_add(sum, set(1.0f - 0x1p-18f), set(-placed->slack));
-}
-
-// The same from a place that may be inside.
-static inline real wakes_within(real sum, const struct placed *placed) {
-    return least_of(wakes_at(sum, placed), mul_add(sum, set(1.0f + 0x1p-18f), set(-placed->slack)));
-}
-
 struct group {
     struct beam beam[GROUP];
-    real t[GROUP], distance[GROUP]; // of the last step
-    real high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
-    mask live[GROUP];
+    vfloat t[GROUP], distance[GROUP]; // of the last step
+    vfloat high[GROUP];               // of its beam; −∞ where a ray is done: it wakes no shape
+    vmask live[GROUP];
     int list[GROUP], count; // of the packets that have a live ray
     int size;               // packets, FEW or GROUP
 };
@@ -385,21 +129,21 @@ static inline void group_size(struct group *group, int size) {
 
 // What scene_distances() has found so far of each packet. `limit`: distance + t of the nearest is no more.
 struct found {
-    real least[GROUP], limit[GROUP];
+    vfloat least[GROUP], limit[GROUP];
 };
 
 // `steady`, `way` and `type` are known where these are inlined.
 __attribute__((always_inline)) static inline void
 packet_distance(struct group *group, int k, int shape, int size, const struct placed *placed,
                 bool steady, enum way way, enum shape_type type, struct found *found) {
-    ACTIVE(count_of(group->live[k]));
+    ACTIVE(v_count(group->live[k]));
     COUNT(packet_distance, call);
     const struct approach *a = &group->beam[k].approach[shape];
-    real t = group->t[k];
-    real distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
-    real sum = distance + t;
-    found->least[k] = least_of(distance, found->least[k]);
-    found->limit[k] = least_of(sum, found->limit[k]);
+    vfloat t = group->t[k];
+    vfloat distance = distance_to_shape(a, t, placed, !steady, way, type, group->live[k]);
+    vfloat sum = distance + t;
+    found->least[k] = v_min(distance, found->least[k]);
+    found->limit[k] = v_min(sum, found->limit[k]);
     if (steady) {
         COUNT(packet_distance, steady);
         group->beam[k].wake[shape * size] = wakes_at(sum, placed);
@@ -421,12 +165,12 @@ all_distances(struct group *group, int shape, int size, const struct placed *pla
 // processor to look beyond it to the next packet.
 static inline void bulbs_iterate(struct bulb bulb[GROUP], int count, const struct placed *placed) {
     for (int n = 0; n < placed->iterations; n++) {
-        mask inside = no_lane();
+        vmask inside = v_mask_none();
         for (int i = 0; i < count; i++) {
-            bulb_iterate(&bulb[i], set(placed->bailout));
-            inside = either(inside, bulb[i].inside);
+            bulb_iterate(&bulb[i], v_splat(placed->bailout));
+            inside = v_or(inside, bulb[i].inside);
         }
-        if (!any(inside))
+        if (!v_any(inside))
             return;
     }
 }
@@ -439,68 +183,69 @@ static inline struct vec bulb_place(const struct group *group, int k, int shape,
     return placed->repeated ? vec_wrapped(placed, p) : p;
 }
 
-static inline void bulb_found(const struct group *group, int k, real distance,
+static inline void bulb_found(const struct group *group, int k, vfloat distance,
                               struct found *found) {
     COUNT(bulb_found, call);
-    found->least[k] = least_of(distance, found->least[k]);
-    found->limit[k] = least_of(distance + group->t[k], found->limit[k]);
+    found->least[k] = v_min(distance, found->least[k]);
+    found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
 }
 
 // Rays that ask for it: the others have ended, or something else is nearer for sure. An estimate costs as much as all else
 // of a step ten times over, so where those of all packets fill fewer, they move together for it (NOTES.md).
 static inline void packed_bulbs(struct group *group, int shape, const struct placed *placed,
-                                const mask asking[GROUP], int rays, struct found *found) {
+                                const vmask asking[GROUP], int rays, struct found *found) {
     COUNT(packed_bulbs, call);
     float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
     int at = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(asking[k]));
+        ACTIVE(v_count(asking[k]));
         struct vec p = bulb_place(group, k, shape, placed);
-        packing first = packing_of(asking[k]);
-        pack_by(first, p.x, &row[0][at]);
-        pack_by(first, p.y, &row[1][at]);
-        pack_by(first, p.z, &row[2][at]);
-        at += lanes_in(asking[k]);
-        real *wake = &group->beam[k].wake[shape * group->beam[k].apart];
+        vindex first = v_compress_index(asking[k]);
+        v_permute_store(first, p.x, &row[0][at]);
+        v_permute_store(first, p.y, &row[1][at]);
+        v_permute_store(first, p.z, &row[2][at]);
+        at += v_count(asking[k]);
+        vfloat *wake = &group->beam[k].wake[shape * group->beam[k].apart];
         if (!placed->repeated) {
             COUNT(packed_bulbs, steady);
-            *wake = choose(asking[k], bulb_wakes_at(vec_dot(p, p), group->t[k]), *wake);
+            *wake = v_select(asking[k], bulb_wakes_at(vec_dot(p, p), group->t[k]), *wake);
         }
     }
     struct bulb bulb[GROUP];
     int count = 0;
     for (at = 0; at < rays; at += LANES, count++) {
-        mask some = first_lanes(rays - at);
-        ACTIVE(count_of(some));
+        vmask some = v_mask_first(rays - at);
+        ACTIVE(v_count(some));
         COUNT(packed_bulbs, row);
-        bulb[count] =
-            bulb_start((struct vec){load(&row[0][at]), load(&row[1][at]), load(&row[2][at])}, some);
+        bulb[count] = bulb_start(
+            (struct vec){v_load(&row[0][at]), v_load(&row[1][at]), v_load(&row[2][at])}, some);
     }
     bulbs_iterate(bulb, count, placed);
     for (int i = 0; i < count; i++) {
-        ACTIVE(count_of(first_lanes(rays - i * LANES)));
-        unload(bulb_estimate(&bulb[i]), &distance[i * LANES]);
+        ACTIVE(v_count(v_mask_first(rays - i * LANES)));
+        v_store(bulb_estimate(&bulb[i]), &distance[i * LANES]);
     }
     at = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(asking[k]));
-        bulb_found(group, k, fill(asking[k], set(INFINITY), &distance[at]), found);
-        at += lanes_in(asking[k]);
+        ACTIVE(v_count(asking[k]));
+        bulb_found(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]), found);
+        at += v_count(asking[k]);
     }
 }
 
 static inline void bulb_distances(struct group *group, int shape, const struct placed *placed,
                                   struct found *found) {
     COUNT(bulb_distances, call);
-    mask asking[GROUP];
+    vmask asking[GROUP];
     int rays = 0;
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        asking[k] = both(group->live[k],
-                         below(group->beam[k].wake[shape * group->beam[k].apart], found->limit[k]));
-        rays += lanes_in(asking[k]);
+        asking[k] =
+            v_and(group->live[k],
+                  v_cmp_nge(group->beam[k].wake[shape * group->beam[k].apart], found->limit[k]));
+        rays += v_count(asking[k]);
     }
     if (rays <= (group->count - 1) * LANES) {
         packed_bulbs(group, shape, placed, asking, rays, found);
@@ -509,7 +254,7 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
     struct bulb bulb[GROUP];
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         bulb[i] = bulb_start(bulb_place(group, k, shape, placed), group->live[k]);
         if (!placed->repeated)
             group->beam[k].wake[shape * group->beam[k].apart] =
@@ -518,20 +263,20 @@ static inline void bulb_distances(struct group *group, int shape, const struct p
     bulbs_iterate(bulb, group->count, placed);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         bulb_found(group, k, bulb_estimate(&bulb[i]), found);
     }
 }
 
-__attribute__((always_inline)) static inline bool sleeps(const real *wake, int size,
+__attribute__((always_inline)) static inline bool sleeps(const vfloat *wake, int size,
                                                          const struct found *found) {
     COUNT(sleeps, call);
-    mask awake = below(wake[0], found->limit[0]);
+    vmask awake = v_cmp_nge(wake[0], found->limit[0]);
     for (int k = 1; k < size; k++) {
         COUNT(sleeps, other);
-        awake = either(awake, below(wake[k], found->limit[k]));
+        awake = v_or(awake, v_cmp_nge(wake[k], found->limit[k]));
     }
-    return !any(awake);
+    return !v_any(awake);
 }
 
 // The types told apart once for all packets.
@@ -566,16 +311,16 @@ __attribute__((always_inline)) static inline void keep_high(struct group *group,
     COUNT(keep_high, call);
     for (int k = 0; k < size; k++) {
         COUNT(keep_high, packet);
-        group->high[k] = least_of(found->least[k] - group->t[k], group->high[k]);
+        group->high[k] = v_min(found->least[k] - group->t[k], group->high[k]);
     }
 }
 
 // An evaluation of the scene's distance begins, of one packet. −∞ where no ray is left.
 static inline void sdf(const struct group *group, int k, struct found *found) {
-    ACTIVE(count_of(group->live[k]));
+    ACTIVE(v_count(group->live[k]));
     COUNT(sdf, call);
-    found->least[k] = set(INFINITY);
-    found->limit[k] = mul_add(set(2.0f), group->t[k], group->high[k]);
+    found->least[k] = v_splat(INFINITY);
+    found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
 }
 
 __attribute__((always_inline)) static inline void found_nothing(const struct group *group, int size,
@@ -587,22 +332,22 @@ __attribute__((always_inline)) static inline void found_nothing(const struct gro
 // The one shape that was asked in the last step, if it was one and steady, and how long all others sleep.
 struct alone {
     int shape; // −1: none, or more than one
-    real until[GROUP];
+    vfloat until[GROUP];
 };
 
 __attribute__((always_inline)) static inline void
 others_sleep(const struct group *group, int size, const struct list *list, struct alone *alone) {
     COUNT(others_sleep, call);
     for (int k = 0; k < size; k++)
-        alone->until[k] = set(INFINITY);
+        alone->until[k] = v_splat(INFINITY);
     for (int n = 0; n < list->count; n++) {
         int i = list->order[n];
         if (i == alone->shape)
             continue;
-        const real *wake = &group->beam[0].wake[i * size];
+        const vfloat *wake = &group->beam[0].wake[i * size];
         for (int k = 0; k < size; k++) { // no number: awake
             COUNT(others_sleep, packet);
-            alone->until[k] = least_of(most_of(wake[k], set(-INFINITY)), alone->until[k]);
+            alone->until[k] = v_min(v_max(wake[k], v_splat(-INFINITY)), alone->until[k]);
         }
     }
 }
@@ -663,6 +408,18 @@ static inline bool scene_distances(struct group *group, const struct prepared *s
                                    struct alone *alone) {
     return group->size == FEW ? distances_of(group, FEW, scene, alone)
                               : distances_of(group, GROUP, scene, alone);
+}
+
+// The packets that have a live ray, and what of a ray that has none would wake a shape.
+static inline void set_out(struct group *group) {
+    group->count = 0;
+    for (int k = 0; k < group->size; k++) {
+        group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+        if (v_any(group->live[k]))
+            group->list[group->count++] = k;
+        else
+            group->t[k] = v_splat(0.0f);
+    }
 }
 
 #endif

@@ -1,316 +1,32 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+#include "phong.h"
+#include "simd/point.h"
+#include "simd/pow.h"
 #include "tiles.h"
-
-// Materials of hits, gathered.
-struct surfaces {
-    struct vec color;
-    real reflectivity, shininess;
-};
-
-static struct surfaces gather(real shape, mask found, const struct model *model) {
-    float id[LANES], values[5][LANES];
-    unload(choose(found, shape, set(0.0f)), id);
-    for (int lane = 0; lane < LANES; lane++) {
-        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
-        for (int i = 0; i < 3; i++)
-            values[i][lane] = (float)m->color[i];
-        values[3][lane] = (float)m->reflectivity;
-        values[4][lane] = (float)m->shininess;
-    }
-    return (struct surfaces){
-        {load(values[0]), load(values[1]), load(values[2])}, load(values[3]), load(values[4])};
-}
-
-// Normals. The scene asks for forward differences of its distance over normal_step; in float they
-// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
-// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
-// step of an edge, the shape's difference stands; and where another shape is within reach of the
-// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
-// Gradients are in the world's axes in the end, and need not be of unit length.
-static struct vec box_gradient(struct vec p, const struct placed *s) {
-    COUNT(box_gradient, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    real most = most_of(x, most_of(y, z));
-    // Outside: away from the nearest point. Inside: along the axis of the nearest face.
-    mask outside = greater(most, zero), on_x = not_less(x, most), on_y = not_less(y, most);
-    real one = set(1.0f);
-    struct vec face = {keep(on_x, one), keep(but_not(on_x, on_y), one),
-                       drop(either(on_x, on_y), one)};
-    struct vec away = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    struct vec g = vec_choose(outside, away, face);
-    return (struct vec){with_sign_of(p.x, g.x), with_sign_of(p.y, g.y), with_sign_of(p.z, g.z)};
-}
-
-static struct vec torus_gradient(struct vec p, const struct placed *s) {
-    COUNT(torus_gradient, call);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real outward = set(1.0f) - set(s->a) / most_of(radius, set(1e-30f));
-    return (struct vec){p.x * outward, p.y, p.z * outward};
-}
-
-static struct vec cone_gradient(struct vec p, const struct placed *s) {
-    COUNT(cone_gradient, call);
-    real zero = set(0.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c);
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1])) * set(-s->per_slope_sq);
-    real along = least_of(most_of(across, zero), set(1.0f));
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
-    mask beside = both(greater(across, zero), less(across, set(1.0f)));
-    real out = choose(beside, set(s->slope[1]), side_x),
-         up = choose(beside, set(-s->slope[0]), side_y);
-    mask cap = less(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    real cap_up = choose(greater(cap_x, zero), cap_y, set(1.0f)); // over the cap: straight up
-    out = choose(cap, cap_x, out);
-    up = choose(cap, with_sign_of(p.y, cap_up), up);
-    real per_radius = out / most_of(radius, set(1e-30f));
-    return (struct vec){p.x * per_radius, up, p.z * per_radius};
-}
-
-static struct vec octahedron_gradient(struct vec p) {
-    COUNT(octahedron_gradient, call);
-    real one = set(1.0f);
-    return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
-}
-
-// The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
-// of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct placed *placed, const struct approach *approach, float step,
-                           int axis) {
-    COUNT(moved_in, call);
-    struct vec p = approach->origin;
-    if (axis < 0)
-        return p;
-    COUNT(moved_in, moved);
-    COUNT(moved_in, scalar);
-    p = (struct vec){p.x + set(step * placed->turn[0][axis]),
-                     p.y + set(step * placed->turn[1][axis]),
-                     p.z + set(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
-}
-
-static real moved_power(const struct placed *placed, const struct approach *approach, float step,
-                        int axis) {
-    if (axis < 0)
-        return approach->power;
-    COUNT(moved_power, moved);
-    struct vec column = {set(placed->turn[0][axis]), set(placed->turn[1][axis]),
-                         set(placed->turn[2][axis])};
-    return mul_add(set(step), mul_add(set(2.0f), vec_dot(approach->origin, column), set(step)),
-                   approach->power);
-}
-
-static real moved_distance(const struct placed *placed, const struct approach *approach, mask live,
-                           float step, int axis) {
-    COUNT(moved_distance, call);
-    if (placed->way == POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == LINEAR) {
-        if (axis < 0)
-            return approach->origin.x;
-        COUNT(moved_distance, moved);
-        return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
-    }
-    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
-}
-
-static struct vec difference(const struct placed *placed, const struct approach *approach,
-                             mask live, float step) {
-    COUNT(difference, call);
-    real f[4];
-    for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
-    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-}
-
-// Of the whole scene, as in the other phases.
-static struct vec scene_difference(mask live, float step, const struct prepared *scene,
-                                   const struct beam *beam) {
-    ACTIVE(count_of(live));
-    COUNT(scene_difference, call);
-    real f[4];
-    for (int axis = -1; axis < 3; axis++) {
-        f[axis + 1] = set(INFINITY);
-        for (int place = 0; place < beam->list.count; place++) {
-            COUNT(scene_difference, shape);
-            int i = beam->list.shape[place];
-            f[axis + 1] =
-                least_of(moved_distance(&scene->placed[i], &beam->approach[i], live, step, axis),
-                         f[axis + 1]);
-        }
-    }
-    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-}
-
-// Which shapes a ray from there need not ask for yet is known then, too.
-struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam) {
-    COUNT(near_hit, call);
-    COUNT(near_hit, scalar);
-    real least = set(INFINITY), second = least, shape = set(-1.0f);
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        COUNT(near_hit, shape);
-        const struct placed *placed = &scene->placed[i];
-        real distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
-        shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
-        second = least_of(second, most_of(distance, least));
-        least = least_of(distance, least);
-        if (placed->steady) {
-            COUNT(near_hit, steady);
-            beam->wake[i * beam->apart] = wakes_within(distance, placed);
-            beam->high = least_of(distance, beam->high);
-        }
-    }
-    beam->high = beam->high + set(1e-30f); // at distance 0 the shape is awake
-    float step = (float)scene->model.march.normal_step;
-    return (struct nearness){least, choose(found, shape, set(-1.0f)),
-                             both(found, less(second, least + set(2.0f * step)))};
-}
-
-// `contact`: hits near another shape, whose difference is the scene's.
-static struct vec gradient_of(int shape, mask found, mask contact, float step,
-                              const struct prepared *scene, const struct beam *beam) {
-    ACTIVE(count_of(found));
-    COUNT(gradient_of, call);
-    const struct placed *placed = &scene->placed[shape];
-    const struct approach *approach = &beam->approach[shape];
-    mask near = both(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1);
-    if (placed->way == LINEAR) // it has a height alone
-        p.y = p.z = set(0.0f);
-    struct vec exact = p, rounded = p;
-    if (placed->way != LINEAR && any(but_not(contact, found)))
-        rounded = difference(placed, approach, found, step);
-    if (any(near))
-        rounded = vec_choose(near, scene_difference(near, step, scene, beam), rounded);
-    ACTIVE(count_of(found)); // what was called has set its own
-    switch (placed->type) {
-    case SHAPE_SPHERE: break;
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
-    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
-    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(placed->size); break;
-    default: return rounded;
-    }
-    COUNT(gradient_of, closed);
-    COUNT(gradient_of, scalar);
-    exact = turned_back(placed, exact);
-    exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
-    rounded = vec_scale(rounded, set(1.0f / step));
-    struct vec apart = vec_along(rounded, exact, set(-1.0f));
-    real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
-    real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
-    mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
-    if (placed->way == LINEAR) // its own difference is the closed form
-        edge = both(edge, near);
-    return vec_choose(edge, rounded, exact);
-}
-
-// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
-// difference instead, which at an edge or through a thin plate is no slope to divide by.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct prepared *scene, const struct beam *beam, real *slope) {
-    COUNT(normal_at, call);
-    float id[LANES], step = (float)scene->model.march.normal_step;
-    unload(near->shape, id);
-    struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    for (unsigned rest = bits(found); rest;) {
-        ACTIVE(count_of(found));
-        COUNT(normal_at, shape);
-        int i = (int)id[__builtin_ctz(rest)];
-        mask same = both(found, not_less(set(0.5f), absolute(near->shape - set((float)i))));
-        gradient =
-            vec_choose(same, gradient_of(i, same, near->contact, step, scene, beam), gradient);
-        rest &= ~bits(same);
-    }
-    ACTIVE(count_of(found));
-    real length = vec_norm(gradient);
-    real along = vec_dot(direction, gradient);
-    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1e30f));
-    mask away = greater(along, set(0.0f));
-    struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
-    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
-    mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));
-    n = vec_choose(clear, n, vec_scale(direction, set(-1.0f)));
-    return (struct vec){keep(found, n.x), keep(found, n.y), keep(found, n.z)};
-}
-
-static struct vec from_to(struct place from, const double to[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(to[i], &hi[i], &lo[i]);
-    return vec_scale(place_sub(from, hi, lo), set(-1.0f));
-}
-
-static struct lighting light_from(struct place p, struct vec n, mask found,
-                                  const struct view *view) {
-    COUNT(light_from, call);
-    COUNT(light_from, scalar);
-    real zero = set(0.0f);
-    struct vec to_light = from_to(p, view->light_position);
-    real distance = vec_norm(to_light);
-    to_light = vec_scale(to_light, set(1.0f) / distance);
-    real facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
-    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
-    return (struct lighting){to_light, distance, facing, lit};
-}
-
-static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
-                           real shadow, const struct surfaces *surface, const struct view *view) {
-    COUNT(light_at, call);
-    struct vec base = surface->color, color = vec_scale(base, set(0.01f)); // ambient
-    if (!any(light->lit))
-        return color;
-    ACTIVE(count_of(light->lit));
-    COUNT(light_at, lit);
-    real reach = shadow / light->distance, facing = light->facing;
-    // Of the light's direction: minus the paper's R.
-    real shine = vec_dot(vec_reflect(light->to_light, n), direction);
-    real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
-    specular = keep(greater(shine, set(0.0f)), specular);
-    const double *e = view->light_emission;
-    struct vec emission = {set((float)e[0]), set((float)e[1]), set((float)e[2])};
-    struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
-                         mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
-                         mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
-    return vec_choose(light->lit, bright, color);
-}
 
 // Colours of what the reflective hits of a few packets mirror, added to theirs. One reflective ray makes the call; the
 // others are masked out of it and of their colour.
 static void mirror(const struct rays *rays, int bounce, struct world *world,
                    const struct surfaces *surface, struct shaded *result) {
     COUNT(mirror, call);
-    struct place origin[FEW];
+    struct point origin[FEW];
     struct vec direction[FEW];
-    mask activated[FEW];
-    const struct rays mirrored = {origin, direction, activated, set(0.0f)};
+    vmask activated[FEW];
+    const struct rays mirrored = {origin, direction, activated, v_splat(0.0f)};
     bool one = false;
     for (int k = 0; k < FEW; k++) {
         const struct hit *hit = &result[k].hit;
-        ACTIVE(count_of(hit->found));
+        ACTIVE(v_count(hit->found));
         COUNT(mirror, packet);
-        mask active = both(hit->found, greater(surface[k].reflectivity, set(0.0f)));
+        vmask active = v_and(hit->found, v_cmp_gt(surface[k].reflectivity, v_splat(0.0f)));
         activated[k] = active;
-        if (!any(active))
+        if (!v_any(active))
             continue;
         one = true;
-        ACTIVE(count_of(active));
+        ACTIVE(v_count(active));
         COUNT(mirror, start);
-        real offset = set((float)world->scene->model.march.surface_offset);
-        origin[k] = place_at(hit->point, hit->normal, offset, set(0.0f));
+        vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
+        origin[k] = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
         direction[k] = vec_reflect(rays->direction[k], hit->normal);
     }
     if (!one)
@@ -320,41 +36,41 @@ static void mirror(const struct rays *rays, int bounce, struct world *world,
     struct shaded seen[FEW];
     trace(&mirrored, bounce + 1, world, seen);
     for (int k = 0; k < FEW; k++) {
-        mask active = activated[k];
-        if (!any(active))
+        vmask active = activated[k];
+        if (!v_any(active))
             continue;
-        ACTIVE(count_of(active));
+        ACTIVE(v_count(active));
         COUNT(mirror, seen);
-        real share = keep(active, surface[k].reflectivity * set(0.1f));
+        vfloat share = v_select_or_zero(active, surface[k].reflectivity * v_splat(0.1f));
         struct vec color = result[k].color;
-        result[k].color = vec_along(color, vec_choose(active, seen[k].color, color), share);
+        result[k].color = vec_along(color, vec_select(active, seen[k].color, color), share);
     }
 }
 
 // The group's packets seen; the arrays have one for each.
 static inline void trace_packets(const struct rays *rays, int bounce, struct world *world,
                                  struct hit *hit, struct lighting *light, struct surfaces *surface,
-                                 real *reach, struct shaded *result) {
+                                 vfloat *reach, struct shaded *result) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
-    struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
+    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     const int size = world->group.size;
     ray_march(rays, world, hit);
     for (int k = 0; k < size; k++) {
-        ACTIVE(count_of(hit[k].found));
-        light[k].lit = no_lane();
+        ACTIVE(v_count(hit[k].found));
+        light[k].lit = v_mask_none();
         surface[k] = (struct surfaces){0};
-        if (!any(hit[k].found))
+        if (!v_any(hit[k].found))
             continue;
         surface[k] = gather(hit[k].shape, hit[k].found, model);
         light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
     }
     shadow(hit, light, world, reach);
     for (int k = 0; k < size; k++) {
-        ACTIVE(count_of(hit[k].found));
+        ACTIVE(v_count(hit[k].found));
         result[k] = (struct shaded){.color = background, .hit = hit[k]};
-        if (any(hit[k].found))
+        if (v_any(hit[k].found))
             result[k].color = light_at(hit[k].normal, rays->direction[k], &light[k], reach[k],
                                        &surface[k], world->view);
     }
@@ -366,16 +82,16 @@ static inline void trace_packets(const struct rays *rays, int bounce, struct wor
         }
     for (int k = 0; k < size; k++) {
         struct vec color = result[k].color;
-        ACTIVE(count_of(hit[k].found));
-        if (!any(hit[k].found))
+        ACTIVE(v_count(hit[k].found));
+        if (!v_any(hit[k].found))
             continue;
         if (model->features.fog) {
             COUNT(trace, fog);
             struct vec p = hit[k].point.hi;
-            real far_sq = vec_dot(p, p);
-            color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
+            vfloat far_sq = vec_dot(p, p);
+            color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
         }
-        result[k].color = vec_choose(hit[k].found, color, background);
+        result[k].color = vec_select(hit[k].found, color, background);
     }
 }
 
@@ -385,7 +101,7 @@ __attribute__((noinline)) static void trace_many(const struct rays *rays, int bo
     struct hit hit[GROUP];
     struct lighting light[GROUP];
     struct surfaces surface[GROUP];
-    real reach[GROUP];
+    vfloat reach[GROUP];
     trace_packets(rays, bounce, world, hit, light, surface, reach, result);
 }
 
@@ -394,7 +110,7 @@ __attribute__((noinline)) static void trace_few(const struct rays *rays, int bou
     struct hit hit[FEW];
     struct lighting light[FEW];
     struct surfaces surface[FEW];
-    real reach[FEW];
+    vfloat reach[FEW];
     trace_packets(rays, bounce, world, hit, light, surface, reach, result);
 }
 

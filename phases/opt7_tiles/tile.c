@@ -1,5 +1,7 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "camera.h"
+#include "simd/point.h"
 #include "tiles.h"
 
 #include <stdlib.h>
@@ -8,7 +10,7 @@
 // pixels, then, quarter by quarter, those of the four squares in each of them, down to the patches. A patch is a group
 // of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the width is a
 // multiple of 32.
-enum { PATCH = 8, PATCHES_ACROSS = 4, BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
+enum { PATCH = 8, PATCHES_ACROSS = 4 };
 enum { PATCHES_DOWN = LANES / PATCHES_ACROSS, HIGHEST = LEVELS - 1 };
 enum {
     TILE_WIDTH = PATCHES_ACROSS * PATCH << HIGHEST,
@@ -19,81 +21,14 @@ enum {
     TOGETHER = (int)GROUP > (int)BLOCKS ? (int)GROUP / (int)BLOCKS : 1
 }; // patches where a Mandelbulb is
 
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
-}
-
-static struct place place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct place){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
-// Of a block's lanes: twice the column, and the row.
-static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
-static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-
-static mask in_picture(struct block block) {
-    return both(less(load(twice_right), set(2.0f * (float)block.across)),
-                less(load(row_below), set((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
-    real y = set(0.0f);
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        real row = set((float)((top - 2.0 * (block.row + i)) * per_height));
-        y = i == 0 ? row : choose(less(load(row_below), set((float)i)), y, row);
-    }
-    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
-    real x = columns * set((float)per_height);
-    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
-    d = vec_along(d, vec_from(view->up), y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
-}
-
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
-static void store_color(struct frame *frame, struct block block, struct vec color) {
-    size_t width = (size_t)frame->width;
-    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
-    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        store_block(rgb, 3 * width, color.x, color.y, color.z);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, color.x);
-    store_plane(frame->rgb + 1, 3, frame, block, color.y);
-    store_plane(frame->rgb + 2, 3, frame, block, color.z);
-}
-
-static void store(struct frame *frame, struct block block, real start, int shapes,
+static void store(struct frame *frame, struct block block, vfloat start, int shapes,
                   const struct shaded *seen) {
     COUNT(store, call);
     store_color(frame, block, seen->color);
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
@@ -101,16 +36,12 @@ static void store(struct frame *frame, struct block block, real start, int shape
     store_plane(frame->evals, 1, frame, block, hit->evals);
     if (frame->plane_count > 0) {
         store_plane(frame->planes[0], 1, frame, block, start);
-        store_plane(frame->planes[1], 1, frame, block, set((float)shapes));
+        store_plane(frame->planes[1], 1, frame, block, v_splat((float)shapes));
     }
 }
 
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-}
-
-static int lesser(int a, int b) {
-    return a < b ? a : b;
 }
 
 struct patch { // of pixels, what of it is in the picture
@@ -144,31 +75,32 @@ static int lane_above(int quarter, int lane) {
 }
 
 static struct vec unit(struct vec v) {
-    return vec_scale(v, set(1.0f) / vec_norm(v));
+    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
 }
 
 // Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
 // axis is an ellipse in the picture, and what is between two of its points is within.
-static struct cones cones_around(real x[2], real y[2], const struct view *view) {
+static struct cones cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
     COUNT(cones_around, call);
-    struct vec corner[4], sum = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (int i = 0; i < 4; i++) {
-        corner[i] = vec_along(vec_from(view->forward), vec_from(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], set(1.0f));
+        corner[i] =
+            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
+        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
+        sum = vec_along(sum, corner[i], v_splat(1.0f));
     }
     struct cones cones = {.axis = unit(sum)};
-    real most = set(0.0f);
+    vfloat most = v_splat(0.0f);
     for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, set(-1.0f));
-        most = most_of(most, vec_dot(apart, apart));
+        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
+        most = v_max(most, vec_dot(apart, apart));
     }
-    cones.spread = mul_add(root(most), set(1.0f + 0x1p-16f), set(0x1p-20f));
+    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
     return cones;
 }
 
 // A cone for each square of the area; which of them there are.
-static mask get_cones(struct area area, const struct job *job, struct cones *cones) {
+static vmask get_cones(struct area area, const struct job *job, struct cones *cones) {
     COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
@@ -182,10 +114,10 @@ static mask get_cones(struct area area, const struct job *job, struct cones *con
         edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
         edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
     }
-    real x[2] = {load(edge[0]), load(edge[1])}, y[2] = {load(edge[2]), load(edge[3])};
+    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
     ACTIVE(LANES);
     *cones = cones_around(x, y, job->view);
-    return greater(load(there), set(0.5f));
+    return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
 static struct block block_of(const struct patch *patch, int number) {
@@ -197,35 +129,35 @@ static struct block block_of(const struct patch *patch, int number) {
 
 // Nothing is hit by any of its rays.
 static void store_nothing(const struct patch *patch, const struct job *job) {
-    struct shaded nothing = {.color = vec_from(job->prepared->model.background)};
-    nothing.hit.found = no_lane();
-    nothing.hit.shape = set(-1.0f);
-    nothing.hit.t = nothing.hit.evals = set(0.0f);
-    nothing.hit.normal = (struct vec){set(0.0f), set(0.0f), set(0.0f)};
+    struct shaded nothing = {.color = vec_from_doubles(job->prepared->model.background)};
+    nothing.hit.found = v_mask_none();
+    nothing.hit.shape = v_splat(-1.0f);
+    nothing.hit.t = nothing.hit.evals = v_splat(0.0f);
+    nothing.hit.normal = (struct vec){v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (int i = 0; i < BLOCKS; i++)
-        store(job->frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
+        store(job->frame, block_of(patch, i), v_splat(-1.0f), 0, &nothing); // no start
 }
 
 // Patches with one start and one list, `size` of their packets at a time.
-static void render_patches(const struct patch *patch, int patches, int size, struct place origin,
-                           real start, struct list list, const struct job *job,
+static void render_patches(const struct patch *patch, int patches, int size, struct point origin,
+                           vfloat start, struct list list, const struct job *job,
                            struct world *world) {
     COUNT(render_patches, call);
-    struct place origins[GROUP];
+    struct point origins[GROUP];
     struct vec direction[GROUP];
-    mask active[GROUP];
+    vmask active[GROUP];
     const struct rays rays = {origins, direction, active, start};
     int blocks = patches * BLOCKS;
     for (int first = 0; first < blocks; first += size) {
         struct shaded seen[GROUP];
         group_size(&world->group, size);
         for (int k = 0; k < size; k++) {
-            active[k] = no_lane();
+            active[k] = v_mask_none();
             if (first + k >= blocks)
                 continue;
             struct block block = block_of(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
             active[k] = in_picture(block);
-            ACTIVE(count_of(active[k]));
+            ACTIVE(v_count(active[k]));
             COUNT(render_patches, packet);
             origins[k] = origin;
             direction[k] = get_direction(block, job->frame, job->view);
@@ -234,7 +166,7 @@ static void render_patches(const struct patch *patch, int patches, int size, str
         trace(&rays, 0, world, seen);
         for (int k = 0; k < size && first + k < blocks; k++) {
             struct block block = block_of(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
-            ACTIVE(count_of(active[k]));
+            ACTIVE(v_count(active[k]));
             store(job->frame, block, start, list.count, &seen[k]);
         }
     }
@@ -242,7 +174,7 @@ static void render_patches(const struct patch *patch, int patches, int size, str
 
 static void place_beams(struct group *group, struct own *own, int shapes) {
     for (int i = 0; i < shapes * own->packets; i++)
-        own->wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+        own->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
     for (int k = 0; k < own->packets; k++)
         group->beam[k] =
             (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
@@ -255,12 +187,12 @@ struct starts {
 
 // Those that can meet a Mandelbulb are offered all shapes, and start at the camera: as many together as make a large
 // group.
-static void draw_patches(struct area area, mask there, struct starts start, struct place origin,
+static void draw_patches(struct area area, vmask there, struct starts start, struct point origin,
                          const struct job *job, struct world *world) {
     struct patch waiting[TOGETHER];
     int count = 0;
     for (int lane = 0; lane < LANES; lane++) {
-        if (!(bits(there) >> lane & 1))
+        if (!(v_mask_bits(there) >> lane & 1))
             continue;
         struct patch patch = patch_of(area, lane, job->frame);
         if (start.lane[lane] == INFINITY) {
@@ -269,29 +201,29 @@ static void draw_patches(struct area area, mask there, struct starts start, stru
         }
         struct list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
         if (list.shape != world->scene->all.shape) {
-            render_patches(&patch, 1, FEW, origin, set(start.lane[lane]), list, job, world);
+            render_patches(&patch, 1, FEW, origin, v_splat(start.lane[lane]), list, job, world);
             continue;
         }
         waiting[count++] = patch;
         if (count == TOGETHER) {
-            render_patches(waiting, count, GROUP, origin, set(0.0f), list, job, world);
+            render_patches(waiting, count, GROUP, origin, v_splat(0.0f), list, job, world);
             count = 0;
         }
     }
     if (count > 0)
-        render_patches(waiting, count, GROUP, origin, set(0.0f), world->scene->all, job, world);
+        render_patches(waiting, count, GROUP, origin, v_splat(0.0f), world->scene->all, job, world);
 }
 
 // The cones of an area from where those above them end, among what these have met; then those below them.
 static void draw_area(struct area area, struct starts start, struct list offered,
-                      struct place origin, const struct job *job, struct world *world) {
+                      struct point origin, const struct job *job, struct world *world) {
     COUNT(draw_area, call);
     struct cones cones;
-    mask there = get_cones(area, job, &cones);
-    cones.start = load(start.lane);
-    march_cones(origin, less_in(there, cones.start, set(INFINITY)), area.level, offered, &cones,
-                world->scene, world->own);
-    unload(cones.start, start.lane);
+    vmask there = get_cones(area, job, &cones);
+    cones.start = v_load(start.lane);
+    march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), area.level, offered,
+                &cones, world->scene, world->own);
+    v_store(cones.start, start.lane);
     if (area.level == 0) {
         draw_patches(area, there, start, origin, job, world);
         return;
@@ -311,7 +243,7 @@ static void draw_area(struct area area, struct starts start, struct list offered
 static void draw_tile(const struct job *job, int tile, void *memory) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
-    struct place origin = place_of(job->view->position);
+    struct point origin = place_of(job->view->position);
     const struct prepared *scene = job->prepared;
     struct own own = own_of(memory, &scene->model);
     struct world world = {.scene = scene, .view = job->view, .own = &own};
@@ -342,14 +274,14 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct own parts = own_of(own, &prepared->model);
-    struct beam all = {parts.approach, prepared->all, parts.wake, 1, set(0.0f)}, *beam = &all;
-    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    struct beam all = {parts.approach, prepared->all, parts.wake, 1, v_splat(0.0f)}, *beam = &all;
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0f);
+        vfloat shape = v_splat(-1.0f);
         approach_origins(place_of(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam);
-        distance[i] = first_of(nearest_shape(beam, set(0.0f), prepared, all_lanes(), &shape));
-        nearest[i] = (int)first_of(shape);
+        distance[i] = v_lane0(nearest_shape(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        nearest[i] = (int)v_lane0(shape);
     }
     free(own);
     return true;

@@ -1,9 +1,10 @@
 // Rays together: cones of neighbouring pixels and bundles of secondary rays, and which shapes they can meet.
 // Cones over distances: J. Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996);
 // see NOTES.md for rods of pixels. Two places |p − q| apart differ in distance by no more than that.
-#ifndef OPT7_TILES_H
-#define OPT7_TILES_H
+#ifndef TILES_H
+#define TILES_H
 
+#include "simd/point.h"
 #include "trace.h"
 
 // Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
@@ -11,14 +12,14 @@ enum { LEVELS = 2 };
 
 // A worker's memory, of the size that own_size() says.
 struct own {
-    int packets; // of the largest group: GROUP where a Mandelbulb is, else FEW
-    real *wake;  // of the rays being marched: for each shape as many as a group may have packets
+    int packets;  // of the largest group: GROUP where a Mandelbulb is, else FEW
+    vfloat *wake; // of the rays being marched: for each shape as many as a group may have packets
     struct approach *approach;
-    real *eye_wake; // of cones and bundles
+    vfloat *eye_wake; // of cones and bundles
     struct approach *eye;
-    real *distance;              // at the ends of a bundle's intervals
+    vfloat *distance;            // at the ends of a bundle's intervals
     struct approach *axis;       // of cones
-    mask *met[LEVELS];           // lanes whose cone can meet the shape
+    vmask *met[LEVELS];          // lanes whose cone can meet the shape
     int *offered[LEVELS];        // what the cones of a level can meet: a list for the next one
     int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
     bool *wanted;                // of each shape, on the way to a list
@@ -30,17 +31,17 @@ struct own own_of(void *memory, const struct model *model);
 // A cone of pixels in each lane: |dir − axis| ≤ spread for each of its rays.
 struct cones {
     struct vec axis;
-    real spread;
-    real start; // no ray of it is hit before; +∞: none is at all
+    vfloat spread;
+    vfloat start; // no ray of it is hit before; +∞: none is at all
 };
 
 // Once, for the cones of all levels.
-void place_cones(struct place eye, const struct prepared *scene, struct own *own);
+void place_cones(struct point eye, const struct prepared *scene, struct own *own);
 // From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
 // a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
 // asks for it.
-void march_cones(struct place eye, mask active, int level, struct list offered, struct cones *cones,
-                 const struct prepared *scene, struct own *own);
+void march_cones(struct point eye, vmask active, int level, struct list offered,
+                 struct cones *cones, const struct prepared *scene, struct own *own);
 // What some of the cones have met; `some`: bits of their lanes.
 struct list list_below(unsigned some, int level, const struct prepared *scene, struct own *own);
 // Where a Mandelbulb is on it, `start` is the camera.
@@ -51,7 +52,7 @@ enum meant { HIT, UNION };
 
 // Lists for the rays of a group, in its beams. HIT: what a ray can hit, and what is near such a place; UNION: the
 // least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
-void meet(const struct rays *rays, const real *length, enum meant meant, struct world *world,
+void meet(const struct rays *rays, const vfloat *length, enum meant meant, struct world *world,
           int *shapes);
 
 #endif

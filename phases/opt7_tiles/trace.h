@@ -1,8 +1,10 @@
-// What tile.c, march.c and shade.c call of each other.
-#ifndef OPT6_TRACE_H
-#define OPT6_TRACE_H
+// What the files of a packet's way call of each other: tile.c, march.c, shadow.c, normal.c and shade.c.
+#ifndef TRACE_H
+#define TRACE_H
 
+#include "marching.h"
 #include "sdf.h"
+#include "simd/point.h"
 
 struct world {
     const struct prepared *scene;
@@ -14,19 +16,19 @@ struct world {
 // Of the packets of the group that is under way. Only lanes of `active` are marched, shaded and written; the others may
 // hold anything.
 struct rays {
-    struct place *origin;
+    struct point *origin;
     struct vec *direction;
-    mask *active;
-    real start; // where they begin
+    vmask *active;
+    vfloat start; // where they begin
 };
 
 struct hit {
-    mask found;
-    real t; // distance along the ray
-    struct place point;
+    vmask found;
+    vfloat t; // distance along the ray
+    struct point point;
     struct vec normal; // towards the ray; 0 where not found
-    real shape;        // a whole number; −1 where not found
-    real evals;        // evaluations of the scene's distance
+    vfloat shape;      // a whole number; −1 where not found
+    vfloat evals;      // evaluations of the scene's distance
 };
 
 struct shaded {
@@ -34,37 +36,30 @@ struct shaded {
     struct hit hit;
 };
 
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
-struct exit {
-    real linear, constant; // t·(t + linear) + constant > 0
-};
-
-struct exit leaving(struct place origin, struct vec direction, const struct model *model);
-
 void ray_march(const struct rays *rays, struct world *world, struct hit *hit);
 
 struct lighting {
     struct vec to_light; // of unit length
-    real distance, facing;
-    mask lit;
+    vfloat distance, facing;
+    vmask lit;
 };
 
 // 1: the light reaches the point, 0: it does not; between, the
 // penumbra of a soft shadow.
-void shadow(const struct hit *hit, const struct lighting *light, struct world *world, real *reach);
+void shadow(const struct hit *hit, const struct lighting *light, struct world *world,
+            vfloat *reach);
 
 // What a hit's place says, once it is the origin of its beam: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct nearness {
-    real distance, shape; // of the nearest
-    mask contact;         // another shape is within two normal steps of it
+    vfloat distance, shape; // of the nearest
+    vmask contact;          // another shape is within two normal steps of it
 };
 
-struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam);
+struct nearness near_hit(vmask found, const struct prepared *scene, struct beam *beam);
 // Of hits that are the origins of the beam, and the slope there.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct prepared *scene, const struct beam *beam, real *slope);
+struct vec normal_at(struct vec direction, vmask found, const struct nearness *near,
+                     const struct prepared *scene, const struct beam *beam, vfloat *slope);
 void trace(const struct rays *rays, int bounce, struct world *world, struct shaded *result);
 
 #endif

@@ -1,6 +1,6 @@
 // What cones and bundles take a shape's distance for: what float makes of it is taken off before it is believed.
-#ifndef OPT7_BOUNDS_H
-#define OPT7_BOUNDS_H
+#ifndef BOUNDS_H
+#define BOUNDS_H
 
 #include "tiles.h"
 
@@ -8,24 +8,25 @@
 #define TANGENT 2.48f
 
 // From a place on the way to the nearest from where the shape's own distance may say "hit".
-__attribute__((always_inline)) static inline real lower_bound(const struct approach *a, real t,
-                                                              const struct placed *placed) {
+__attribute__((always_inline)) static inline vfloat lower_bound(const struct approach *a, vfloat t,
+                                                                const struct placed *placed) {
     COUNT(lower_bound, call);
-    real d;
+    vfloat d;
     if (placed->trust == BALL) {
         COUNT(lower_bound, ball);
         struct vec p = vec_along(a->origin, a->direction, t);
-        d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - set(placed->a);
+        d = vec_norm(placed->repeated ? vec_wrapped(placed, p) : p) - v_splat(placed->a);
     } else
         d = distance_to_shape(a, t, placed, placed->repeated, placed->way, placed->type,
-                              all_lanes());
-    return neg_mul_add(absolute(d), set(0x1p-18f), d - set(placed->error));
+                              v_mask_all());
+    return v_nmadd(v_abs(d), v_splat(0x1p-18f), d - v_splat(placed->error));
 }
 
 // What the distance itself is not above: by as much as was taken off it.
-static inline real upper_bound(real lower, const struct placed *placed) {
+static inline vfloat upper_bound(vfloat lower, const struct placed *placed) {
     COUNT(upper_bound, call);
-    return mul_add(absolute(lower), set(0x1p-16f), mul_add(set(placed->error), set(2.0f), lower));
+    return v_madd(v_abs(lower), v_splat(0x1p-16f),
+                  v_madd(v_splat(placed->error), v_splat(2.0f), lower));
 }
 
 static inline float close_of(const struct limits *limits) {
@@ -33,7 +34,7 @@ static inline float close_of(const struct limits *limits) {
 }
 
 static inline struct beam eye_of(struct own *own, const struct prepared *scene) {
-    return (struct beam){own->eye, scene->all, own->eye_wake, set(0.0f)};
+    return (struct beam){own->eye, scene->all, own->eye_wake, v_splat(0.0f)};
 }
 
 // Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.

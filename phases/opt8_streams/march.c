@@ -1,119 +1,99 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "marching.h"
+#include "numerics.h"
+#include "simd/point.h"
 #include "streams.h"
-
-struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
-    COUNT(leaving, call);
-    COUNT(leaving, scalar);
-    float radius = (float)model->march.bounds_radius;
-    struct vec o = origin.hi;
-    return (struct exit){set(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
-}
-
-static mask within(struct place place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
-    double radius = model->march.bounds_radius;
-    return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
-}
-
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline real newton(real h, real slope, real way) {
-    COUNT(newton, call);
-    mask own = less(absolute(h), way * set(0x1p-21f));
-    return keep(own, h / most_of(slope, set(0x1p-9f)));
-}
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
 // sum, rounded, would lose what places the hit on the surface.
 struct progress {
-    struct place origin; // at the distance `before`
-    real before, t, last, evals;
-    real start; // t of the next evaluation
-    mask found;
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vfloat start; // t of the next evaluation
+    vmask found;
     struct exit exit;
-    int left;  // steps that every ray has before its cap
-    mask deep; // a ray that started inside a shape has stepped back out of it
-    mask told; // by lone.c, more exactly than floats could ask it here
-    real inside;
+    int left;   // steps that every ray has before its cap
+    vmask deep; // a ray that started inside a shape has stepped back out of it
+    vmask told; // by lone.c, more exactly than floats could ask it here
+    vfloat inside;
     struct nearness near;
 };
 
 // Rays that march on from a hit have had some of their evaluations.
-static int steps_left(const struct progress *at, mask live, int cap) {
+static int steps_left(const struct progress *at, vmask live, int cap) {
     COUNT(steps_left, call);
-    return cap + (int)least_lane(keep(live, set(0.0f) - at->evals));
+    return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
 }
 
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
-__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, mask going,
-                                                 mask inside, struct group *group, int cap) {
+__attribute__((noinline)) static void march_ends(struct progress *at, int step, int k, vmask going,
+                                                 vmask inside, struct group *group, int cap) {
     COUNT(march_ends, call);
-    mask live = group->live[k], reached = but_not(going, live);
-    at->last = choose(reached, group->distance[k], at->last);
-    at->found = either(at->found, reached);
-    real evals = at->evals + set((float)step);
+    vmask live = group->live[k], reached = v_andnot(going, live);
+    at->last = v_select(reached, group->distance[k], at->last);
+    at->found = v_or(at->found, reached);
+    vfloat evals = at->evals + v_splat((float)step);
     if (step >= at->left) {
         COUNT(march_ends, cap);
-        inside = less_in(inside, evals, set((float)cap));
+        inside = v_cmp_lt_in(inside, evals, v_splat((float)cap));
     }
-    at->evals = choose(but_not(inside, live), evals, at->evals);
+    at->evals = v_select(v_andnot(inside, live), evals, at->evals);
     group->live[k] = inside;
-    group->high[k] = choose(inside, group->high[k], set(-INFINITY));
+    group->high[k] = v_select(inside, group->high[k], v_splat(-INFINITY));
 }
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.
 void set_out(struct group *group) {
     group->count = 0;
     for (int k = 0; k < GROUP; k++) {
-        group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
-        if (any(group->live[k]))
+        group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+        if (v_any(group->live[k]))
             group->list[group->count++] = k;
         else
-            group->t[k] = set(0.0f);
+            group->t[k] = v_splat(0.0f);
     }
 }
 
 // The step-th step of a packet, its distance known. False after the last.
 static inline bool march_step(struct progress *at, int step, int k, struct group *group,
                               const struct model *model) {
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
     COUNT(march_step, call);
-    real t = group->t[k], distance = group->distance[k];
-    mask going = not_less_in(live, distance, least_step(t, set((float)model->march.hit_distance)));
-    group->t[k] = t = add_where(going, t, distance);
-    mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
-    if (same(inside, live) && step < at->left)
+    vfloat t = group->t[k], distance = group->distance[k];
+    vmask going =
+        v_cmp_nlt_in(live, distance, least_step(t, v_splat((float)model->march.hit_distance)));
+    group->t[k] = t = v_add_where(going, t, distance);
+    vmask inside = v_cmp_ngt_in(going, beyond(at->exit, t), v_splat(0.0f));
+    if (v_same(inside, live) && step < at->left)
         return true;
     march_ends(at, step, k, going, inside, group, step_cap(model));
-    return any(group->live[k]);
+    return v_any(group->live[k]);
 }
 
 // Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
 // operations that wait for each other.
 struct line {
-    real origin, direction, t;
+    vfloat origin, direction, t;
     struct exit exit;
-    mask live;
+    vmask live;
 };
 
 // What a step has come to.
 struct stride {
-    real distance;
-    mask going, inside;
+    vfloat distance;
+    vmask going, inside;
 };
 
-static inline struct stride march_line(struct line *line, real hit_distance) {
-    ACTIVE(count_of(line->live));
+static inline struct stride march_line(struct line *line, vfloat hit_distance) {
+    ACTIVE(v_count(line->live));
     COUNT(march_line, call);
-    real distance = mul_add(line->t, line->direction, line->origin);
-    mask going = not_less_in(line->live, distance, least_step(line->t, hit_distance));
-    line->t = add_where(going, line->t, distance);
-    mask inside = not_greater_in(going, beyond(line->exit, line->t), set(0.0f));
+    vfloat distance = v_madd(line->t, line->direction, line->origin);
+    vmask going = v_cmp_nlt_in(line->live, distance, least_step(line->t, hit_distance));
+    line->t = v_add_where(going, line->t, distance);
+    vmask inside = v_cmp_ngt_in(going, beyond(line->exit, line->t), v_splat(0.0f));
     return (struct stride){distance, going, inside};
 }
 
@@ -121,33 +101,33 @@ static inline struct stride march_line(struct line *line, real hit_distance) {
 // the way from one place in the bounds to another is in them. False where that is not all well: nothing has changed.
 enum { STRIDES = 4 };
 
-static bool march_far(struct line line[GROUP], real hit_distance) {
+static bool march_far(struct line line[GROUP], vfloat hit_distance) {
     COUNT(march_far, call);
-    real t[GROUP], least[GROUP];
+    vfloat t[GROUP], least[GROUP];
     for (int k = 0; k < GROUP; k++) {
         t[k] = line[k].t;
-        least[k] = set(INFINITY);
+        least[k] = v_splat(INFINITY);
     }
     for (int i = 0; i < STRIDES; i++)
         for (int k = 0; k < GROUP; k++) {
-            ACTIVE(count_of(line[k].live));
+            ACTIVE(v_count(line[k].live));
             COUNT(march_far, stride);
-            real distance = mul_add(t[k], line[k].direction, line[k].origin);
-            least[k] = least_of(distance, least[k]);
+            vfloat distance = v_madd(t[k], line[k].direction, line[k].origin);
+            least[k] = v_min(distance, least[k]);
             t[k] = t[k] + distance;
         }
-    mask ill = no_lane();
+    vmask ill = v_mask_none();
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(count_of(line[k].live));
+        ACTIVE(v_count(line[k].live));
         COUNT(march_far, packet);
-        mask on = less_in(line[k].live, least_step(t[k], hit_distance), least[k]);
-        on = less_in(on, beyond(line[k].exit, t[k]), set(0.0f));
-        ill = either(ill, but_not(on, line[k].live));
+        vmask on = v_cmp_lt_in(line[k].live, least_step(t[k], hit_distance), least[k]);
+        on = v_cmp_lt_in(on, beyond(line[k].exit, t[k]), v_splat(0.0f));
+        ill = v_or(ill, v_andnot(on, line[k].live));
     }
-    if (any(ill))
+    if (v_any(ill))
         return false;
     for (int k = 0; k < GROUP; k++)
-        line[k].t = choose(line[k].live, t[k], line[k].t);
+        line[k].t = v_select(line[k].live, t[k], line[k].t);
     return true;
 }
 
@@ -155,21 +135,22 @@ static bool march_far(struct line line[GROUP], real hit_distance) {
 static void march_lines(struct progress packets[GROUP], int shape, int next, struct group *group,
                         const struct model *model) {
     COUNT(march_lines, call);
-    real hit_distance = set((float)model->march.hit_distance);
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct line line[GROUP];
     int cap = step_cap(model), left = cap, under_way = group->count, far = next;
-    mask outside = no_lane();
+    vmask outside = v_mask_none();
     for (int k = 0; k < GROUP; k++) {
         const struct approach *a = &group->beam[k].approach[shape];
         line[k] = (struct line){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
                                 group->live[k]};
-        if (any(group->live[k]) && packets[k].left < left)
+        if (v_any(group->live[k]) && packets[k].left < left)
             left = packets[k].left;
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(march_lines, packet);
-        outside = either(outside, both(group->live[k], not_less(line[k].exit.constant, set(0.0f))));
+        outside =
+            v_or(outside, v_and(group->live[k], v_cmp_ge(line[k].exit.constant, v_splat(0.0f))));
     }
-    if (any(outside)) // its way may begin or end anywhere
+    if (v_any(outside)) // its way may begin or end anywhere
         far = cap;
     for (int step = next; under_way > 0; step++) {
         while (step >= far && step + STRIDES < left) {
@@ -183,17 +164,17 @@ static void march_lines(struct progress packets[GROUP], int shape, int next, str
         for (int k = 0; k < GROUP; k++)
             stride[k] = march_line(&line[k], hit_distance);
         for (int k = 0; k < GROUP; k++)
-            on = on && same(stride[k].inside, line[k].live);
+            on = on && v_same(stride[k].inside, line[k].live);
         if (on)
             continue;
         for (int k = 0; k < GROUP; k++) {
-            if (!any(line[k].live) ||
-                (same(stride[k].inside, line[k].live) && step < packets[k].left))
+            if (!v_any(line[k].live) ||
+                (v_same(stride[k].inside, line[k].live) && step < packets[k].left))
                 continue;
             group->distance[k] = stride[k].distance;
             march_ends(&packets[k], step, k, stride[k].going, stride[k].inside, group, cap);
             line[k].live = group->live[k];
-            under_way -= !any(line[k].live);
+            under_way -= !v_any(line[k].live);
         }
     }
     for (int i = 0; i < group->count; i++)
@@ -207,13 +188,13 @@ static bool falls_alone(const struct group *group, const struct alone *alone) {
     bool falls = true;
     for (int i = 0; i < group->count && falls; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(falls_alone, packet);
         const struct approach *a = &group->beam[k].approach[alone->shape];
-        real down = set(0.0f) - a->direction.x;
-        mask on = less_in(group->live[k], set(0.0f), down);
-        on = less_in(on, a->origin.x / down * set(1.0f + 0x1p-16f), alone->until[k]);
-        falls = same(on, group->live[k]);
+        vfloat down = v_splat(0.0f) - a->direction.x;
+        vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
+        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
+        falls = v_same(on, group->live[k]);
     }
     return falls;
 }
@@ -225,27 +206,27 @@ __attribute__((always_inline)) static inline void march_alone(struct progress pa
                                                               const struct prepared *scene) {
     COUNT(march_alone, call);
     const struct placed *placed = &scene->placed[shape];
-    real hit_distance = set((float)scene->model.march.hit_distance);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
     int cap = step_cap(&scene->model), under_way = group->count;
     for (int step = 1; under_way > 0; step++)
         for (int i = 0; i < under_way;) {
             int k = group->list[i];
             struct progress *at = &packets[k];
-            mask live = group->live[k];
-            ACTIVE(count_of(live));
+            vmask live = group->live[k];
+            ACTIVE(v_count(live));
             COUNT(march_alone, step);
-            real t = group->t[k];
-            real distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
-                                              AT_POINT, type, live);
-            mask going = not_less_in(live, distance, least_step(t, hit_distance));
-            group->t[k] = t = add_where(going, t, distance);
-            mask inside = not_greater_in(going, beyond(at->exit, t), set(0.0f));
+            vfloat t = group->t[k];
+            vfloat distance = distance_to_shape(&group->beam[k].approach[shape], t, placed, false,
+                                                AT_POINT, type, live);
+            vmask going = v_cmp_nlt_in(live, distance, least_step(t, hit_distance));
+            group->t[k] = t = v_add_where(going, t, distance);
+            vmask inside = v_cmp_ngt_in(going, beyond(at->exit, t), v_splat(0.0f));
             i++;
-            if (same(inside, live) && step < at->left)
+            if (v_same(inside, live) && step < at->left)
                 continue;
             group->distance[k] = distance;
             march_ends(at, step, k, going, inside, group, cap);
-            if (any(group->live[k]))
+            if (v_any(group->live[k]))
                 continue;
             at->t = t;
             group->list[--i] = group->list[--under_way];
@@ -278,13 +259,13 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
     set_out(group);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         struct progress *at = &packets[k];
         at->exit = leaving(at->origin, rays->direction[k], &scene->model);
         at->left = steps_left(at, group->live[k], step_cap(&scene->model));
-        group->t[k] = choose(group->live[k], at->start, at->t); // what is done stays where it is
-        at->start = set(0.0f);
-        at->last = drop(group->live[k], at->last);
+        group->t[k] = v_select(group->live[k], at->start, at->t); // what is done stays where it is
+        at->start = v_splat(0.0f);
+        at->last = v_zero_where(group->live[k], at->last);
     }
     struct list list = group->beam[0].list;
     if (list.count == 1 && scene->placed[*list.shape].way == LINEAR) {
@@ -314,77 +295,77 @@ static void march(struct progress packets[GROUP], const struct rays *rays, struc
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct prepared *scene,
-                                              const struct beam *beam, real *shape) {
-    ACTIVE(count_of(deep));
+__attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct prepared *scene,
+                                              const struct beam *beam, vfloat *shape) {
+    ACTIVE(v_count(deep));
     COUNT(stay_in, call);
-    real inside = set(-1.0f);
+    vfloat inside = v_splat(-1.0f);
     nearest_shape(beam, t, scene, deep, &inside);
-    *shape = choose(deep, inside, *shape);
+    *shape = v_select(deep, inside, *shape);
 }
 
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
-static bool landed(struct progress *at, mask settled, struct vec direction,
-                   const struct prepared *scene, struct beam *beam, mask *live) {
-    ACTIVE(count_of(at->found));
+static bool landed(struct progress *at, vmask settled, struct vec direction,
+                   const struct prepared *scene, struct beam *beam, vmask *live) {
+    ACTIVE(v_count(at->found));
     COUNT(landed, call);
-    if (!any(at->found))
+    if (!v_any(at->found))
         return false;
     COUNT(landed, point);
     COUNT(landed, scalar);
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    mask sunk = both(but_not(settled, at->found), less(at->last, set(-twice)));
-    if (any(sunk))
+    vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
+    if (v_any(sunk))
         stay_in(sunk, at->t, scene, beam, &at->inside);
-    at->deep = either(at->deep, sunk);
+    at->deep = v_or(at->deep, sunk);
     // What has settled stays as it is to the bit, whatever its neighbours do.
     at->origin =
-        place_choose(settled, at->origin, place_at(at->origin, direction, at->t, at->last));
+        point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     approach_origins(at->origin, scene, beam);
     at->near = near_hit(at->found, scene, beam);
-    mask asked = but_not(either(at->told, either(at->deep, settled)), at->found);
-    mask off = both(asked, greater(at->near.distance, set(twice)));
-    if (!any(off))
+    vmask asked = v_andnot(v_or(at->told, v_or(at->deep, settled)), at->found);
+    vmask off = v_and(asked, v_cmp_gt(at->near.distance, v_splat(twice)));
+    if (!v_any(off))
         return false;
-    ACTIVE(count_of(off));
+    ACTIVE(v_count(off));
     COUNT(landed, on);
     // From where it surely was before that surface, be it as thin as an ulp of t.
-    real back = keep(off, at->t * set(-0x1p-22f));
+    vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
-    at->before = choose(off, at->before + (at->t + (at->last + back)), at->before);
+    at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
     approach_origins(at->origin, scene, beam);
     approach_directions(direction, scene, beam);
-    at->found = but_not(off, at->found);
-    *live = less_in(off, at->evals, set((float)step_cap(&scene->model)));
-    return any(*live);
+    at->found = v_andnot(off, at->found);
+    *live = v_cmp_lt_in(off, at->evals, v_splat((float)step_cap(&scene->model)));
+    return v_any(*live);
 }
 
 static struct hit hit_of(struct progress *at, struct vec direction, const struct prepared *scene,
                          struct beam *beam) {
     COUNT(hit_of, call);
-    struct hit hit = {.found = at->found, .shape = set(-1.0f), .evals = at->evals};
-    hit.smooth = no_lane();
-    if (!any(at->found))
+    struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
+    hit.smooth = v_mask_none();
+    if (!v_any(at->found))
         return hit;
-    real way = at->before + at->t;
-    mask unmoved = not_less(set(0.0f), way); // hits wherever it starts
-    hit.found = both(hit.found, either(within(at->origin, &scene->model), unmoved));
+    vfloat way = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
+    hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct nearness near = at->near;
-    if (any(at->deep)) {
+    if (v_any(at->deep)) {
         COUNT(hit_of, deep);
-        mask other = not_less(absolute(near.shape - at->inside), set(0.5f));
-        near.contact = either(near.contact, both(at->deep, other));
-        near.shape = choose(at->deep, at->inside, near.shape);
+        vmask other = v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f));
+        near.contact = v_or(near.contact, v_and(at->deep, other));
+        near.shape = v_select(at->deep, at->inside, near.shape);
     }
-    real slope;
+    vfloat slope;
     hit.normal = normal_at(direction, hit.found, &near, scene, beam, &slope, &hit.smooth);
-    hit.smooth = but_not(at->deep, hit.smooth);
-    ACTIVE(count_of(hit.found));
+    hit.smooth = v_andnot(at->deep, hit.smooth);
+    ACTIVE(v_count(hit.found));
     COUNT(hit_of, end);
-    hit.shape = choose(hit.found, near.shape, hit.shape);
-    real more = drop(at->deep, newton(near.distance, slope, way));
+    hit.shape = v_select(hit.found, near.shape, hit.shape);
+    vfloat more = v_zero_where(at->deep, newton(near.distance, slope, way));
     hit.t = at->before + (at->t + (at->last + more));
     hit.point = at->origin;
     hit.point.lo = vec_along(hit.point.lo, direction, more);
@@ -401,15 +382,15 @@ static void recall(struct progress packets[GROUP], const struct rays *rays, stru
     for (int k = 0, slot = rays->marched; k < GROUP; k++, slot += LANES) {
         struct progress *at = &packets[k];
         COUNT(recall, packet);
-        real found = load(&desk->marched[MARCHED_FOUND][slot]);
-        mask over = both(rays->active[k], not_less(found, set(0.0f)));
-        at->t = keep(rays->active[k], load(&desk->marched[MARCHED_T][slot]));
-        at->start = drop(over, at->t);
-        at->last = keep(over, load(&desk->marched[MARCHED_LAST][slot]));
-        at->evals = keep(rays->active[k], load(&desk->marched[MARCHED_EVALS][slot]));
-        at->found = both(over, greater(found, set(0.5f)));
-        at->told = world->lone ? at->found : no_lane();
-        group->live[k] = but_not(over, rays->active[k]);
+        vfloat found = v_load(&desk->marched[MARCHED_FOUND][slot]);
+        vmask over = v_and(rays->active[k], v_cmp_ge(found, v_splat(0.0f)));
+        at->t = v_select_or_zero(rays->active[k], v_load(&desk->marched[MARCHED_T][slot]));
+        at->start = v_zero_where(over, at->t);
+        at->last = v_select_or_zero(over, v_load(&desk->marched[MARCHED_LAST][slot]));
+        at->evals = v_select_or_zero(rays->active[k], v_load(&desk->marched[MARCHED_EVALS][slot]));
+        at->found = v_and(over, v_cmp_gt(found, v_splat(0.5f)));
+        at->told = world->lone ? at->found : v_mask_none();
+        group->live[k] = v_andnot(over, rays->active[k]);
         group->beam[k].list = rays->others;
     }
     march(packets, rays, world);
@@ -424,22 +405,22 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
     unsigned going = 0;
     bool recalled = rays->marched < 0;
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(count_of(rays->active[k]));
-        real zero = set(0.0f);
+        ACTIVE(v_count(rays->active[k]));
+        vfloat zero = v_splat(0.0f);
         packets[k] = (struct progress){.origin = rays->origin[k]};
         packets[k].before = packets[k].t = packets[k].last = packets[k].evals = zero;
-        packets[k].found = packets[k].deep = packets[k].told = no_lane();
-        packets[k].inside = set(-1.0f);
+        packets[k].found = packets[k].deep = packets[k].told = v_mask_none();
+        packets[k].inside = v_splat(-1.0f);
         packets[k].start = rays->start;
         world->group.live[k] = rays->active[k];
-        if (!any(rays->active[k]))
+        if (!v_any(rays->active[k]))
             continue;
         going |= 1u << k;
         approach_origins(rays->origin[k], scene, &world->group.beam[k]);
         approach_directions(rays->direction[k], scene, &world->group.beam[k]);
     }
     while (going) {
-        mask settled[GROUP];
+        vmask settled[GROUP];
         for (int k = 0; k < GROUP; k++)
             settled[k] = packets[k].found;
         if (recalled)
@@ -453,7 +434,7 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
                 going &= ~(1u << k);
     }
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(count_of(packets[k].found));
+        ACTIVE(v_count(packets[k].found));
         hit[k] = hit_of(&packets[k], rays->direction[k], scene, &world->group.beam[k]);
     }
 }

@@ -1,19 +1,20 @@
 // Where Mandelbulbs are, some rays take a thousand steps and most a few dozen: lanes whose ray has ended are filled
 // again from the rays that wait, so that the lanes of a packet are rays of different age. No lane's result depends on
 // its neighbours, so that it is to the bit that of a packet which waits for its last ray.
-#ifndef OPT8_POOL_H
-#define OPT8_POOL_H
+#ifndef POOL_H
+#define POOL_H
 
+#include "simd/permute.h"
 #include "umbra.h"
 
 enum { REFILL = TOGETHER / 16 }; // lanes that have ended
 
 // What the lanes of a packet have, but for what is in the group.
 struct pool {
-    struct shade shade;           // camera rays have its exit alone
-    real evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
-    real last;                    // of a camera ray that has been hit
-    mask held, found, passed;     // with a ray, if it has ended or not; of those that have: how
+    struct shade shade;             // camera rays have its exit alone
+    vfloat evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
+    vfloat last;                    // of a camera ray that has been hit
+    vmask held, found, passed;      // with a ray, if it has ended or not; of those that have: how
 };
 enum { POOL_REALS = 8 };
 
@@ -22,7 +23,7 @@ struct stream {
     int next, count; // of the packets that wait
     struct pool pool[GROUP], ready;
     struct beam beam; // of the one that is ready
-    real t, high;
+    vfloat t, high;
     int waiting, gone; // of its rays
     bool shadows;      // else camera rays
 };
@@ -31,12 +32,12 @@ struct stream {
 bool ready_shadow(struct stream *stream, int number, struct world *world);
 bool ready_gaze(struct stream *stream, int number, struct world *world);
 // Lanes whose ray has ended leave what has become of it.
-void leave(const struct pool *pool, mask ended, real t, struct desk *desk);
-void arrive(const struct pool *pool, mask ended, real t, struct desk *desk);
+void leave(const struct pool *pool, vmask ended, vfloat t, struct desk *desk);
+void arrive(const struct pool *pool, vmask ended, vfloat t, struct desk *desk);
 
-static inline void pack_in_place(mask m, real *first, int count) {
+static inline void pack_in_place(vmask m, vfloat *first, int count) {
     for (int i = 0; i < count; i++)
-        pack(m, first[i], (float *)&first[i]);
+        v_compress_store(m, first[i], (float *)&first[i]);
 }
 
 // What of a shape's approach is used.
@@ -46,41 +47,41 @@ static inline int approach_reals(const struct placed *placed) {
 
 // The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of
 // them at once: so no lane that is filled wakes one for the others.
-static inline void make_ready(struct stream *stream, mask m, const struct prepared *scene) {
-    ACTIVE(count_of(m));
+static inline void make_ready(struct stream *stream, vmask m, const struct prepared *scene) {
+    ACTIVE(v_count(m));
     COUNT(make_ready, call);
     struct beam *beam = &stream->beam;
-    real least = set(INFINITY);
+    vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
         struct approach *a = &beam->approach[i];
         if (placed->steady) {
             COUNT(make_ready, steady);
-            real distance =
+            vfloat distance =
                 distance_to_shape(a, stream->t, placed, false, placed->way, placed->type, m);
             beam->wake[i * GROUP] = wakes_within(distance + stream->t, placed);
-            least = least_of(distance, least);
+            least = v_min(distance, least);
             pack_in_place(m, &beam->wake[i * GROUP], 1);
         }
         pack_in_place(m, &a->origin.x, approach_reals(placed));
     }
-    stream->high = least - stream->t + set(1e-30f); // at distance 0 the shape is awake
+    stream->high = least - stream->t + v_splat(1e-30f); // at distance 0 the shape is awake
     pack_in_place(m, &stream->ready.shade.least_sq, POOL_REALS);
     pack_in_place(m, &stream->t, 1);
     pack_in_place(m, &stream->high, 1);
-    stream->waiting = __builtin_popcount(bits(m));
+    stream->waiting = __builtin_popcount(v_mask_bits(m));
     stream->gone = 0;
 }
 
-static inline void fill_reals(mask m, real *to, const real *from, int gone, int count) {
+static inline void fill_reals(vmask m, vfloat *to, const vfloat *from, int gone, int count) {
     for (int i = 0; i < count; i++)
-        to[i] = fill(m, to[i], (const float *)&from[i] + gone);
+        to[i] = v_expand_load(m, to[i], (const float *)&from[i] + gone);
 }
 
 static inline void fill_lanes(struct stream *stream, int k, unsigned lanes, struct world *world) {
     struct group *group = &world->group;
     struct pool *pool = &stream->pool[k];
-    mask m = lanes_of(lanes);
+    vmask m = v_mask_of_bits(lanes);
     int gone = stream->gone;
     fill_reals(m, &pool->shade.least_sq, &stream->ready.shade.least_sq, gone, POOL_REALS);
     fill_reals(m, &group->t[k], &stream->t, gone, 1);
@@ -89,14 +90,14 @@ static inline void fill_lanes(struct stream *stream, int k, unsigned lanes, stru
         const struct placed *placed = &world->scene->placed[i];
         fill_reals(m, &group->beam[k].approach[i].origin.x, &stream->beam.approach[i].origin.x,
                    gone, approach_reals(placed));
-        real *wake = &group->beam[k].wake[i * GROUP];
+        vfloat *wake = &group->beam[k].wake[i * GROUP];
         if (placed->steady)
             fill_reals(m, wake, &stream->beam.wake[i * GROUP], gone, 1);
         else
-            *wake = choose(m, set(-INFINITY), *wake);
+            *wake = v_select(m, v_splat(-INFINITY), *wake);
     }
-    pool->found = but_not(m, pool->found);
-    pool->passed = but_not(m, pool->passed);
+    pool->found = v_andnot(m, pool->found);
+    pool->passed = v_andnot(m, pool->passed);
     stream->gone += __builtin_popcount(lanes);
     stream->waiting -= __builtin_popcount(lanes);
 }
@@ -116,9 +117,10 @@ static inline int refill(struct stream *stream, struct world *world) {
     group->count = 0;
     for (int k = 0; k < GROUP; k++) {
         struct pool *pool = &stream->pool[k];
-        unsigned lanes = bits(group->live[k]), free = bits(but_not(group->live[k], all_lanes()));
-        mask ended = but_not(group->live[k], pool->held);
-        if (any(ended)) {
+        unsigned lanes = v_mask_bits(group->live[k]),
+                 free = v_mask_bits(v_andnot(group->live[k], v_mask_all()));
+        vmask ended = v_andnot(group->live[k], pool->held);
+        if (v_any(ended)) {
             if (stream->shadows)
                 leave(pool, ended, group->t[k], world->desk);
             else
@@ -138,7 +140,7 @@ static inline int refill(struct stream *stream, struct world *world) {
             lanes |= here;
             free &= ~here;
         }
-        group->live[k] = pool->held = lanes_of(lanes);
+        group->live[k] = pool->held = v_mask_of_bits(lanes);
         if (lanes)
             group->list[group->count++] = k;
         live += __builtin_popcount(lanes);
@@ -152,9 +154,9 @@ static inline void stream_begin(struct stream *stream, int packets, bool shadows
     struct group *group = &world->group;
     *stream = (struct stream){.count = packets, .shadows = shadows};
     for (int k = 0; k < GROUP; k++) {
-        stream->pool[k].held = group->live[k] = no_lane();
-        group->t[k] = set(0.0f);
-        group->high[k] = set(-INFINITY);
+        stream->pool[k].held = group->live[k] = v_mask_none();
+        group->t[k] = v_splat(0.0f);
+        group->high[k] = v_splat(-INFINITY);
         group->beam[k].list = world->scene->all;
     }
 }

@@ -1,375 +1,151 @@
 // What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
 // pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+#include "simd/permute.h"
+#include "simd/point.h"
+#include "simd/pow.h"
 #include "streams.h"
 
 // Materials of hits.
 struct surface {
     struct vec color;
-    real share, shininess, shine_from;
+    vfloat share, shininess, shine_from;
 };
 
 // Once for each shape that the packet hit.
 static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
     COUNT(surface_of, call);
     float id[LANES];
-    unload(hit->shape, id);
+    v_store(hit->shape, id);
     struct surface all = {0};
-    for (unsigned rest = bits(hit->found); rest;) {
+    for (unsigned rest = v_mask_bits(hit->found); rest;) {
         COUNT(surface_of, shape);
         const struct placed *s = &scene->placed[(int)id[__builtin_ctz(rest)]];
-        mask same = both(hit->found, same_shape(hit->shape, (int)s->index));
-        rest &= ~bits(same);
-        all.color = vec_choose(same, vec_set(s->color), all.color);
-        all.share = choose(same, set(s->share), all.share);
-        all.shininess = choose(same, set(s->shininess), all.shininess);
-        all.shine_from = choose(same, set(s->shine_from), all.shine_from);
+        vmask same = v_and(hit->found, same_shape(hit->shape, (int)s->index));
+        rest &= ~v_mask_bits(same);
+        all.color = vec_select(same, vec_set(s->color), all.color);
+        all.share = v_select(same, v_splat(s->share), all.share);
+        all.shininess = v_select(same, v_splat(s->shininess), all.shininess);
+        all.shine_from = v_select(same, v_splat(s->shine_from), all.shine_from);
     }
     return all;
 }
 
-// Normals. The scene asks for forward differences of its distance over normal_step; in float they
-// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
-// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
-// step of an edge, the shape's difference stands; and where another shape is within reach of the
-// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
-// Gradients are in the world's axes in the end, and need not be of unit length.
-static struct vec box_gradient(struct vec p, const struct placed *s) {
-    COUNT(box_gradient, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    real most = most_of(x, most_of(y, z));
-    // Outside: away from the nearest point. Inside: along the axis of the nearest face.
-    mask outside = greater(most, zero), on_x = not_less(x, most), on_y = not_less(y, most);
-    real one = set(1.0f);
-    struct vec face = {keep(on_x, one), keep(but_not(on_x, on_y), one),
-                       drop(either(on_x, on_y), one)};
-    struct vec away = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    struct vec g = vec_choose(outside, away, face);
-    return (struct vec){with_sign_of(p.x, g.x), with_sign_of(p.y, g.y), with_sign_of(p.z, g.z)};
-}
-
-static struct vec torus_gradient(struct vec p, const struct placed *s) {
-    COUNT(torus_gradient, call);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real outward = set(1.0f) - set(s->a) / most_of(radius, set(1e-30f));
-    return (struct vec){p.x * outward, p.y, p.z * outward};
-}
-
-static struct vec cone_gradient(struct vec p, const struct placed *s) {
-    COUNT(cone_gradient, call);
-    real zero = set(0.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c);
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1])) * set(-s->per_slope_sq);
-    real along = least_of(most_of(across, zero), set(1.0f));
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
-    mask beside = both(greater(across, zero), less(across, set(1.0f)));
-    real out = choose(beside, set(s->slope[1]), side_x),
-         up = choose(beside, set(-s->slope[0]), side_y);
-    mask cap = less(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    real cap_up = choose(greater(cap_x, zero), cap_y, set(1.0f)); // over the cap: straight up
-    out = choose(cap, cap_x, out);
-    up = choose(cap, with_sign_of(p.y, cap_up), up);
-    real per_radius = out / most_of(radius, set(1e-30f));
-    return (struct vec){p.x * per_radius, up, p.z * per_radius};
-}
-
-static struct vec octahedron_gradient(struct vec p) {
-    COUNT(octahedron_gradient, call);
-    real one = set(1.0f);
-    return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
-}
-
-// The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
-// of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct placed *placed, const struct approach *approach, float step,
-                           int axis) {
-    COUNT(moved_in, call);
-    struct vec p = approach->origin;
-    if (axis < 0)
-        return p;
-    COUNT(moved_in, moved);
-    COUNT(moved_in, scalar);
-    p = (struct vec){p.x + set(step * placed->turn[0][axis]),
-                     p.y + set(step * placed->turn[1][axis]),
-                     p.z + set(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
-}
-
-static real moved_power(const struct placed *placed, const struct approach *approach, float step,
-                        int axis) {
-    if (axis < 0)
-        return approach->power;
-    COUNT(moved_power, moved);
-    struct vec column = {set(placed->turn[0][axis]), set(placed->turn[1][axis]),
-                         set(placed->turn[2][axis])};
-    return mul_add(set(step), mul_add(set(2.0f), vec_dot(approach->origin, column), set(step)),
-                   approach->power);
-}
-
-static real moved_distance(const struct placed *placed, const struct approach *approach, mask live,
-                           float step, int axis) {
-    COUNT(moved_distance, call);
-    if (placed->way == POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == LINEAR) {
-        if (axis < 0)
-            return approach->origin.x;
-        COUNT(moved_distance, moved);
-        return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
-    }
-    return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
-}
-
-static struct vec difference(const struct placed *placed, const struct approach *approach,
-                             mask live, float step) {
-    COUNT(difference, call);
-    real f[4];
-    for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, live, step, axis);
-    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-}
-
-// Of the whole scene, as in the other phases.
-static struct vec scene_difference(mask live, float step, const struct prepared *scene,
-                                   const struct beam *beam) {
-    ACTIVE(count_of(live));
-    COUNT(scene_difference, call);
-    real f[4];
-    for (int axis = -1; axis < 3; axis++) {
-        f[axis + 1] = set(INFINITY);
-        for (int place = 0; place < beam->list.count; place++) {
-            COUNT(scene_difference, shape);
-            int i = beam->list.shape[place];
-            f[axis + 1] =
-                least_of(moved_distance(&scene->placed[i], &beam->approach[i], live, step, axis),
-                         f[axis + 1]);
-        }
-    }
-    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-}
-
-// Which shapes a ray from there need not ask for yet is known then, too.
-struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam) {
-    COUNT(near_hit, call);
-    COUNT(near_hit, scalar);
-    real least = set(INFINITY), second = least, shape = set(-1.0f);
-    for (int place = 0; place < beam->list.count; place++) {
-        int i = beam->list.shape[place];
-        COUNT(near_hit, shape);
-        const struct placed *placed = &scene->placed[i];
-        real distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
-        shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
-        second = least_of(second, most_of(distance, least));
-        least = least_of(distance, least);
-        if (placed->steady) {
-            COUNT(near_hit, steady);
-            beam->wake[i * GROUP] = wakes_within(distance, placed);
-            beam->high = least_of(distance, beam->high);
-        }
-    }
-    beam->high = beam->high + set(1e-30f); // at distance 0 the shape is awake
-    float step = (float)scene->model.march.normal_step;
-    return (struct nearness){least, choose(found, shape, set(-1.0f)),
-                             both(found, less(second, least + set(2.0f * step)))};
-}
-
-// `contact`: hits near another shape, whose difference is the scene's.
-static struct vec gradient_of(int shape, mask found, mask contact, float step,
-                              const struct prepared *scene, const struct beam *beam) {
-    ACTIVE(count_of(found));
-    COUNT(gradient_of, call);
-    const struct placed *placed = &scene->placed[shape];
-    const struct approach *approach = &beam->approach[shape];
-    mask near = both(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1);
-    if (placed->way == LINEAR) // it has a height alone
-        p.y = p.z = set(0.0f);
-    struct vec exact = p, rounded = p;
-    if (placed->way != LINEAR && any(but_not(contact, found)))
-        rounded = difference(placed, approach, found, step);
-    if (any(near))
-        rounded = vec_choose(near, scene_difference(near, step, scene, beam), rounded);
-    ACTIVE(count_of(found)); // what was called has set its own
-    switch (placed->type) {
-    case SHAPE_SPHERE: break;
-    case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
-    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
-    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(placed->size); break;
-    default: return rounded;
-    }
-    COUNT(gradient_of, closed);
-    COUNT(gradient_of, scalar);
-    exact = turned_back(placed, exact);
-    exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
-    rounded = vec_scale(rounded, set(1.0f / step));
-    struct vec apart = vec_along(rounded, exact, set(-1.0f));
-    real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
-    real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
-    mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
-    if (placed->way == LINEAR) // its own difference is the closed form
-        edge = both(edge, near);
-    return vec_choose(edge, rounded, exact);
-}
-
-// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
-// difference instead, which at an edge or through a thin plate is no slope to divide by. `smooth`: there it is not, and
-// the normal points out of the shape.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct prepared *scene, const struct beam *beam, real *slope,
-                     mask *smooth) {
-    COUNT(normal_at, call);
-    float id[LANES], step = (float)scene->model.march.normal_step;
-    unload(near->shape, id);
-    struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    for (unsigned rest = bits(found); rest;) {
-        ACTIVE(count_of(found));
-        COUNT(normal_at, shape);
-        int i = (int)id[__builtin_ctz(rest)];
-        mask same = both(found, not_less(set(0.5f), absolute(near->shape - set((float)i))));
-        gradient =
-            vec_choose(same, gradient_of(i, same, near->contact, step, scene, beam), gradient);
-        rest &= ~bits(same);
-    }
-    ACTIVE(count_of(found));
-    real length = vec_norm(gradient);
-    real along = vec_dot(direction, gradient);
-    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1e30f));
-    mask away = greater(along, set(0.0f));
-    *smooth = but_not(either(away, near->contact), both(found, less(*slope, set(2.0f))));
-    struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
-    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
-    mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));
-    n = vec_choose(clear, n, vec_scale(direction, set(-1.0f)));
-    return (struct vec){keep(found, n.x), keep(found, n.y), keep(found, n.z)};
-}
-
-static struct vec from_to(struct place from, const double to[3]) {
+static struct vec from_to(struct point from, const double to[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
         split(to[i], &hi[i], &lo[i]);
-    return vec_scale(place_sub(from, hi, lo), set(-1.0f));
+    return vec_scale(point_sub(from, hi, lo), v_splat(-1.0f));
 }
 
-static struct lighting light_from(struct place p, struct vec n, mask found,
+static struct lighting light_from(struct point p, struct vec n, vmask found,
                                   const struct view *view) {
     COUNT(light_from, call);
     COUNT(light_from, scalar);
-    real zero = set(0.0f);
+    vfloat zero = v_splat(0.0f);
     struct vec to_light = from_to(p, view->light_position);
-    real distance = vec_norm(to_light);
-    to_light = vec_scale(to_light, set(1.0f) / distance);
-    real facing = vec_dot(n, to_light);
+    vfloat distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
+    vfloat facing = vec_dot(n, to_light);
     // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
-    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
+    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     return (struct lighting){to_light, distance, facing, lit};
 }
 
 // What the light brings to the pixel where nothing is in its way.
 static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
-                           real weight, const struct surface *surface, const struct view *view) {
-    ACTIVE(count_of(light->lit));
+                           vfloat weight, const struct surface *surface, const struct view *view) {
+    ACTIVE(v_count(light->lit));
     COUNT(light_at, call);
     struct vec base = surface->color;
-    real reach = weight / light->distance, facing = light->facing;
+    vfloat reach = weight / light->distance, facing = light->facing;
     // Of the light's direction: minus the paper's R.
-    real shine = vec_dot(vec_reflect(light->to_light, n), direction);
-    real specular = set(0.0f);
-    mask shines = both(light->lit, greater(shine, surface->shine_from));
-    if (any(shines)) {
-        ACTIVE(count_of(shines));
+    vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
+    vfloat specular = v_splat(0.0f);
+    vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
+    if (v_any(shines)) {
+        ACTIVE(v_count(shines));
         COUNT(light_at, shines);
-        specular =
-            keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+        specular = v_select_or_zero(
+            shines, v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess));
     }
-    ACTIVE(count_of(light->lit));
+    ACTIVE(v_count(light->lit));
     const double *e = view->light_emission;
-    return (struct vec){set((float)e[0]) * mul_add(base.x, facing, specular) * reach,
-                        set((float)e[1]) * mul_add(base.y, facing, specular) * reach,
-                        set((float)e[2]) * mul_add(base.z, facing, specular) * reach};
+    return (struct vec){v_splat((float)e[0]) * v_madd(base.x, facing, specular) * reach,
+                        v_splat((float)e[1]) * v_madd(base.y, facing, specular) * reach,
+                        v_splat((float)e[2]) * v_madd(base.z, facing, specular) * reach};
 }
 
-static void queue_shadow(mask m, const struct hit *hit, const struct lighting *light,
-                         struct vec bright, real pixel, struct desk *desk) {
+static void queue_shadow(vmask m, const struct hit *hit, const struct lighting *light,
+                         struct vec bright, vfloat pixel, struct desk *desk) {
     int at = desk->shadows;
     float (*field)[ROOM] = desk->shadow;
     pack_vec(m, hit->point.hi, field + S_HI, at);
     pack_vec(m, hit->point.lo, field + S_LO, at);
     pack_vec(m, light->to_light, field + S_TO_LIGHT, at);
-    pack(m, light->distance, &field[S_DISTANCE][at]);
+    v_compress_store(m, light->distance, &field[S_DISTANCE][at]);
     pack_vec(m, bright, field + S_LIGHT, at);
-    pack(m, pixel, &field[S_PIXEL][at]);
-    desk->shadows += __builtin_popcount(bits(m));
+    v_compress_store(m, pixel, &field[S_PIXEL][at]);
+    desk->shadows += __builtin_popcount(v_mask_bits(m));
 }
 
-static void queue_mirror(mask m, const struct hit *hit, struct vec direction, real weight,
-                         real share, real pixel, real bounce, const struct world *world) {
-    ACTIVE(count_of(m));
+static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, vfloat weight,
+                         vfloat share, vfloat pixel, vfloat bounce, const struct world *world) {
+    ACTIVE(v_count(m));
     COUNT(queue_mirror, call);
     struct desk *desk = world->desk;
     int at = desk->mirrors;
     float (*field)[ROOM] = desk->mirror;
-    real offset = set((float)world->scene->model.march.surface_offset);
-    struct place from = place_at(hit->point, hit->normal, offset, set(0.0f));
+    vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
+    struct point from = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
     pack_vec(m, from.hi, field + M_HI, at);
     pack_vec(m, from.lo, field + M_LO, at);
     pack_vec(m, vec_reflect(direction, hit->normal), field + M_DIRECTION, at);
-    pack(m, weight * share, &field[M_WEIGHT][at]);
-    pack(m, pixel, &field[M_PIXEL][at]);
-    pack(m, bounce + set(1.0f), &field[M_BOUNCE][at]);
-    desk->mirrors += __builtin_popcount(bits(m));
+    v_compress_store(m, weight * share, &field[M_WEIGHT][at]);
+    v_compress_store(m, pixel, &field[M_PIXEL][at]);
+    v_compress_store(m, bounce + v_splat(1.0f), &field[M_BOUNCE][at]);
+    desk->mirrors += __builtin_popcount(v_mask_bits(m));
 }
 
 // Of cleared rays: their own shape's terms, where it rises slowly.
-static struct vec grazed(struct vec bright, mask clear, const struct hit *hit,
+static struct vec grazed(struct vec bright, vmask clear, const struct hit *hit,
                          const struct lighting *light, const struct beam *beam,
                          const struct prepared *scene) {
     float id[LANES];
-    unload(hit->shape, id);
+    v_store(hit->shape, id);
     COUNT(grazed, call);
-    mask grazes = less_in(clear, light->facing, set(scene->lit_slope));
-    for (unsigned rest = bits(grazes); rest;) {
-        ACTIVE(count_of(grazes));
+    vmask grazes = v_cmp_lt_in(clear, light->facing, v_splat(scene->lit_slope));
+    for (unsigned rest = v_mask_bits(grazes); rest;) {
+        ACTIVE(v_count(grazes));
         COUNT(grazed, shape);
         int i = (int)id[__builtin_ctz(rest)];
-        mask same = both(grazes, same_shape(hit->shape, i));
-        rest &= ~bits(same);
-        real lit = own_shadow(&scene->placed[i], beam->approach[i].origin, hit->normal, light,
-                              &scene->model);
-        bright = vec_choose(same, vec_scale(bright, lit), bright);
+        vmask same = v_and(grazes, same_shape(hit->shape, i));
+        rest &= ~v_mask_bits(same);
+        vfloat lit = own_shadow(&scene->placed[i], beam->approach[i].origin, hit->normal, light,
+                                &scene->model);
+        bright = vec_select(same, vec_scale(bright, lit), bright);
     }
     return bright;
 }
 
 // The light on a packet's hits: what is told at once is added, what is not waits.
 static struct vec lit_color(struct vec color, struct vec bright, const struct hit *hit,
-                            const struct lighting *light, real pixel, const struct beam *beam,
+                            const struct lighting *light, vfloat pixel, const struct beam *beam,
                             struct world *world) {
     const struct prepared *scene = world->scene;
     bool soft = scene->model.shadows == SHADOWS_SOFT;
-    mask open = light->lit;
+    vmask open = light->lit;
     if (scene->model.shadows != SHADOWS_NONE) {
-        open = scene->told ? cleared(hit, light, beam, world) : no_lane();
-        mask asked = but_not(open, light->lit);
-        if (any(asked))
+        open = scene->told ? cleared(hit, light, beam, world) : v_mask_none();
+        vmask asked = v_andnot(open, light->lit);
+        if (v_any(asked))
             queue_shadow(asked, hit, light, bright, pixel, world->desk);
-        if (soft && any(open))
+        if (soft && v_any(open))
             bright = grazed(bright, open, hit, light, beam, scene);
     }
-    ACTIVE(count_of(open));
+    ACTIVE(v_count(open));
     COUNT(lit_color, call);
-    return (struct vec){add_where(open, color.x, bright.x), add_where(open, color.y, bright.y),
-                        add_where(open, color.z, bright.z)};
+    return (struct vec){v_add_where(open, color.x, bright.x), v_add_where(open, color.y, bright.y),
+                        v_add_where(open, color.z, bright.z)};
 }
 
 // A packet's hits, whose lighting is known.
@@ -377,35 +153,36 @@ static struct vec color_of(const struct rays *rays, int k, const struct hit *hit
                            const struct lighting *light, const struct beam *beam,
                            struct world *world) {
     const struct model *model = &world->scene->model;
-    ACTIVE(count_of(rays->active[k]));
+    ACTIVE(v_count(rays->active[k]));
     COUNT(color_of, call);
     const double *b = model->background;
-    struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
+    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     struct vec color = vec_scale(background, rays->weight[k]);
-    if (!any(hit->found))
+    if (!v_any(hit->found))
         return color;
-    ACTIVE(count_of(hit->found));
+    ACTIVE(v_count(hit->found));
     COUNT(color_of, found);
-    real weight = rays->weight[k];
+    vfloat weight = rays->weight[k];
     struct surface surface = surface_of(hit, world->scene);
     if (model->features.fog) {
         COUNT(color_of, fog);
         struct vec p = hit->point.hi;
-        real far_sq = vec_dot(p, p);
-        weight = weight * exp_of(set((float)-model->fog) * far_sq * root(far_sq));
+        vfloat far_sq = vec_dot(p, p);
+        weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
     }
-    color = vec_choose(hit->found, vec_scale(surface.color, weight * set(0.01f)), color); // ambient
-    if (any(light->lit)) {
+    color =
+        vec_select(hit->found, vec_scale(surface.color, weight * v_splat(0.01f)), color); // ambient
+    if (v_any(light->lit)) {
         struct vec bright =
             light_at(hit->normal, rays->direction[k], light, weight, &surface, world->view);
         color = lit_color(color, bright, hit, light, rays->pixel[k], beam, world);
     }
     if (model->features.mirrors) {
-        ACTIVE(count_of(hit->found));
+        ACTIVE(v_count(hit->found));
         COUNT(color_of, mirror);
-        mask on = less(rays->bounce[k], set((float)model->march.max_bounces));
-        mask mirror = both(hit->found, both(on, greater(surface.share, set(0.0f))));
-        if (any(mirror))
+        vmask on = v_cmp_lt(rays->bounce[k], v_splat((float)model->march.max_bounces));
+        vmask mirror = v_and(hit->found, v_and(on, v_cmp_gt(surface.share, v_splat(0.0f))));
+        if (v_any(mirror))
             queue_mirror(mirror, hit, rays->direction[k], weight, surface.share, rays->pixel[k],
                          rays->bounce[k], world);
     }
@@ -422,19 +199,19 @@ void trace(const struct rays *rays, struct world *world, struct vec color[GROUP]
             world->group.beam[k].list = list;
     }
     struct lighting light[GROUP];
-    mask lit = no_lane();
+    vmask lit = v_mask_none();
     ray_march(rays, world, hit);
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(count_of(hit[k].found));
-        light[k].lit = no_lane();
-        if (any(hit[k].found))
+        ACTIVE(v_count(hit[k].found));
+        light[k].lit = v_mask_none();
+        if (v_any(hit[k].found))
             light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
-        lit = either(lit, light[k].lit);
+        lit = v_or(lit, light[k].lit);
     }
-    if (any(lit) && world->scene->model.shadows != SHADOWS_NONE)
+    if (v_any(lit) && world->scene->model.shadows != SHADOWS_NONE)
         choose_shading(hit, light, world);
     for (int k = 0; k < GROUP; k++)
-        if (any(rays->active[k]))
+        if (v_any(rays->active[k]))
             color[k] = color_of(rays, k, &hit[k], &light[k], &world->group.beam[k], world);
 }
 
@@ -446,23 +223,23 @@ void follow_mirrors(struct world *world) {
     while (desk->mirrors > 0) {
         int count = desk->mirrors < TOGETHER ? desk->mirrors : TOGETHER;
         int first = desk->mirrors -= count;
-        struct rays rays = {.start = set(0.0f), .marched = -1};
+        struct rays rays = {.start = v_splat(0.0f), .marched = -1};
         for (int k = 0; k < GROUP; k++, first += LANES, count -= LANES) {
             rays.origin[k] =
-                (struct place){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};
+                (struct point){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};
             rays.direction[k] = load_vec(field + M_DIRECTION, first);
             COUNT(follow_mirrors, packet);
             rays.active[k] = lanes_before(count);
-            rays.weight[k] = load(&field[M_WEIGHT][first]);
-            rays.pixel[k] = load(&field[M_PIXEL][first]);
-            rays.bounce[k] = load(&field[M_BOUNCE][first]);
+            rays.weight[k] = v_load(&field[M_WEIGHT][first]);
+            rays.pixel[k] = v_load(&field[M_PIXEL][first]);
+            rays.bounce[k] = v_load(&field[M_BOUNCE][first]);
         }
         meet(&rays, NULL, HIT, world, world->own->mirror);
         struct vec color[GROUP];
         struct hit hit[GROUP];
         trace(&rays, world, color, hit);
         for (int k = 0; k < GROUP; k++)
-            if (any(rays.active[k]))
+            if (v_any(rays.active[k]))
                 add_light(rays.active[k], color[k], rays.pixel[k], desk);
     }
 }

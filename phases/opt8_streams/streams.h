@@ -2,9 +2,12 @@
 // they bring: a colour is linear in every shadow and in every mirrored ray. Queues of rays that are sorted, packed and
 // filled again: I. Wald et al., "Active thread compaction for GPU path tracing" (HPG 2011); S. Boulos et al.,
 // "Adaptive ray packet reordering" (RT 2008).
-#ifndef OPT8_STREAMS_H
-#define OPT8_STREAMS_H
+#ifndef STREAMS_H
+#define STREAMS_H
 
+#include "block.h"
+#include "simd/permute.h"
+#include "simd/point.h"
 #include "tiles.h"
 
 enum {
@@ -15,8 +18,6 @@ enum {
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
     STRIP = 4, // tiles side by side, whose rays wait together
     STRIP_PIXELS = STRIP * TILE_PIXELS,
-    BLOCK_WIDTH = 4,
-    BLOCK_HEIGHT = LANES / BLOCK_WIDTH,
     TOGETHER = GROUP * LANES, // rays that are marched together
     QUEUE = STRIP_PIXELS,     // of each kind; a full one is worked off
     ROOM = QUEUE + TOGETHER   // what is packed or loaded may reach beyond its end
@@ -83,15 +84,15 @@ struct desk {
 
 struct lighting {
     struct vec to_light; // of unit length
-    real distance, facing;
-    mask lit;
+    vfloat distance, facing;
+    vmask lit;
 };
 
 // A packet of camera rays that wait for march_gazes(); slot: the pixel of its first lane.
-void gaze(struct vec direction, mask active, int slot, struct world *world);
+void gaze(struct vec direction, vmask active, int slot, struct world *world);
 void march_gazes(struct world *world);
 // The same where a Mandelbulb is alone (placed.h); exact: the directions once more.
-void gaze_lone(struct vec direction, struct wide_vec exact, mask active, int slot,
+void gaze_lone(struct vec direction, struct vec_double exact, vmask active, int slot,
                struct world *world);
 void march_lone(struct world *world);
 
@@ -105,39 +106,40 @@ void choose_shading(const struct hit hit[GROUP], const struct lighting light[GRO
                     struct world *world);
 // Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
 // below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.
-mask cleared(const struct hit *hit, const struct lighting *light, const struct beam *beam,
-             const struct world *world);
+vmask cleared(const struct hit *hit, const struct lighting *light, const struct beam *beam,
+              const struct world *world);
 // The soft shadow on these: the least of those two terms.
-real own_shadow(const struct placed *s, struct vec local, struct vec normal,
-                const struct lighting *light, const struct model *model);
+vfloat own_shadow(const struct placed *s, struct vec local, struct vec normal,
+                  const struct lighting *light, const struct model *model);
 
 static inline struct vec load_vec(float field[][ROOM], int first) {
-    return (struct vec){load(&field[0][first]), load(&field[1][first]), load(&field[2][first])};
+    return (struct vec){v_load(&field[0][first]), v_load(&field[1][first]),
+                        v_load(&field[2][first])};
 }
 
-static inline void pack_vec(mask m, struct vec v, float field[][ROOM], int first) {
-    pack(m, v.x, &field[0][first]);
-    pack(m, v.y, &field[1][first]);
-    pack(m, v.z, &field[2][first]);
+static inline void pack_vec(vmask m, struct vec v, float field[][ROOM], int first) {
+    v_compress_store(m, v.x, &field[0][first]);
+    v_compress_store(m, v.y, &field[1][first]);
+    v_compress_store(m, v.z, &field[2][first]);
 }
 
-static inline mask lanes_before(int count) { // of so many rays those that this packet has
-    return first_lanes(count < 0 ? 0 : count);
+static inline vmask lanes_before(int count) { // of so many rays those that this packet has
+    return v_mask_first(count < 0 ? 0 : count);
 }
 
-static inline mask same_shape(real shape, int i) {
-    return less(absolute(shape - set((float)i)), set(0.5f));
+static inline vmask same_shape(vfloat shape, int i) {
+    return v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
 }
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
-static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+static inline void add_light(vmask m, struct vec light, vfloat pixel, struct desk *desk) {
     COUNT(add_light, call);
     float from[3][LANES], at[LANES];
-    unload(light.x, from[0]);
-    unload(light.y, from[1]);
-    unload(light.z, from[2]);
-    unload(pixel, at);
-    for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+    v_store(light.x, from[0]);
+    v_store(light.y, from[1]);
+    v_store(light.z, from[2]);
+    v_store(pixel, at);
+    for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         COUNT(add_light, lane);
         for (int k = 0; k < 3; k++)

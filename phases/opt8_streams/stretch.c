@@ -5,29 +5,30 @@
 #include "bounds.h"
 #include "bulb.h"
 #include "pool.h"
+#include "simd/point.h"
 
 struct stretch {
-    real from, to; // from > to: none
+    vfloat from, to; // from > to: none
 };
 
 // Where |origin + t·direction| < radius + t·slope; never narrower than that. Near to a slope of 1: everywhere.
 // `along`: origin·direction; `square`: |origin|².
-static struct stretch within_line(real along, real square, real radius, real slope) {
+static struct stretch within_line(vfloat along, vfloat square, vfloat radius, vfloat slope) {
     COUNT(within_line, call);
-    real none = set(INFINITY), zero = set(0.0f);
-    real lead = neg_mul_add(slope, slope, set(1.0f));
-    real half = mul_sub(radius, slope, along);
-    real rest = neg_mul_add(radius, radius, square);
-    real inner = neg_mul_add(lead, rest, half * half);
-    inner = mul_add(set(0x1p-20f), mul_add(half, half, absolute(rest)),
-                    inner); // what float makes of it
-    real side = root(most_of(inner, zero)), per = set(1.0f) / lead;
-    real from = (half - side) * per, to = (half + side) * per;
-    mask some = both(not_less(inner, zero), not_less(to, zero));
-    mask narrow = greater(lead, set(0x1p-6f));
-    from = choose(some, from, none);
-    to = choose(some, to, -none);
-    return (struct stretch){choose(narrow, from, -none), choose(narrow, to, none)};
+    vfloat none = v_splat(INFINITY), zero = v_splat(0.0f);
+    vfloat lead = v_nmadd(slope, slope, v_splat(1.0f));
+    vfloat half = v_msub(radius, slope, along);
+    vfloat rest = v_nmadd(radius, radius, square);
+    vfloat inner = v_nmadd(lead, rest, half * half);
+    inner = v_madd(v_splat(0x1p-20f), v_madd(half, half, v_abs(rest)),
+                   inner); // what float makes of it
+    vfloat side = v_sqrt(v_max(inner, zero)), per = v_splat(1.0f) / lead;
+    vfloat from = (half - side) * per, to = (half + side) * per;
+    vmask some = v_and(v_cmp_ge(inner, zero), v_cmp_ge(to, zero));
+    vmask narrow = v_cmp_gt(lead, v_splat(0x1p-6f));
+    from = v_select(some, from, none);
+    to = v_select(some, to, -none);
+    return (struct stretch){v_select(narrow, from, -none), v_select(narrow, to, none)};
 }
 
 // Where the Mandelbulb may be nearer than the plane: its estimate is at least half of the distance to its ball, and above
@@ -35,44 +36,44 @@ static struct stretch within_line(real along, real square, real radius, real slo
 static struct stretch before_plane(const struct approach *bulb, const struct approach *plane,
                                    const struct placed *placed) {
     COUNT(before_plane, call);
-    real height = plane->origin.x, slope = plane->direction.x + set(0x1p-12f);
-    height = mul_add(set(0x1p-10f), absolute(height), height + set(0x1p-10f));
-    real along = vec_dot(bulb->origin, bulb->direction);
-    real square = vec_dot(bulb->origin, bulb->origin);
-    real near_radius = mul_add(set(2.0f), height, set(placed->a));
+    vfloat height = plane->origin.x, slope = plane->direction.x + v_splat(0x1p-12f);
+    height = v_madd(v_splat(0x1p-10f), v_abs(height), height + v_splat(0x1p-10f));
+    vfloat along = vec_dot(bulb->origin, bulb->direction);
+    vfloat square = vec_dot(bulb->origin, bulb->origin);
+    vfloat near_radius = v_madd(v_splat(2.0f), height, v_splat(placed->a));
     struct stretch near = within_line(along, square, near_radius, slope + slope);
-    struct stretch far = within_line(along, square, height + set(TANGENT), slope);
-    return (struct stretch){most_of(near.from, far.from), least_of(near.to, far.to)};
+    struct stretch far = within_line(along, square, height + v_splat(TANGENT), slope);
+    return (struct stretch){v_max(near.from, far.from), v_min(near.to, far.to)};
 }
 
 static struct stretch stretch_of(const struct beam *beam, const struct prepared *scene) {
     COUNT(stretch_of, call);
-    struct stretch all = {set(INFINITY), set(-INFINITY)};
+    struct stretch all = {v_splat(INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < scene->model.shape_count; i++) {
         if (scene->placed[i].trust != BALL)
             continue;
-        struct stretch one = {set(-INFINITY), set(INFINITY)};
+        struct stretch one = {v_splat(-INFINITY), v_splat(INFINITY)};
         for (int j = 0; j < scene->model.shape_count && !scene->placed[i].repeated; j++) {
             if (scene->placed[j].way != LINEAR)
                 continue;
             COUNT(stretch_of, plane);
             struct stretch here =
                 before_plane(&beam->approach[i], &beam->approach[j], &scene->placed[i]);
-            one.from = most_of(one.from, here.from);
-            one.to = least_of(one.to, here.to);
+            one.from = v_max(one.from, here.from);
+            one.to = v_min(one.to, here.to);
         }
         COUNT(stretch_of, bulb);
-        mask some = not_less(one.to, one.from);
-        all.from = choose(some, least_of(all.from, one.from), all.from);
-        all.to = choose(some, most_of(all.to, one.to), all.to);
+        vmask some = v_cmp_ge(one.to, one.from);
+        all.from = v_select(some, v_min(all.from, one.from), all.from);
+        all.to = v_select(some, v_max(all.to, one.to), all.to);
     }
     return all;
 }
 
 // The shadow rays from `first` on, of the desk's queue.
-static mask queued(int first, struct desk *desk, struct place *origin, struct vec *to_light) {
+static vmask queued(int first, struct desk *desk, struct point *origin, struct vec *to_light) {
     float (*field)[ROOM] = desk->shadow;
-    *origin = (struct place){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
+    *origin = (struct point){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
     *to_light = load_vec(field + S_TO_LIGHT, first);
     return lanes_before(desk->shadows - first);
 }
@@ -80,8 +81,8 @@ static mask queued(int first, struct desk *desk, struct place *origin, struct ve
 // Four packets that go together among the other shapes.
 struct walk {
     struct shade shade[GROUP];
-    real evals[GROUP], length[GROUP], until[GROUP];
-    mask there[GROUP]; // rays that have come as far
+    vfloat evals[GROUP], length[GROUP], until[GROUP];
+    vmask there[GROUP]; // rays that have come as far
 };
 
 static void begin_walk(struct walk *walk, int k, int first, bool before, struct list others,
@@ -90,53 +91,53 @@ static void begin_walk(struct walk *walk, int k, int first, bool before, struct 
     struct desk *desk = world->desk;
     struct group *group = &world->group;
     struct beam *beam = &group->beam[k];
-    struct place origin;
+    struct point origin;
     struct vec to_light;
-    mask active = queued(first, desk, &origin, &to_light);
+    vmask active = queued(first, desk, &origin, &to_light);
     if (!before)
-        active = lanes_of(desk->under_way[first / LANES]);
-    walk->there[k] = group->live[k] = no_lane();
+        active = v_mask_of_bits(desk->under_way[first / LANES]);
+    walk->there[k] = group->live[k] = v_mask_none();
     beam->list = before ? world->scene->all : others;
-    if (any(active)) {
-        ACTIVE(count_of(active));
+    if (v_any(active)) {
+        ACTIVE(v_count(active));
         COUNT(begin_walk, packet);
         approach_origins(origin, world->scene, beam);
         approach_directions(to_light, world->scene, beam);
         walk->shade[k].exit = leaving(origin, to_light, &world->scene->model);
-        walk->length[k] = load(&desk->shadow[S_DISTANCE][first]);
-        walk->until[k] = set(INFINITY);
+        walk->length[k] = v_load(&desk->shadow[S_DISTANCE][first]);
+        walk->until[k] = v_splat(INFINITY);
         if (before) {
             struct stretch stretch = stretch_of(beam, world->scene);
             walk->until[k] = stretch.from;
-            unload(stretch.to, &desk->leg[LEG_END][first]);
+            v_store(stretch.to, &desk->leg[LEG_END][first]);
         }
-        group->t[k] = load(&desk->leg[LEG_T][first]);
-        walk->shade[k].least_sq = load(&desk->leg[LEG_LEAST_SQ][first]);
-        walk->shade[k].twice_previous = load(&desk->leg[LEG_TWICE][first]);
-        walk->evals[k] = load(&desk->leg[LEG_EVALS][first]);
-        group->live[k] = less_in(active, group->t[k], walk->until[k]);
-        walk->there[k] = but_not(group->live[k], active);
+        group->t[k] = v_load(&desk->leg[LEG_T][first]);
+        walk->shade[k].least_sq = v_load(&desk->leg[LEG_LEAST_SQ][first]);
+        walk->shade[k].twice_previous = v_load(&desk->leg[LEG_TWICE][first]);
+        walk->evals[k] = v_load(&desk->leg[LEG_EVALS][first]);
+        group->live[k] = v_cmp_lt_in(active, group->t[k], walk->until[k]);
+        walk->there[k] = v_andnot(group->live[k], active);
     }
     beam->list = others;
 }
 
 // False after the packet's last step.
-static inline bool walk_step(struct walk *walk, int k, float strength_sq, real cap,
+static inline bool walk_step(struct walk *walk, int k, float strength_sq, vfloat cap,
                              struct world *world) {
     struct group *group = &world->group;
     const struct model *model = &world->scene->model;
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
     COUNT(walk_step, call);
-    walk->evals[k] = add_where(live, walk->evals[k], set(1.0f));
-    mask on = model->shadows == SHADOWS_SOFT
-                  ? soft_step(&walk->shade[k], k, strength_sq, group, model)
-                  : hard_step(&walk->shade[k], walk->length[k], k, group, model);
-    on = less_in(on, walk->evals[k], cap);
-    mask before = less_in(on, group->t[k], walk->until[k]);
-    if (same(before, live))
+    walk->evals[k] = v_add_where(live, walk->evals[k], v_splat(1.0f));
+    vmask on = model->shadows == SHADOWS_SOFT
+                   ? soft_step(&walk->shade[k], k, strength_sq, group, model)
+                   : hard_step(&walk->shade[k], walk->length[k], k, group, model);
+    on = v_cmp_lt_in(on, walk->evals[k], cap);
+    vmask before = v_cmp_lt_in(on, group->t[k], walk->until[k]);
+    if (v_same(before, live))
         return true;
-    walk->there[k] = either(walk->there[k], but_not(before, on));
+    walk->there[k] = v_or(walk->there[k], v_andnot(before, on));
     return shade_ends(k, before, group);
 }
 
@@ -145,10 +146,10 @@ static inline void plane_distances(struct group *group, const struct placed *pla
     COUNT(plane_distances, call);
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(plane_distances, packet);
         const struct approach *a = &group->beam[k].approach[(int)plane->index];
-        group->distance[k] = mul_add(a->direction.x, group->t[k], a->origin.x);
+        group->distance[k] = v_madd(a->direction.x, group->t[k], a->origin.x);
     }
 }
 
@@ -159,7 +160,7 @@ static void walk_among(int first, bool before, struct list others, struct world 
     struct desk *desk = world->desk;
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
-    real cap = set((float)step_cap(model));
+    vfloat cap = v_splat((float)step_cap(model));
     struct walk walk;
     for (int k = 0; k < GROUP; k++)
         begin_walk(&walk, k, first + k * LANES, before, others, world);
@@ -183,13 +184,13 @@ static void walk_among(int first, bool before, struct list others, struct world 
     }
     for (int k = 0; k < GROUP; k++) {
         int at = first + k * LANES;
-        desk->under_way[at / LANES] = bits(walk.there[k]);
+        desk->under_way[at / LANES] = v_mask_bits(walk.there[k]);
         if (!(begun >> k & 1))
             continue;
-        unload(group->t[k], &desk->leg[LEG_T][at]);
-        unload(walk.shade[k].least_sq, &desk->leg[LEG_LEAST_SQ][at]);
-        unload(walk.shade[k].twice_previous, &desk->leg[LEG_TWICE][at]);
-        unload(walk.evals[k], &desk->leg[LEG_EVALS][at]);
+        v_store(group->t[k], &desk->leg[LEG_T][at]);
+        v_store(walk.shade[k].least_sq, &desk->leg[LEG_LEAST_SQ][at]);
+        v_store(walk.shade[k].twice_previous, &desk->leg[LEG_TWICE][at]);
+        v_store(walk.evals[k], &desk->leg[LEG_EVALS][at]);
     }
 }
 
@@ -197,39 +198,40 @@ static void walk_among(int first, bool before, struct list others, struct world 
 bool ready_shadow(struct stream *stream, int number, struct world *world) {
     struct desk *desk = world->desk;
     int first = number * LANES;
-    struct place origin;
+    struct point origin;
     struct vec to_light;
     queued(first, desk, &origin, &to_light);
-    mask waiting = lanes_of(desk->under_way[number]);
+    vmask waiting = v_mask_of_bits(desk->under_way[number]);
     desk->under_way[number] = 0;
-    if (!any(waiting))
+    if (!v_any(waiting))
         return false;
-    ACTIVE(count_of(waiting));
+    ACTIVE(v_count(waiting));
     COUNT(ready_shadow, call);
     stream->beam = eye_of(world->own, world->scene);
     approach_origins(origin, world->scene, &stream->beam);
     approach_directions(to_light, world->scene, &stream->beam);
-    stream->ready.shade =
-        (struct shade){load(&desk->leg[LEG_LEAST_SQ][first]), load(&desk->leg[LEG_TWICE][first]),
-                       leaving(origin, to_light, &world->scene->model)};
-    stream->ready.evals = load(&desk->leg[LEG_EVALS][first]);
-    stream->ready.length = load(&desk->shadow[S_DISTANCE][first]);
-    stream->ready.end = load(&desk->leg[LEG_END][first]);
-    stream->ready.ray = lane_numbers() + set((float)first);
-    stream->t = load(&desk->leg[LEG_T][first]);
+    stream->ready.shade = (struct shade){v_load(&desk->leg[LEG_LEAST_SQ][first]),
+                                         v_load(&desk->leg[LEG_TWICE][first]),
+                                         leaving(origin, to_light, &world->scene->model)};
+    stream->ready.evals = v_load(&desk->leg[LEG_EVALS][first]);
+    stream->ready.length = v_load(&desk->shadow[S_DISTANCE][first]);
+    stream->ready.end = v_load(&desk->leg[LEG_END][first]);
+    stream->ready.ray = v_iota() + v_splat((float)first);
+    stream->t = v_load(&desk->leg[LEG_T][first]);
     make_ready(stream, waiting, world->scene);
     return true;
 }
 
-void leave(const struct pool *pool, mask ended, real t, struct desk *desk) {
+void leave(const struct pool *pool, vmask ended, vfloat t, struct desk *desk) {
     COUNT(leave, call);
     float values[LEG_END][LANES], ray[LANES];
-    unload(t, values[LEG_T]);
-    unload(pool->shade.least_sq, values[LEG_LEAST_SQ]);
-    unload(pool->shade.twice_previous, values[LEG_TWICE]);
-    unload(pool->evals, values[LEG_EVALS]);
-    unload(pool->ray, ray);
-    for (unsigned rest = bits(ended), passed = bits(pool->passed); rest; rest &= rest - 1) {
+    v_store(t, values[LEG_T]);
+    v_store(pool->shade.least_sq, values[LEG_LEAST_SQ]);
+    v_store(pool->shade.twice_previous, values[LEG_TWICE]);
+    v_store(pool->evals, values[LEG_EVALS]);
+    v_store(pool->ray, ray);
+    for (unsigned rest = v_mask_bits(ended), passed = v_mask_bits(pool->passed); rest;
+         rest &= rest - 1) {
         int lane = __builtin_ctz(rest), at = (int)ray[lane];
         for (int i = 0; i < LEG_END; i++)
             desk->leg[i][at] = values[i][lane];
@@ -238,22 +240,22 @@ void leave(const struct pool *pool, mask ended, real t, struct desk *desk) {
 }
 
 // How many lanes are still at work.
-static inline int pool_step(struct pool *pool, int k, float strength_sq, real cap,
+static inline int pool_step(struct pool *pool, int k, float strength_sq, vfloat cap,
                             struct world *world) {
     struct group *group = &world->group;
     const struct model *model = &world->scene->model;
-    ACTIVE(count_of(group->live[k]));
+    ACTIVE(v_count(group->live[k]));
     COUNT(pool_step, call);
-    pool->evals = add_where(group->live[k], pool->evals, set(1.0f));
-    mask on = model->shadows == SHADOWS_SOFT
-                  ? soft_step(&pool->shade, k, strength_sq, group, model)
-                  : hard_step(&pool->shade, pool->length, k, group, model);
-    on = less_in(on, pool->evals, cap);
-    mask stay = not_greater_in(on, group->t[k], pool->end);
-    pool->passed = either(pool->passed, but_not(stay, on));
+    pool->evals = v_add_where(group->live[k], pool->evals, v_splat(1.0f));
+    vmask on = model->shadows == SHADOWS_SOFT
+                   ? soft_step(&pool->shade, k, strength_sq, group, model)
+                   : hard_step(&pool->shade, pool->length, k, group, model);
+    on = v_cmp_lt_in(on, pool->evals, cap);
+    vmask stay = v_cmp_ngt_in(on, group->t[k], pool->end);
+    pool->passed = v_or(pool->passed, v_andnot(stay, on));
     group->live[k] = stay;
-    group->high[k] = choose(stay, group->high[k], set(-INFINITY));
-    return __builtin_popcount(bits(stay));
+    group->high[k] = v_select(stay, group->high[k], v_splat(-INFINITY));
+    return __builtin_popcount(v_mask_bits(stay));
 }
 
 // What scene_distances() finds where a Mandelbulb is alone: nobody asks which shape is awake.
@@ -264,7 +266,7 @@ static inline void lone_distances(struct group *group, const struct placed *bulb
     struct vec p[GROUP];
     int i = (int)bulb->index;
     for (int k = 0; k < GROUP; k++) {
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(lone_distances, packet);
         const struct approach *a = &group->beam[k].approach[i];
         p[k] = vec_along(a->origin, a->direction, group->t[k]);
@@ -272,11 +274,11 @@ static inline void lone_distances(struct group *group, const struct placed *bulb
     }
     bulbs_end(bulb, 0, false, false, false, GROUP, b, p, group->distance);
     for (int k = 0; plane && k < GROUP; k++) {
-        ACTIVE(count_of(group->live[k]));
+        ACTIVE(v_count(group->live[k]));
         COUNT(lone_distances, plane);
         const struct approach *a = &group->beam[k].approach[(int)plane->index];
-        real height = mul_add(a->direction.x, group->t[k], a->origin.x);
-        group->distance[k] = least_of(group->distance[k], height);
+        vfloat height = v_madd(a->direction.x, group->t[k], a->origin.x);
+        group->distance[k] = v_min(group->distance[k], height);
     }
 }
 
@@ -287,7 +289,7 @@ static void through_stretches(struct world *world) {
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
     struct stream stream;
     stream_begin(&stream, (world->desk->shadows + LANES - 1) / LANES, true, world);
-    real cap = set((float)step_cap(model));
+    vfloat cap = v_splat((float)step_cap(model));
     const struct placed *bulb = the_one(SHAPE_MANDELBULB, world->scene);
     const struct placed *plane = the_one(SHAPE_PLANE, world->scene);
     for (int live; (live = refill(&stream, world)) > 0;) {
@@ -309,13 +311,13 @@ static void through_stretches(struct world *world) {
 // As all rays begin.
 static void begin_legs(struct world *world) {
     struct desk *desk = world->desk;
-    real start = set((float)world->scene->model.march.surface_offset);
+    vfloat start = v_splat((float)world->scene->model.march.surface_offset);
     for (int first = 0; first < desk->shadows; first += LANES) {
-        unload(start, &desk->leg[LEG_T][first]);
-        unload(set(1.0f), &desk->leg[LEG_LEAST_SQ][first]);
+        v_store(start, &desk->leg[LEG_T][first]);
+        v_store(v_splat(1.0f), &desk->leg[LEG_LEAST_SQ][first]);
         // its square, times t's and the strength's, is a float
-        unload(set(1e14f), &desk->leg[LEG_TWICE][first]);
-        unload(set(0.0f), &desk->leg[LEG_EVALS][first]);
+        v_store(v_splat(1e14f), &desk->leg[LEG_TWICE][first]);
+        v_store(v_splat(0.0f), &desk->leg[LEG_EVALS][first]);
     }
 }
 
@@ -330,11 +332,11 @@ void cast_streams(struct world *world) {
     for (int first = 0; first < desk->shadows; first += TOGETHER)
         walk_among(first, false, others, world);
     for (int first = 0; first < desk->shadows; first += LANES) {
-        mask there = lanes_before(desk->shadows - first);
-        ACTIVE(count_of(there));
+        vmask there = lanes_before(desk->shadows - first);
+        ACTIVE(v_count(there));
         COUNT(cast_streams, packet);
-        real reach = root(load(&desk->leg[LEG_LEAST_SQ][first]));
+        vfloat reach = v_sqrt(v_load(&desk->leg[LEG_LEAST_SQ][first]));
         struct vec light = vec_scale(load_vec(desk->shadow + S_LIGHT, first), reach);
-        add_light(there, light, load(&desk->shadow[S_PIXEL][first]), desk);
+        add_light(there, light, v_load(&desk->shadow[S_PIXEL][first]), desk);
     }
 }

@@ -1,5 +1,7 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "camera.h"
+#include "simd/point.h"
 #include "streams.h"
 
 #include <stdlib.h>
@@ -11,89 +13,35 @@
 // width is a multiple of 32.
 enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
 
-static struct vec vec_from(const double a[3]) {
-    return (struct vec){set((float)a[0]), set((float)a[1]), set((float)a[2])};
-}
-
-static struct place place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct place){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
-// Of a block's lanes: twice the column, and the row.
-static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
-static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-
-static mask in_picture(struct block block) {
-    return both(less(load(twice_right), set(2.0f * (float)block.across)),
-                less(load(row_below), set((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
-    real y = set(0.0f);
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        real row = set((float)((top - 2.0 * (block.row + i)) * per_height));
-        y = i == 0 ? row : choose(less(load(row_below), set((float)i)), y, row);
-    }
-    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
-    real x = columns * set((float)per_height);
-    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
-    d = vec_along(d, vec_from(view->up), y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
-}
-
 // The same in doubles: as floats, rays would pass by what they are to meet.
-static struct wide_vec exact_direction(struct block block, const struct frame *frame,
-                                       const struct view *view) {
+static struct vec_double exact_direction(struct block block, const struct frame *frame,
+                                         const struct view *view) {
     COUNT(exact_direction, call);
     double per_height = view->tan_half_fov / frame->height;
-    real zero = set(0.0f), row = load(row_below) + set((float)block.row);
-    real columns = load(twice_right) + set((float)(2 * block.column + 1 - frame->width)); // exact
-    real rows = set((float)(frame->height - 1)) - (row + row);
-    wide x = wide_mul(wide_sum(columns, zero), per_height);
-    wide y = wide_mul(wide_sum(rows, zero), per_height);
-    wide d[3];
-    half low = half_set(0.0), high = low;
+    vfloat zero = v_splat(0.0f), row = v_load(row_below) + v_splat((float)block.row);
+    vfloat columns =
+        v_load(twice_right) + v_splat((float)(2 * block.column + 1 - frame->width)); // exact
+    vfloat rows = v_splat((float)(frame->height - 1)) - (row + row);
+    vdouble x = v_double_mul(v_double_sum(columns, zero), per_height);
+    vdouble y = v_double_mul(v_double_sum(rows, zero), per_height);
+    vdouble d[3];
+    vhalf low = v_half_splat(0.0), high = low;
     for (int i = 0; i < 3; i++) {
-        d[i] = wide_mul_add(x, view->right[i], wide_mul(y, view->up[i]));
-        d[i] = wide_less(d[i], -view->forward[i]);
-        low = half_mul_add(d[i].low, d[i].low, low);
-        high = half_mul_add(d[i].high, d[i].high, high);
+        d[i] = v_double_madd(x, view->right[i], v_double_mul(y, view->up[i]));
+        d[i] = v_double_sub(d[i], -view->forward[i]);
+        low = v_half_madd(d[i].low, d[i].low, low);
+        high = v_half_madd(d[i].high, d[i].high, high);
     }
-    low = half_set(1.0) / half_root(low);
-    high = half_set(1.0) / half_root(high);
+    low = v_half_splat(1.0) / v_half_sqrt(low);
+    high = v_half_splat(1.0) / v_half_sqrt(high);
     for (int i = 0; i < 3; i++)
-        d[i] = (wide){d[i].low * low, d[i].high * high};
-    return (struct wide_vec){d[0], d[1], d[2]};
+        d[i] = (vdouble){d[i].low * low, d[i].high * high};
+    return (struct vec_double){d[0], d[1], d[2]};
 }
 
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
-
-static void store_hit(struct frame *frame, struct block block, real start, int shapes,
+static void store_hit(struct frame *frame, struct block block, vfloat start, int shapes,
                       const struct hit *hit) {
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
@@ -101,30 +49,12 @@ static void store_hit(struct frame *frame, struct block block, real start, int s
     store_plane(frame->evals, 1, frame, block, hit->evals);
     if (frame->plane_count > 0) {
         store_plane(frame->planes[0], 1, frame, block, start);
-        store_plane(frame->planes[1], 1, frame, block, set((float)shapes));
+        store_plane(frame->planes[1], 1, frame, block, v_splat((float)shapes));
     }
-}
-
-static void store_color(struct frame *frame, struct block block, const struct desk *desk, int at) {
-    real red = load(&desk->color[0][at]), green = load(&desk->color[1][at]);
-    real blue = load(&desk->color[2][at]);
-    size_t width = (size_t)frame->width;
-    float *rgb = frame->rgb + 3 * ((size_t)block.row * width + (size_t)block.column);
-    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        store_block(rgb, 3 * width, red, green, blue);
-        return;
-    }
-    store_plane(frame->rgb, 3, frame, block, red);
-    store_plane(frame->rgb + 1, 3, frame, block, green);
-    store_plane(frame->rgb + 2, 3, frame, block, blue);
 }
 
 static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-}
-
-static int lesser(int a, int b) {
-    return a < b ? a : b;
 }
 
 struct patch { // of pixels, what of it is in the picture
@@ -155,32 +85,33 @@ static int square_around(int column, int lane) {
 }
 
 static struct vec unit(struct vec v) {
-    return vec_scale(v, set(1.0f) / vec_norm(v));
+    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
 }
 
 // Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
 // axis is an ellipse in the picture, and what is between two of its points is within.
-static struct cones cones_around(real x[2], real y[2], const struct view *view) {
+static struct cones cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
     COUNT(cones_around, call);
-    struct vec corner[4], sum = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (int i = 0; i < 4; i++) {
-        corner[i] = vec_along(vec_from(view->forward), vec_from(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], set(1.0f));
+        corner[i] =
+            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
+        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
+        sum = vec_along(sum, corner[i], v_splat(1.0f));
     }
     struct cones cones = {.axis = unit(sum)};
-    real most = set(0.0f);
+    vfloat most = v_splat(0.0f);
     for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, set(-1.0f));
-        most = most_of(most, vec_dot(apart, apart));
+        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
+        most = v_max(most, vec_dot(apart, apart));
     }
-    cones.spread = mul_add(root(most), set(1.0f + 0x1p-16f), set(0x1p-20f));
+    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
     return cones;
 }
 
 // A cone for each of them; which of them there are.
-static mask get_cones(const struct patch patches[LANES], const struct job *job,
-                      struct cones *cones) {
+static vmask get_cones(const struct patch patches[LANES], const struct job *job,
+                       struct cones *cones) {
     COUNT(get_cones, call);
     const struct frame *frame = job->frame;
     double per_height = job->view->tan_half_fov / frame->height;
@@ -194,10 +125,10 @@ static mask get_cones(const struct patch patches[LANES], const struct job *job,
         edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
         edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
     }
-    real x[2] = {load(edge[0]), load(edge[1])}, y[2] = {load(edge[2]), load(edge[3])};
+    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
     ACTIVE(LANES);
     *cones = cones_around(x, y, job->view);
-    return greater(load(there), set(0.5f));
+    return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
 static struct block block_of(const struct patch *patch, int number) {
@@ -221,11 +152,11 @@ static void store_nothing(const struct patch *patch, const struct job *job) {
     }
     if (!frame->depth)
         return;
-    struct hit nothing = {.found = no_lane(), .shape = set(-1.0f)};
-    nothing.t = nothing.evals = set(0.0f);
+    struct hit nothing = {.found = v_mask_none(), .shape = v_splat(-1.0f)};
+    nothing.t = nothing.evals = v_splat(0.0f);
     nothing.normal = (struct vec){nothing.t, nothing.t, nothing.t};
     for (int i = 0; i < BLOCKS; i++)
-        store_hit(frame, block_of(patch, i), set(-1.0f), 0, &nothing); // no start
+        store_hit(frame, block_of(patch, i), v_splat(-1.0f), 0, &nothing); // no start
 }
 
 // Its rays are offered all shapes then, and go by march_gazes().
@@ -238,10 +169,10 @@ static void gaze_patch(const struct patch *patch, int at, const struct job *job,
     COUNT(gaze_patch, call);
     for (int i = 0; i < BLOCKS; i++) {
         struct block block = block_of(patch, i);
-        mask active = in_picture(block);
-        ACTIVE(count_of(active));
+        vmask active = in_picture(block);
+        ACTIVE(v_count(active));
         COUNT(gaze_patch, packet);
-        if (!any(active))
+        if (!v_any(active))
             continue;
         struct vec direction = get_direction(block, job->frame, job->view);
         if (world->lone)
@@ -257,7 +188,7 @@ static void render_patch(const struct patch *patch, float start, struct list lis
                          const struct job *job, struct world *world) {
     COUNT(render_patch, call);
     bool marched = may_meet_bulb(&list, world->scene);
-    struct rays rays = {.start = set(start)};
+    struct rays rays = {.start = v_splat(start)};
     if (marched)
         rays.others = list_without_bulbs(world->scene, world->own);
     for (int first = 0; first < BLOCKS; first += GROUP) {
@@ -266,25 +197,26 @@ static void render_patch(const struct patch *patch, float start, struct list lis
         for (int k = 0; k < GROUP; k++) {
             struct block block = block_of(patch, first + k);
             rays.active[k] = in_picture(block);
-            ACTIVE(count_of(rays.active[k]));
+            ACTIVE(v_count(rays.active[k]));
             COUNT(render_patch, packet);
             rays.origin[k] = world->eye;
             rays.direction[k] = get_direction(block, job->frame, job->view);
-            rays.weight[k] = set(1.0f);
-            rays.pixel[k] = lane_numbers() + set((float)(at + k * LANES));
-            rays.bounce[k] = set(0.0f);
+            rays.weight[k] = v_splat(1.0f);
+            rays.pixel[k] = v_iota() + v_splat((float)(at + k * LANES));
+            rays.bounce[k] = v_splat(0.0f);
             world->group.beam[k].list = list;
         }
         rays.marched = marched ? at : -1;
         trace(&rays, world, color, hit);
         for (int k = 0; k < GROUP; k++, at += LANES) {
-            if (!any(rays.active[k]))
+            if (!v_any(rays.active[k]))
                 continue;
-            unload(color[k].x, &world->desk->color[0][at]);
-            unload(color[k].y, &world->desk->color[1][at]);
-            unload(color[k].z, &world->desk->color[2][at]);
+            v_store(color[k].x, &world->desk->color[0][at]);
+            v_store(color[k].y, &world->desk->color[1][at]);
+            v_store(color[k].z, &world->desk->color[2][at]);
             if (job->frame->depth)
-                store_hit(job->frame, block_of(patch, first + k), set(start), list.count, &hit[k]);
+                store_hit(job->frame, block_of(patch, first + k), v_splat(start), list.count,
+                          &hit[k]);
         }
     }
     if (world->desk->mirrors > QUEUE / 2)
@@ -293,7 +225,7 @@ static void render_patch(const struct patch *patch, float start, struct list lis
 
 static void place_beams(struct group *group, struct own *own, int shapes) {
     for (int i = 0; i < shapes * GROUP; i++)
-        own->wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+        own->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
     for (int k = 0; k < GROUP; k++)
         group->beam[k] =
             (struct beam){.approach = own->approach + k * shapes, .wake = own->wake + k};
@@ -312,7 +244,7 @@ static size_t desk_at(int shapes) {
 struct drawn {
     int tile;
     unsigned patches; // those that may meet something
-    mask *met;
+    vmask *met;
     float start[LANES];
 };
 
@@ -322,12 +254,12 @@ static void begin_strip(struct drawn *squares, const struct job *job, struct wor
     struct patch square[LANES];
     for (int lane = 0; lane < LANES; lane++)
         square[lane] = square_of(squares->tile, lane, job->frame);
-    mask there = get_cones(square, job, &cones);
+    vmask there = get_cones(square, job, &cones);
     world->own->met = squares->met;
-    cones.start = set(0.0f);
+    cones.start = v_splat(0.0f);
     place_cones(world->eye, job->prepared, world->own);
     march_cones(world->eye, there, job->prepared->all, &cones, job->prepared, world->own);
-    unload(cones.start, squares->start);
+    v_store(cones.start, squares->start);
 }
 
 // Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued. `column`: in the strip.
@@ -344,15 +276,15 @@ static void begin_tile(struct drawn *drawn, int column, const struct drawn *squa
         above |= 1u << square_around(column, lane);
         drawn->start[lane] = squares->start[square_around(column, lane)];
     }
-    mask there = get_cones(patches, job, &cones);
-    cones.start = load(drawn->start);
+    vmask there = get_cones(patches, job, &cones);
+    cones.start = v_load(drawn->start);
     struct list met = list_below(above, squares->met, scene, world->own);
     world->own->met = drawn->met;
-    march_cones(world->eye, less_in(there, cones.start, set(INFINITY)), met, &cones, scene,
+    march_cones(world->eye, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), met, &cones, scene,
                 world->own);
-    unload(cones.start, drawn->start);
+    v_store(cones.start, drawn->start);
     drawn->patches = 0;
-    for (unsigned rest = bits(there); rest; rest &= rest - 1) {
+    for (unsigned rest = v_mask_bits(there); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         struct patch patch = patches[lane];
         if (drawn->start[lane] == INFINITY) {
@@ -382,9 +314,12 @@ static void store_colors(const struct drawn *drawn, int at, const struct job *jo
     for (unsigned rest = drawn->patches; rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         struct patch patch = patch_of(drawn->tile, lane, job->frame);
-        for (int i = 0; i < BLOCKS; i++)
-            store_color(job->frame, block_of(&patch, i), desk,
-                        at + lane * PATCH * PATCH + i * LANES);
+        for (int i = 0; i < BLOCKS; i++) {
+            int first = at + lane * PATCH * PATCH + i * LANES;
+            struct vec color = {v_load(&desk->color[0][first]), v_load(&desk->color[1][first]),
+                                v_load(&desk->color[2][first])};
+            store_color(job->frame, block_of(&patch, i), color);
+        }
     }
 }
 
@@ -412,7 +347,7 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     place_beams(&world.group, &own, shapes);
     struct drawn drawn[STRIP], squares;
     int first = strip % across * STRIP, row = strip / across * tiles_across(job->frame);
-    mask *met = own.met;
+    vmask *met = own.met;
     squares.tile = row + first;
     squares.met = met + STRIP * shapes;
     begin_strip(&squares, job, &world);
@@ -454,14 +389,14 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct own parts = own_of(own, prepared->model.shape_count);
-    struct beam all = {parts.approach, prepared->all, parts.wake, set(0.0f)}, *beam = &all;
-    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    struct beam all = {parts.approach, prepared->all, parts.wake, v_splat(0.0f)}, *beam = &all;
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0f);
+        vfloat shape = v_splat(-1.0f);
         approach_origins(place_of(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam);
-        distance[i] = first_of(nearest_shape(beam, set(0.0f), prepared, all_lanes(), &shape));
-        nearest[i] = (int)first_of(shape);
+        distance[i] = v_lane0(nearest_shape(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        nearest[i] = (int)v_lane0(shape);
     }
     free(own);
     return true;

@@ -2,6 +2,7 @@
 // on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
 // distance is taken off it before it is believed.
 #include "bounds.h"
+#include "simd/point.h"
 #include "streams.h"
 
 enum { MOST_CONE_STEPS = 512 };
@@ -15,19 +16,19 @@ static size_t places(int shapes) { // so many that whole numbers behind masks ar
 
 size_t own_size(int shapes) {
     return places(shapes) *
-           ((GROUP + 1) * (sizeof(struct approach) + sizeof(real)) + GROUP * sizeof(real) +
-            sizeof(struct approach) + (STRIP + 1) * sizeof(mask) + 8 * sizeof(int) + sizeof(bool));
+           ((GROUP + 1) * (sizeof(struct approach) + sizeof(vfloat)) + GROUP * sizeof(vfloat) +
+            sizeof(struct approach) + (STRIP + 1) * sizeof(vmask) + 8 * sizeof(int) + sizeof(bool));
 }
 
 struct own own_of(void *memory, int shapes) {
     size_t n = places(shapes);
     struct own own = {.wake = memory};
     own.approach = (struct approach *)(own.wake + GROUP * n);
-    own.eye_wake = (real *)(own.approach + GROUP * n);
+    own.eye_wake = (vfloat *)(own.approach + GROUP * n);
     own.eye = (struct approach *)(own.eye_wake + GROUP * n);
-    own.distance = (real *)(own.eye + n);
+    own.distance = (vfloat *)(own.eye + n);
     own.axis = (struct approach *)(own.distance + n);
-    own.met = (mask *)(own.axis + n);
+    own.met = (vmask *)(own.axis + n);
     own.offered = (int *)(own.met + (STRIP + 1) * n);
     own.tile = own.offered + 2 * n;
     own.mirror = own.tile + 2 * n;
@@ -39,100 +40,101 @@ struct own own_of(void *memory, int shapes) {
 // One step of the cones: what they touch where they are, how far to the nearest of what they have not met
 // (`least`), how deep they are in what they have.
 struct around {
-    mask touched;
-    real least, depth;
+    vmask touched;
+    vfloat least, depth;
 };
 
-static struct around look_around(real t, real radius, real touch, mask live, struct list offered,
-                                 const struct prepared *scene, struct own *own) {
-    struct around found = {no_lane(), set(INFINITY), set(INFINITY)};
+static struct around look_around(vfloat t, vfloat radius, vfloat touch, vmask live,
+                                 struct list offered, const struct prepared *scene,
+                                 struct own *own) {
+    struct around found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
         const struct placed *placed = &scene->placed[i];
         if (placed->trust == NOTHING)
             continue;
         COUNT(march_cones, shape);
-        real d = lower_bound(&own->axis[i], t, placed);
-        mask here = less_in(live, d, touch);
-        mask met = own->met[i] = either(own->met[i], here);
-        found.touched = either(found.touched, here);
-        found.least = least_of(choose(met, set(INFINITY), d), found.least);
+        vfloat d = lower_bound(&own->axis[i], t, placed);
+        vmask here = v_cmp_lt_in(live, d, touch);
+        vmask met = own->met[i] = v_or(own->met[i], here);
+        found.touched = v_or(found.touched, here);
+        found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
         if (placed->trust != DISTANCE)
             continue;
         COUNT(march_cones, depth);
-        real depth = upper_bound(d, placed) + radius;
-        found.depth = least_of(choose(met, depth, set(INFINITY)), found.depth);
+        vfloat depth = upper_bound(d, placed) + radius;
+        found.depth = v_min(v_select(met, depth, v_splat(INFINITY)), found.depth);
     }
     return found;
 }
 
-static void meet_all(mask lanes, struct list offered, mask *met) {
+static void meet_all(vmask lanes, struct list offered, vmask *met) {
     for (int n = 0; n < offered.count; n++)
-        met[offered.shape[n]] = either(met[offered.shape[n]], lanes);
+        met[offered.shape[n]] = v_or(met[offered.shape[n]], lanes);
 }
 
 static struct beam axes_of(struct own *own, struct list list) {
-    return (struct beam){own->axis, list, own->eye_wake, set(0.0f)};
+    return (struct beam){own->axis, list, own->eye_wake, v_splat(0.0f)};
 }
 
-void place_cones(struct place eye, const struct prepared *scene, struct own *own) {
+void place_cones(struct point eye, const struct prepared *scene, struct own *own) {
     struct beam beam = axes_of(own, scene->all);
     approach_origins(eye, scene, &beam);
 }
 
-void march_cones(struct place eye, mask active, struct list offered, struct cones *cones,
+void march_cones(struct point eye, vmask active, struct list offered, struct cones *cones,
                  const struct prepared *scene, struct own *own) {
-    ACTIVE(count_of(active));
+    ACTIVE(v_count(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
-    real zero = set(0.0f), bounds = set((float)limits->bounds_radius);
-    real from_centre = vec_dot(eye.hi, eye.hi);
-    real linear = set(2.0f) * vec_dot(eye.hi, cones->axis);
-    real furthest = (bounds + root(from_centre)) * set(1.0f + 0x1p-10f);
-    real close = set(close_of(limits)), t = cones->start;
-    real gap = cones->spread * set(GAP), outer = bounds * set(1.0f + 0x1p-16f);
+    vfloat zero = v_splat(0.0f), bounds = v_splat((float)limits->bounds_radius);
+    vfloat from_centre = vec_dot(eye.hi, eye.hi);
+    vfloat linear = v_splat(2.0f) * vec_dot(eye.hi, cones->axis);
+    vfloat furthest = (bounds + v_sqrt(from_centre)) * v_splat(1.0f + 0x1p-10f);
+    vfloat close = v_splat(close_of(limits)), t = cones->start;
+    vfloat gap = cones->spread * v_splat(GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
     struct beam beam = axes_of(own, offered);
     approach_directions(cones->axis, scene, &beam);
     // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
-    mask live = both(active, less(from_centre, bounds * bounds * set(1.0f - 0x1p-18f)));
-    mask met = but_not(live, active), at_camera = not_less(zero, t);
+    vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
+    vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->met[i] = no_lane();
+        own->met[i] = v_mask_none();
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        own->met[i] = scene->placed[i].trust == NOTHING ? active : but_not(live, active);
-        met = either(met, own->met[i]);
+        own->met[i] = scene->placed[i].trust == NOTHING ? active : v_andnot(live, active);
+        met = v_or(met, own->met[i]);
     }
-    for (int step = 0; step < MOST_CONE_STEPS && any(live); step++) {
-        ACTIVE(count_of(live));
+    for (int step = 0; step < MOST_CONE_STEPS && v_any(live); step++) {
+        ACTIVE(v_count(live));
         COUNT(march_cones, step);
-        real radius = mul_add(cones->spread, t, mul_add(t, set(0x1p-18f), close));
-        real touch = mul_add(gap, t, radius);
+        vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
+        vfloat touch = v_madd(gap, t, radius);
         struct around around = look_around(t, radius, touch, live, offered, scene, own);
-        mask first = but_not(met, around.touched);
-        cones->start = choose(first, t, cones->start);
-        met = either(met, around.touched);
+        vmask first = v_andnot(met, around.touched);
+        cones->start = v_select(first, t, cones->start);
+        met = v_or(met, around.touched);
         // A ray from within a shape is hit behind it, near to whatever is there.
-        if (step == 0 && any(both(first, at_camera))) {
-            meet_all(both(first, at_camera), offered, own->met);
-            live = but_not(both(first, at_camera), live);
+        if (step == 0 && v_any(v_and(first, at_camera))) {
+            meet_all(v_and(first, at_camera), offered, own->met);
+            live = v_andnot(v_and(first, at_camera), live);
         }
         // Each of its rays has been hit by now, or is out of the bounds.
-        mask hit = less(around.depth, zero);
-        t = add_where(live, t, around.least - radius);
-        real wide = mul_add(cones->spread, t, outer);
-        mask out = either(greater(mul_add(t, t + linear, from_centre), wide * wide),
-                          not_less(t, furthest));
-        cones->start = choose(both(live, but_not(met, out)), set(INFINITY), cones->start);
-        live = but_not(either(hit, out), live);
+        vmask hit = v_cmp_lt(around.depth, zero);
+        t = v_add_where(live, t, around.least - radius);
+        vfloat wide = v_madd(cones->spread, t, outer);
+        vmask out =
+            v_or(v_cmp_gt(v_madd(t, t + linear, from_centre), wide * wide), v_cmp_ge(t, furthest));
+        cones->start = v_select(v_and(live, v_andnot(met, out)), v_splat(INFINITY), cones->start);
+        live = v_andnot(v_or(hit, out), live);
     }
-    if (any(live)) { // out of steps: known as far as they are
-        cones->start = choose(but_not(met, live), t, cones->start);
+    if (v_any(live)) { // out of steps: known as far as they are
+        cones->start = v_select(v_andnot(met, live), t, cones->start);
         meet_all(live, offered, own->met);
     }
     cones->start =
-        choose(less(cones->start, set(INFINITY)),
-               most_of(neg_mul_add(cones->start, set(0x1p-18f), cones->start), zero), cones->start);
+        v_select(v_cmp_lt(cones->start, v_splat(INFINITY)),
+                 v_max(v_nmadd(cones->start, v_splat(0x1p-18f), cones->start), zero), cones->start);
 }
 
 struct list list_of(const bool *wanted, const struct prepared *scene, int *shapes) {
@@ -155,17 +157,17 @@ struct list hit_list(const bool *wanted, const struct prepared *scene, int *shap
     return list_of(wanted, scene, shapes);
 }
 
-struct list list_below(unsigned some, const mask *met, const struct prepared *scene,
+struct list list_below(unsigned some, const vmask *met, const struct prepared *scene,
                        struct own *own) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->wanted[i] = (bits(met[i]) & some) != 0;
+        own->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
     return list_of(own->wanted, scene, own->offered);
 }
 
 struct list list_of_cone(int lane, const struct prepared *scene, struct own *own, float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        own->wanted[i] = bits(own->met[i]) >> lane & 1;
+        own->wanted[i] = v_mask_bits(own->met[i]) >> lane & 1;
         if (own->wanted[i] && scene->placed[i].trust == BALL)
             *start = 0.0f;
     }

@@ -1,8 +1,10 @@
 // What tile.c, march.c, shade.c and umbra.c call of each other.
-#ifndef OPT8_TRACE_H
-#define OPT8_TRACE_H
+#ifndef TRACE_H
+#define TRACE_H
 
+#include "marching.h"
 #include "sdf.h"
+#include "simd/point.h"
 
 struct desk; // streams.h
 
@@ -11,7 +13,7 @@ struct world {
     const struct view *view;
     struct group group; // of the rays being marched now
     struct own *own;    // the worker's (tiles.h)
-    struct place eye;
+    struct point eye;
     bool lone; // camera rays go by lone.c
     struct desk *desk;
 };
@@ -26,50 +28,25 @@ static inline const struct placed *the_one(enum shape_type type, const struct pr
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
 struct rays {
-    struct place origin[GROUP];
+    struct point origin[GROUP];
     struct vec direction[GROUP];
-    mask active[GROUP];
-    real weight[GROUP]; // of what they see in their pixel
-    real pixel[GROUP], bounce[GROUP];
-    real start;         // where they begin
+    vmask active[GROUP];
+    vfloat weight[GROUP]; // of what they see in their pixel
+    vfloat pixel[GROUP], bounce[GROUP];
+    vfloat start;       // where they begin
     struct list others; // what those of them can meet that no Mandelbulb is before
     int marched;        // the pixel of the first, if the desk knows where they end; else −1
 };
 
 struct hit {
-    mask found;
-    real t; // distance along the ray
-    struct place point;
+    vmask found;
+    vfloat t; // distance along the ray
+    struct point point;
     struct vec normal; // towards the ray; 0 where not found
-    mask smooth;       // the normal is the shape's own there, and points out of it
-    real shape;        // a whole number; −1 where not found
-    real evals;        // evaluations of the scene's distance
+    vmask smooth;      // the normal is the shape's own there, and points out of it
+    vfloat shape;      // a whole number; −1 where not found
+    vfloat evals;      // evaluations of the scene's distance
 };
-
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
-struct exit {
-    real linear, constant; // t·(t + linear) + constant > 0
-};
-
-struct exit leaving(struct place origin, struct vec direction, const struct model *model);
-
-static inline real beyond(struct exit exit, real t) { // > 0: outside
-    return mul_add(t, t + exit.linear, exit.constant);
-}
-
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
-static inline real least_step(real t, real hit_distance) {
-    return most_of(hit_distance, t * set(0x1p-24f));
-}
-
-// More counts of steps a float cannot hold; a ray that was asked for more ends here as at the cap.
-enum { MOST_STEPS = 1 << 24 };
-
-static inline int step_cap(const struct model *model) {
-    return model->march.max_steps < MOST_STEPS ? model->march.max_steps : MOST_STEPS;
-}
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.
 void set_out(struct group *group);
@@ -79,15 +56,15 @@ void ray_march(const struct rays *rays, struct world *world, struct hit hit[GROU
 // What a hit's place says, once it is the origin of its beam: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct nearness {
-    real distance, shape; // of the nearest
-    mask contact;         // another shape is within two normal steps of it
+    vfloat distance, shape; // of the nearest
+    vmask contact;          // another shape is within two normal steps of it
 };
 
-struct nearness near_hit(mask found, const struct prepared *scene, struct beam *beam);
+struct nearness near_hit(vmask found, const struct prepared *scene, struct beam *beam);
 // Of hits that are the origins of the beam, and the slope there; `smooth` as in struct hit.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct prepared *scene, const struct beam *beam, real *slope,
-                     mask *smooth);
+struct vec normal_at(struct vec direction, vmask found, const struct nearness *near,
+                     const struct prepared *scene, const struct beam *beam, vfloat *slope,
+                     vmask *smooth);
 
 // What the rays see, times their weight, but for what has to wait: shadow and mirror rays are queued.
 void trace(const struct rays *rays, struct world *world, struct vec color[GROUP],

@@ -1,5 +1,6 @@
 // A ray by itself: the lanes are the children of a node and the solids of a leaf (I. Wald, C. Benthin, S. Boulos,
 // "Getting rid of packets", IRT 2008); through a kd-tree the traversal is scalar, and the lanes are the solids alone.
+#include "numerics.h"
 #include "query.h"
 
 static inline bool nearer(float t, float shape, float than, float whose) {
@@ -8,8 +9,9 @@ static inline bool nearer(float t, float shape, float than, float whose) {
 
 struct lone {
     struct vec origin, direction;
-    real low[3], high[3], per[3]; // its origin, moved by what rounding may do to a box; 1/direction
-    int near[3];                  // of a node's six arrays: the planes that it passes first
+    vfloat low[3], high[3],
+        per[3];  // its origin, moved by what rounding may do to a box; 1/direction
+    int near[3]; // of a node's six arrays: the planes that it passes first
     float from, t, shape, own;
 };
 
@@ -18,30 +20,32 @@ static inline void solids_alone(const struct query *q, enum solid type, const st
     COUNT(solids_alone, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     for (int i = 0; i < leaf->count[type]; i += LANES) {
-        mask active = first_lanes(leaf->count[type] - i);
-        ACTIVE(count_of(active));
+        vmask active = v_mask_first(leaf->count[type] - i);
+        ACTIVE(v_count(active));
         COUNT(solids_alone, group);
         int first = leaf->first[type] + i;
-        real in, out, t;
-        mask met = meet(type, active, r->origin, r->direction, hot, first, LANE_SOLIDS, q->newton,
-                        &in, &out);
-        if (!any(met))
+        vfloat in, out, t;
+        vmask met = meet(type, active, r->origin, r->direction, hot, first, LANE_SOLIDS, q->newton,
+                         &in, &out);
+        if (!v_any(met))
             continue;
         COUNT(solids_alone, met);
-        real index = load(hot->index + first);
-        met = but_not(equal(index, set(r->own)), met);
+        vfloat index = v_load(hot->index + first);
+        met = v_andnot(v_cmp_eq(index, v_splat(r->own)), met);
         if (q->any) {
-            if (any(both(met, both(less(in, set(r->t)), greater(out, set(r->from))))))
+            if (v_any(v_and(met,
+                            v_and(v_cmp_lt(in, v_splat(r->t)), v_cmp_gt(out, v_splat(r->from))))))
                 r->t = -INFINITY;
             continue;
         }
         met = entered(met, in, out, r->origin, type, hot, first, LANE_SOLIDS, &t);
-        met = both(met, not_less(set(r->t), t));
-        if (!any(met))
+        met = v_and(met, v_cmp_ge(v_splat(r->t), t));
+        if (!v_any(met))
             continue;
-        t = choose(met, t, set(INFINITY));
+        t = v_select(met, t, v_splat(INFINITY));
         float least = least_lane(t);
-        float whose = least_lane(choose(both(met, equal(t, set(least))), index, set(INFINITY)));
+        float whose =
+            least_lane(v_select(v_and(met, v_cmp_eq(t, v_splat(least))), index, v_splat(INFINITY)));
         if (nearer(least, whose, r->t, r->shape)) {
             r->t = least;
             r->shape = whose;
@@ -75,14 +79,14 @@ static void bvh_alone(const struct query *q, struct lone *r) {
         }
         COUNT(bvh_alone, node);
         const float *box = tree->boxes + (size_t)next * 6 * LANES;
-        real enter = set(0.0f), leave = set(larger(r->t, 0));
+        vfloat enter = v_splat(0.0f), leave = v_splat(larger(r->t, 0));
         for (int k = 0; k < 3; k++) {
             const float *near = box + r->near[k],
                         *far = box + 3 * LANES + 2 * k * LANES - r->near[k];
-            enter = most_of((load(near) - r->low[k]) * r->per[k], enter);
-            leave = least_of((load(far) - r->high[k]) * r->per[k], leave);
+            enter = v_max((v_load(near) - r->low[k]) * r->per[k], enter);
+            leave = v_min((v_load(far) - r->high[k]) * r->per[k], leave);
         }
-        unsigned which = bits(not_less(leave * set(1 + 1e-6f), enter));
+        unsigned which = v_mask_bits(v_cmp_ge(leave * v_splat(1 + 1e-6f), enter));
         const int *child = tree->child + next * LANES;
         if (which && !(which & (which - 1))) { // one alone, as most are
             next = child[__builtin_ctz(which)];
@@ -99,11 +103,11 @@ static void bvh_alone(const struct query *q, struct lone *r) {
 static void kd_alone(const struct query *q, struct lone *r) {
     COUNT(kd_alone, call);
     const struct tree *tree = &q->scene->tree;
-    float o[3] = {first_of(r->origin.x), first_of(r->origin.y), first_of(r->origin.z)};
+    float o[3] = {v_lane0(r->origin.x), v_lane0(r->origin.y), v_lane0(r->origin.z)};
     float enter = 0, leave = larger(r->t, 0), low[3], per[3];
     for (int k = 0; k < 3; k++) {
-        low[k] = fabsf(first_of(r->low[k]) - o[k]);
-        per[k] = first_of(r->per[k]);
+        low[k] = fabsf(v_lane0(r->low[k]) - o[k]);
+        per[k] = v_lane0(r->per[k]);
         float a = (tree->bounds.lo[k] - low[k] - o[k]) * per[k],
               b = (tree->bounds.hi[k] + low[k] - o[k]) * per[k];
         enter = larger(enter, smaller(a, b));
@@ -172,10 +176,10 @@ void go_alone(const struct query *q, int i, float margin) {
         // One quotient, not one in every lane; 0 becomes 1e-20.
         float size = larger(fabsf(d[k]), 1e-20f);
         bool back = signbit(d[k]);
-        r.per[k] = set(1.0f / (back ? -size : size));
+        r.per[k] = v_splat(1.0f / (back ? -size : size));
         r.near[k] = (back ? 3 + k : k) * LANES;
-        r.low[k] = set(back ? o[k] - margin : o[k] + margin);
-        r.high[k] = set(back ? o[k] + margin : o[k] - margin);
+        r.low[k] = v_splat(back ? o[k] - margin : o[k] + margin);
+        r.high[k] = v_splat(back ? o[k] + margin : o[k] - margin);
     }
     if (q->scene->tree.kind == TREE_KD)
         kd_alone(q, &r);

@@ -3,6 +3,7 @@
 #ifndef PACKETS_FRUSTUM_H
 #define PACKETS_FRUSTUM_H
 
+#include "numerics.h"
 #include "query.h"
 
 // Slopes of all rays about the axis on which they all go the same way, and where they begin.
@@ -17,13 +18,13 @@ struct frustum {
 
 static inline void range_of(const struct beams *b, const float *const field, float *lo, float *hi) {
     COUNT(range_of, call);
-    real least = set(INFINITY), most = set(-INFINITY);
+    vfloat least = v_splat(INFINITY), most = v_splat(-INFINITY);
     for (int i = 0; i < b->count; i += LANES) {
         COUNT(range_of, packet);
-        mask active = active_in(b, i / LANES);
-        real a = load(field + i);
-        least = choose(active, least_of(a, least), least);
-        most = choose(active, most_of(a, most), most);
+        vmask active = active_in(b, i / LANES);
+        vfloat a = v_load(field + i);
+        least = v_select(active, v_min(a, least), least);
+        most = v_select(active, v_max(a, most), most);
     }
     *lo = least_lane(least);
     *hi = most_lane(most);
@@ -31,10 +32,10 @@ static inline void range_of(const struct beams *b, const float *const field, flo
 
 static inline float most_along(const struct query *q) {
     COUNT(most_along, call);
-    real most = set(-INFINITY);
+    vfloat most = v_splat(-INFINITY);
     for (int i = 0; i < q->beams->count; i += LANES) {
         COUNT(most_along, packet);
-        most = choose(active_in(q->beams, i / LANES), most_of(load(q->t + i), most), most);
+        most = v_select(active_in(q->beams, i / LANES), v_max(v_load(q->t + i), most), most);
     }
     return larger(most_lane(most), 0.0f);
 }
@@ -77,15 +78,16 @@ static bool frustum_of(const struct query *q, struct frustum *f) {
     margin *= 1e-6f;
     if (!(apart < INFINITY && f->steep < 2))
         return false;
-    real least[2] = {set(INFINITY), set(INFINITY)}, most[2] = {set(-INFINITY), set(-INFINITY)};
+    vfloat least[2] = {v_splat(INFINITY), v_splat(INFINITY)},
+           most[2] = {v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < b->count; i += LANES) {
         COUNT(frustum_of, packet);
-        mask active = active_in(b, i / LANES);
-        real per = set(1.0f) / absolute(load(b->direction[f->axis] + i));
+        vmask active = active_in(b, i / LANES);
+        vfloat per = v_splat(1.0f) / v_abs(v_load(b->direction[f->axis] + i));
         for (int k = 0; k < 2; k++) {
-            real slope = load(b->direction[f->side[k]] + i) * per;
-            least[k] = choose(active, least_of(slope, least[k]), least[k]);
-            most[k] = choose(active, most_of(slope, most[k]), most[k]);
+            vfloat slope = v_load(b->direction[f->side[k]] + i) * per;
+            least[k] = v_select(active, v_min(slope, least[k]), least[k]);
+            most[k] = v_select(active, v_max(slope, most[k]), most[k]);
         }
     }
     for (int k = 0; k < 2; k++) {
@@ -119,27 +121,28 @@ static float crowd_in(const struct query *q, const struct frustum *f) {
 }
 
 // Boxes that the frustum may reach before `far`, and how far along its axis they begin.
-static inline mask reached(const struct frustum *f, const real lo[3], const real hi[3],
-                           real *begin) {
+static inline vmask reached(const struct frustum *f, const vfloat lo[3], const vfloat hi[3],
+                            vfloat *begin) {
     COUNT(reached, call);
     COUNT(reached, scalar);
     int k = f->axis;
-    real zero = set(0.0f), first, last;
+    vfloat zero = v_splat(0.0f), first, last;
     if (f->back) {
-        first = set(f->lo[k]) - hi[k];
-        last = set(f->hi[k]) - lo[k];
+        first = v_splat(f->lo[k]) - hi[k];
+        last = v_splat(f->hi[k]) - lo[k];
     } else {
-        first = lo[k] - set(f->hi[k]);
-        last = hi[k] - set(f->lo[k]);
+        first = lo[k] - v_splat(f->hi[k]);
+        last = hi[k] - v_splat(f->lo[k]);
     }
-    first = most_of(first, zero);
-    mask in = both(not_less(last, zero), not_less(set(f->far * f->steep), first));
+    first = v_max(first, zero);
+    vmask in = v_and(v_cmp_ge(last, zero), v_cmp_ge(v_splat(f->far * f->steep), first));
     for (int side = 0; side < 2; side++) {
         int u = f->side[side];
-        real top = most_of(set(f->most[side]) * first, set(f->most[side]) * last) + set(f->hi[u]);
-        real low =
-            least_of(set(f->least[side]) * first, set(f->least[side]) * last) + set(f->lo[u]);
-        in = both(in, both(not_less(top, lo[u]), not_less(hi[u], low)));
+        vfloat top = v_max(v_splat(f->most[side]) * first, v_splat(f->most[side]) * last) +
+                     v_splat(f->hi[u]);
+        vfloat low = v_min(v_splat(f->least[side]) * first, v_splat(f->least[side]) * last) +
+                     v_splat(f->lo[u]);
+        in = v_and(in, v_and(v_cmp_ge(top, lo[u]), v_cmp_ge(hi[u], low)));
     }
     *begin = first;
     return in;

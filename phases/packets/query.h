@@ -12,21 +12,21 @@ struct query {
     bool newton;
 };
 
-static inline mask active_in(const struct beams *b, int packet) {
-    return first_lanes(b->count - packet * LANES);
+static inline vmask active_in(const struct beams *b, int packet) {
+    return v_mask_first(b->count - packet * LANES);
 }
 
 // What of a solid's interval counts as a hit of a ray from outside, or from inside.
-static inline mask entered(mask met, real in, real out, struct vec o, enum solid type,
-                           const struct hot *hot, int i, enum lane_of lane, real *t) {
+static inline vmask entered(vmask met, vfloat in, vfloat out, struct vec o, enum solid type,
+                            const struct hot *hot, int i, enum lane_of lane, vfloat *t) {
     COUNT(entered, call);
-    real zero = set(0.0f);
-    met = both(met, greater(out, zero));
+    vfloat zero = v_splat(0.0f);
+    met = v_and(met, v_cmp_gt(out, zero));
     *t = in;
-    mask within = but_not(greater(in, zero), met);
-    if (any(within)) {
+    vmask within = v_andnot(v_cmp_gt(in, zero), met);
+    if (v_any(within)) {
         COUNT(entered, within);
-        *t = choose(within, least_of(depth_in(type, o, hot, i, lane), zero), in);
+        *t = v_select(within, v_min(depth_in(type, o, hot, i, lane), zero), in);
     }
     return met;
 }
@@ -39,10 +39,10 @@ struct waiting {
 enum { STACK = MOST_DEPTH * MOST_LANES };
 
 // Puts the children in `which` onto the stack, the furthest first.
-static inline int push(struct waiting *stack, int count, unsigned which, real begin,
+static inline int push(struct waiting *stack, int count, unsigned which, vfloat begin,
                        const int *child) {
     float at[LANES];
-    unload(begin, at);
+    v_store(begin, at);
     int bottom = count;
     for (; which; which &= which - 1) {
         int i = __builtin_ctz(which), j = count++;

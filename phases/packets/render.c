@@ -8,12 +8,12 @@
 
 #include "driver/variant.h"
 #include "placed.h"
-#include "threads.h"
+#include "workers/workers.h"
 
 // What the kernels read is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
-    struct team *team;
+    struct workers *workers;
     int lanes;
     struct solid_in *solids; // room for all shapes
 };
@@ -184,8 +184,8 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     prepared->planes = calloc(count, sizeof *prepared->planes);
     kept->solids = calloc(count, sizeof *kept->solids);
     if (prepared->placed && prepared->planes && kept->solids && phase_update(prepared, model))
-        kept->team = team_start(threads, own_size(kept->lanes));
-    if (kept->team)
+        kept->workers = workers_start(threads, own_size(kept->lanes));
+    if (kept->workers)
         return prepared;
     phase_release(prepared);
     return NULL;
@@ -193,8 +193,8 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
-    if (kept->team)
-        team_end(kept->team);
+    if (kept->workers)
+        workers_end(kept->workers);
     tree_free(&prepared->tree);
     free(prepared->placed);
     free(prepared->planes);
@@ -204,11 +204,11 @@ void phase_release(struct prepared *prepared) {
 
 // Apart from what the caller writes on its stack: all workers read it.
 struct frame_job {
-    alignas(APART) struct job job;
+    alignas(WORKERS_APART) struct job job;
     int lanes;
 };
 
-void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *own) {
     const struct frame_job *job = data;
     if (job->lanes == 16)
         lanes16_tile(&job->job, tile, own);
@@ -221,10 +221,10 @@ void render_tile(const void *data, int tile, void *own) {
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {{prepared, view, frame}, kept->lanes};
-    team_run(kept->team, &job,
-             kept->lanes == 16  ? lanes16_tiles(frame)
-             : kept->lanes == 8 ? lanes8_tiles(frame)
-                                : lanes4_tiles(frame));
+    workers_run(kept->workers, render_tile, &job,
+                kept->lanes == 16  ? lanes16_tiles(frame)
+                : kept->lanes == 8 ? lanes8_tiles(frame)
+                                   : lanes4_tiles(frame));
     return true;
 }
 

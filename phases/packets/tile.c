@@ -1,5 +1,7 @@
 // A tile of the picture is one batch of rays: its camera rays, then what they mirror, packed anew, until nothing does.
 // Rays packed by blocks of a tile, after J. Bikker, "Architecture of a Real-Time Ray-Tracer".
+#include "numerics.h"
+#include "simd/permute.h"
 #include "trace.h"
 
 static int lesser(int a, int b) {
@@ -29,8 +31,8 @@ static void get_rays(const struct job *job, int left, int top, struct rays *rays
         right_by[lane] = (float)(2 * (lane % BLOCK_WIDTH));
         down_by[lane] = (float)(2 * (lane / BLOCK_WIDTH));
     }
-    struct vec ahead = vec_doubles(view->forward), right = vec_doubles(view->right);
-    struct vec up = vec_doubles(view->up), eye = vec_doubles(view->position);
+    struct vec ahead = vec_from_doubles(view->forward), right = vec_from_doubles(view->right);
+    struct vec up = vec_from_doubles(view->up), eye = vec_from_doubles(view->position);
     rays->count = 0;
     for (int block = 0; block < PACKETS; block++) {
         int across = block % (TILE / BLOCK_WIDTH) * BLOCK_WIDTH;
@@ -39,19 +41,19 @@ static void get_rays(const struct job *job, int left, int top, struct rays *rays
         if (columns <= 0 || rows <= 0)
             continue;
         COUNT(get_rays, packet);
-        real x = set((float)(2 * (left + across) + 1 - frame->width)) + load(right_by);
-        real y = set((float)(frame->height - 1 - 2 * (top + down))) - load(down_by);
-        struct vec d = vec_along(ahead, right, x * set(per_height));
-        d = vec_along(d, up, y * set(per_height));
+        vfloat x = v_splat((float)(2 * (left + across) + 1 - frame->width)) + v_load(right_by);
+        vfloat y = v_splat((float)(frame->height - 1 - 2 * (top + down))) - v_load(down_by);
+        struct vec d = vec_along(ahead, right, x * v_splat(per_height));
+        d = vec_along(d, up, y * v_splat(per_height));
         d = vec_scale(d, inverse_root(vec_dot(d, d), newton));
-        mask in = both(less(load(right_by), set((float)(2 * columns))),
-                       less(load(down_by), set((float)(2 * rows))));
+        vmask in = v_and(v_cmp_lt(v_load(right_by), v_splat((float)(2 * columns))),
+                         v_cmp_lt(v_load(down_by), v_splat((float)(2 * rows))));
         int to = rays->count;
         pack_vec(in, eye, rays->origin, to);
         pack_vec(in, d, rays->direction, to);
-        pack(in, set(1.0f), rays->weight + to);
-        pack(in, set((float)(block * LANES)) + lane_numbers(), rays->pixel + to);
-        rays->count += count_of(in);
+        v_compress_store(in, v_splat(1.0f), rays->weight + to);
+        v_compress_store(in, v_splat((float)(block * LANES)) + v_iota(), rays->pixel + to);
+        rays->count += v_count(in);
     }
 }
 
@@ -112,7 +114,7 @@ static void draw_tile(const struct job *job, int tile, struct desk *desk) {
     int left = tile % tiles_across(job->frame) * TILE, top = tile / tiles_across(job->frame) * TILE;
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < BATCH; i += LANES)
-            unload(set(0.0f), desk->color[k] + i);
+            v_store(v_splat(0.0f), desk->color[k] + i);
     get_rays(job, left, top, &desk->rays);
     trace(&work, NULL);
     shade(&work, 0, job->frame->depth != NULL);

@@ -10,67 +10,68 @@
 
 // --- Planes, unbounded: packet by packet.
 
-static void ask_plane(const struct query *q, int index, int packet, mask active) {
+static void ask_plane(const struct query *q, int index, int packet, vmask active) {
     COUNT(ask_plane, call);
     const struct placed *s = &q->scene->placed[index];
     const struct beams *b = q->beams;
     int first = packet * LANES;
-    real zero = set(0.0f), best = load(q->t + first);
+    vfloat zero = v_splat(0.0f), best = v_load(q->t + first);
     struct vec n = vec_set(s->normal), o = load_vec(b->origin, first);
     struct vec d = load_vec(b->direction, first);
-    real height = vec_dot(o, n) - set(s->offset), slope = vec_dot(d, n);
-    active = both(active, less(absolute(vec_dot(o, d)), set(INFINITY))); // numbers, and a direction
-    active = both(active, greater(vec_dot(d, d), zero));
+    vfloat height = vec_dot(o, n) - v_splat(s->offset), slope = vec_dot(d, n);
+    active = v_and(active,
+                   v_cmp_lt(v_abs(vec_dot(o, d)), v_splat(INFINITY))); // numbers, and a direction
+    active = v_and(active, v_cmp_gt(vec_dot(d, d), zero));
     if (b->own)
-        active = but_not(equal(load(b->own + first), set((float)index)), active);
+        active = v_andnot(v_cmp_eq(v_load(b->own + first), v_splat((float)index)), active);
     if (q->any) { // solid below: at either end it is in the way
         COUNT(ask_plane, any);
-        real near = b->near ? load(b->near + first) : zero;
-        mask met = either(less(mul_add(slope, near, height), zero),
-                          less(mul_add(slope, best, height), zero));
-        unload(choose(both(met, active), set(-INFINITY), best), q->t + first);
+        vfloat near = b->near ? v_load(b->near + first) : zero;
+        vmask met = v_or(v_cmp_lt(v_madd(slope, near, height), zero),
+                         v_cmp_lt(v_madd(slope, best, height), zero));
+        v_store(v_select(v_and(met, active), v_splat(-INFINITY), best), q->t + first);
         return;
     }
     COUNT(ask_plane, first);
-    mask under = less(height, zero);
-    real t = height / (zero - slope);
-    t = choose(under, height, t);
-    mask met = both(active, either(under, less(slope, zero)));
-    real shape = load(q->shape + first), mine = set((float)index);
-    met = both(met, either(less(t, best), both(equal(t, best), less(mine, shape))));
-    unload(choose(met, t, best), q->t + first);
-    unload(choose(met, mine, shape), q->shape + first);
+    vmask under = v_cmp_lt(height, zero);
+    vfloat t = height / (zero - slope);
+    t = v_select(under, height, t);
+    vmask met = v_and(active, v_or(under, v_cmp_lt(slope, zero)));
+    vfloat shape = v_load(q->shape + first), mine = v_splat((float)index);
+    met = v_and(met, v_or(v_cmp_lt(t, best), v_and(v_cmp_eq(t, best), v_cmp_lt(mine, shape))));
+    v_store(v_select(met, t, best), q->t + first);
+    v_store(v_select(met, mine, shape), q->shape + first);
 }
 
 // --- Together
 
 static inline void ask_solid(const struct query *q, enum solid type, int i, int packet) {
     const struct beams *b = q->beams;
-    mask active = active_in(b, packet);
-    ACTIVE(count_of(active));
+    vmask active = active_in(b, packet);
+    ACTIVE(v_count(active));
     COUNT(ask_solid, call);
     const struct hot *hot = &q->scene->tree.hot[type];
     int first = packet * LANES;
     struct vec o = load_vec(b->origin, first);
-    real in, out, best = load(q->t + first), mine = set(hot->index[i]);
+    vfloat in, out, best = v_load(q->t + first), mine = v_splat(hot->index[i]);
     struct vec d = load_vec(b->direction, first);
-    mask met = meet(type, active, o, d, hot, i, LANE_RAYS, q->newton, &in, &out);
-    if (!any(met))
+    vmask met = meet(type, active, o, d, hot, i, LANE_RAYS, q->newton, &in, &out);
+    if (!v_any(met))
         return;
     COUNT(ask_solid, met);
     if (b->own)
-        met = but_not(equal(load(b->own + first), mine), met);
+        met = v_andnot(v_cmp_eq(v_load(b->own + first), mine), met);
     if (q->any) {
-        real near = b->near ? load(b->near + first) : set(0.0f);
-        met = both(met, both(less(in, best), greater(out, near)));
-        unload(choose(met, set(-INFINITY), best), q->t + first);
+        vfloat near = b->near ? v_load(b->near + first) : v_splat(0.0f);
+        met = v_and(met, v_and(v_cmp_lt(in, best), v_cmp_gt(out, near)));
+        v_store(v_select(met, v_splat(-INFINITY), best), q->t + first);
         return;
     }
-    real t, shape = load(q->shape + first);
+    vfloat t, shape = v_load(q->shape + first);
     met = entered(met, in, out, o, type, hot, i, LANE_RAYS, &t);
-    met = both(met, either(less(t, best), both(equal(t, best), less(mine, shape))));
-    unload(choose(met, t, best), q->t + first);
-    unload(choose(met, mine, shape), q->shape + first);
+    met = v_and(met, v_or(v_cmp_lt(t, best), v_and(v_cmp_eq(t, best), v_cmp_lt(mine, shape))));
+    v_store(v_select(met, t, best), q->t + first);
+    v_store(v_select(met, mine, shape), q->shape + first);
 }
 
 static inline void leaf_of_type(const struct query *q, enum solid type, const struct leaf *leaf,
@@ -80,17 +81,17 @@ static inline void leaf_of_type(const struct query *q, enum solid type, const st
     int packets = (q->beams->count + LANES - 1) / LANES;
     for (int i = 0; i < leaf->count[type]; i += LANES) {
         int first = leaf->first[type] + i;
-        unsigned which = bits(first_lanes(leaf->count[type] - i));
+        unsigned which = v_mask_bits(v_mask_first(leaf->count[type] - i));
         if (f) {
             COUNT(leaf_of_type, group);
-            real lo[3], hi[3], begin;
+            vfloat lo[3], hi[3], begin;
             for (int k = 0; k < 3; k++) {
-                real centre = load(hot->field[F_CENTRE + k] + first);
-                real reach = load(hot->reach[k] + first);
+                vfloat centre = v_load(hot->field[F_CENTRE + k] + first);
+                vfloat reach = v_load(hot->reach[k] + first);
                 lo[k] = centre - reach;
                 hi[k] = centre + reach;
             }
-            which &= bits(reached(f, lo, hi, &begin));
+            which &= v_mask_bits(reached(f, lo, hi, &begin));
         }
         for (; which; which &= which - 1)
             for (int packet = 0; packet < packets; packet++)
@@ -122,12 +123,12 @@ static void bvh_together(const struct query *q, struct frustum *f) {
             continue;
         }
         const float *box = tree->boxes + (size_t)next.child * 6 * LANES;
-        real lo[3], hi[3], begin;
+        vfloat lo[3], hi[3], begin;
         for (int k = 0; k < 3; k++) {
-            lo[k] = load(box + k * LANES);
-            hi[k] = load(box + (3 + k) * LANES);
+            lo[k] = v_load(box + k * LANES);
+            hi[k] = v_load(box + (3 + k) * LANES);
         }
-        unsigned which = bits(reached(f, lo, hi, &begin));
+        unsigned which = v_mask_bits(reached(f, lo, hi, &begin));
         count = push(stack, count, which, begin, tree->child + next.child * LANES);
     }
 }
@@ -197,15 +198,16 @@ enum { FEW = 128 };
 // Whether all rays are numbers and have a direction.
 static bool proper(const struct beams *b) {
     COUNT(proper, call);
-    mask all = first_lanes(LANES);
+    vmask all = v_mask_first(LANES);
     for (int i = 0; i < b->count; i += LANES) {
         COUNT(proper, packet);
         struct vec o = load_vec(b->origin, i), d = load_vec(b->direction, i);
-        real square = vec_dot(d, d), size = absolute(o.x) + absolute(o.y) + absolute(o.z);
-        mask good = both(greater(square, set(0.0f)), less(size + square, set(INFINITY)));
-        all = both(all, either(good, but_not(active_in(b, i / LANES), first_lanes(LANES))));
+        vfloat square = vec_dot(d, d), size = v_abs(o.x) + v_abs(o.y) + v_abs(o.z);
+        vmask good =
+            v_and(v_cmp_gt(square, v_splat(0.0f)), v_cmp_lt(size + square, v_splat(INFINITY)));
+        all = v_and(all, v_or(good, v_andnot(active_in(b, i / LANES), v_mask_first(LANES))));
     }
-    return bits(all) == bits(first_lanes(LANES));
+    return v_mask_bits(all) == v_mask_bits(v_mask_first(LANES));
 }
 
 // Of `count` rays from `first` on, as a query of their own.
@@ -261,8 +263,8 @@ static void ask(const struct query *q) {
 void first_hits(const struct prepared *scene, const struct beams *beams, float *t, float *shape) {
     struct query q = {scene, beams, t, shape, false, scene->settings.newton};
     for (int i = 0; i < beams->count; i += LANES) {
-        unload(set(INFINITY), t + i);
-        unload(set(-1.0f), shape + i);
+        v_store(v_splat(INFINITY), t + i);
+        v_store(v_splat(-1.0f), shape + i);
     }
     ask(&q);
 }
@@ -270,6 +272,6 @@ void first_hits(const struct prepared *scene, const struct beams *beams, float *
 void blocked(const struct prepared *scene, const struct beams *beams, float *t) {
     struct query q = {scene, beams, t, NULL, true, scene->settings.newton};
     for (int i = 0; i < beams->count; i += LANES)
-        unload(beams->far ? load(beams->far + i) : set(INFINITY), t + i);
+        v_store(beams->far ? v_load(beams->far + i) : v_splat(INFINITY), t + i);
     ask(&q);
 }

@@ -2,6 +2,7 @@
 #ifndef PACKETS_TRACE_H
 #define PACKETS_TRACE_H
 
+#include "simd/permute.h"
 #include "solids.h"
 
 enum {
@@ -56,19 +57,19 @@ struct work {
 void shade(const struct work *work, int bounce, bool normals);
 
 static inline struct vec load_vec(const float *const from[3], int i) {
-    return (struct vec){load(from[0] + i), load(from[1] + i), load(from[2] + i)};
+    return (struct vec){v_load(from[0] + i), v_load(from[1] + i), v_load(from[2] + i)};
 }
 
 static inline void unload_vec(struct vec a, float (*to)[ROOM], int i) {
-    unload(a.x, to[0] + i);
-    unload(a.y, to[1] + i);
-    unload(a.z, to[2] + i);
+    v_store(a.x, to[0] + i);
+    v_store(a.y, to[1] + i);
+    v_store(a.z, to[2] + i);
 }
 
-static inline void pack_vec(mask m, struct vec a, float (*to)[ROOM], int i) {
-    pack(m, a.x, to[0] + i);
-    pack(m, a.y, to[1] + i);
-    pack(m, a.z, to[2] + i);
+static inline void pack_vec(vmask m, struct vec a, float (*to)[ROOM], int i) {
+    v_compress_store(m, a.x, to[0] + i);
+    v_compress_store(m, a.y, to[1] + i);
+    v_compress_store(m, a.z, to[2] + i);
 }
 
 #endif

@@ -4,18 +4,19 @@
 //
 // A rod in each lane, those of one size together: "some fancy SSE doing the children in parallel".
 #include "rods.h"
+#include "simd/point.h"
 
 // A packet of rods under way.
 struct flight {
     struct vec axis;
-    real linear, before, steps;
-    mask gone; // out of the bounds with all of its rays
+    vfloat linear, before, steps;
+    vmask gone; // out of the bounds with all of its rays
 };
 
 // What all rods of a size share.
 struct size {
     int side; // pixels
-    real spread, from_centre, outer, close, cap;
+    vfloat spread, from_centre, outer, close, cap;
 };
 
 static void append(struct rod_list *list, int x, int y, float t, float steps) {
@@ -27,7 +28,7 @@ static void append(struct rod_list *list, int x, int y, float t, float steps) {
 
 // The axis is the ray through the rod's middle. A ray to a point of the picture plane and the axis differ, both of unit
 // length, by no more than the two points: half of the diagonal at most.
-static struct size size_of(int side, const struct job *job, struct place eye) {
+static struct size size_of(int side, const struct job *job, struct point eye) {
     COUNT(size_of, call);
     ACTIVE(LANES);
     COUNT(size_of, wide);
@@ -36,15 +37,15 @@ static struct size size_of(int side, const struct job *job, struct place eye) {
     double half = per_height * side * 1.41421356237309505;
     int steps = job->prepared->settings.steps, cap = step_cap(&job->prepared->model);
     return (struct size){.side = side,
-                         .spread = set((float)(half * (1.0 + 0x1p-16) + 0x1p-20)),
+                         .spread = v_splat((float)(half * (1.0 + 0x1p-16) + 0x1p-20)),
                          .from_centre = vec_dot(eye.hi, eye.hi),
-                         .outer = set((float)(limits->bounds_radius * (1.0 + 0x1p-16))),
-                         .close = set((float)limits->hit_distance),
-                         .cap = set((float)(steps > 0 && steps < cap ? steps : cap))};
+                         .outer = v_splat((float)(limits->bounds_radius * (1.0 + 0x1p-16))),
+                         .close = v_splat((float)limits->hit_distance),
+                         .cap = v_splat((float)(steps > 0 && steps < cap ? steps : cap))};
 }
 
 static void set_out_rods(int first, int count, int left, int top, const struct size *size,
-                         const struct job *job, struct place eye, struct world *world, int k,
+                         const struct job *job, struct point eye, struct world *world, int k,
                          const struct rod_list *rods, struct flight *flight) {
     ACTIVE(count);
     COUNT(set_out_rods, call);
@@ -62,37 +63,39 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
         there[lane] = lane < count ? 1.0f : 0.0f;
     }
     const struct view *view = job->view;
-    struct vec d = vec_along(vec_doubles(view->forward), vec_doubles(view->right), load(x));
-    d = vec_along(d, vec_doubles(view->up), load(y));
-    flight->axis = vec_scale(d, set(1.0f) / vec_norm(d));
-    flight->linear = set(2.0f) * vec_dot(eye.hi, flight->axis);
-    flight->steps = flight->before = load(steps);
-    flight->gone = no_lane();
+    struct vec d =
+        vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), v_load(x));
+    d = vec_along(d, vec_from_doubles(view->up), v_load(y));
+    flight->axis = vec_scale(d, v_splat(1.0f) / vec_norm(d));
+    flight->linear = v_splat(2.0f) * vec_dot(eye.hi, flight->axis);
+    flight->steps = flight->before = v_load(steps);
+    flight->gone = v_mask_none();
     approach_origins(eye, world->scene, &world->group.beam[k]);
     approach_directions(flight->axis, world->scene, world->group.beam[k].approach);
-    world->group.t[k] = load(t);
-    world->group.live[k] = less_in(greater(load(there), set(0.5f)), flight->steps, size->cap);
+    world->group.t[k] = v_load(t);
+    world->group.live[k] =
+        v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), flight->steps, size->cap);
 }
 
 // What float makes of a distance, 2⁻¹⁸ of t at most, is taken off it before it is believed. False after the last step.
 static inline bool rod_step(struct flight *rod, int k, const struct size *size,
                             struct group *group) {
-    mask live = group->live[k];
-    ACTIVE(count_of(live));
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
     COUNT(rod_step, call);
-    real t = group->t[k];
-    rod->steps = add_where(live, rod->steps, set(1.0f));
-    real radius = mul_add(size->spread, t, mul_add(t, set(0x1p-18f), size->close));
-    real clear = group->distance[k] - radius;
-    mask going = not_less_in(live, clear, radius);
-    group->t[k] = t = add_where(going, t, clear);
-    real wide = mul_add(size->spread, t, size->outer);
-    mask out = less_in(going, wide * wide, mul_add(t, t + rod->linear, size->from_centre));
-    rod->gone = either(rod->gone, out);
-    mask on = less_in(but_not(out, going), rod->steps, size->cap);
+    vfloat t = group->t[k];
+    rod->steps = v_add_where(live, rod->steps, v_splat(1.0f));
+    vfloat radius = v_madd(size->spread, t, v_madd(t, v_splat(0x1p-18f), size->close));
+    vfloat clear = group->distance[k] - radius;
+    vmask going = v_cmp_nlt_in(live, clear, radius);
+    group->t[k] = t = v_add_where(going, t, clear);
+    vfloat wide = v_madd(size->spread, t, size->outer);
+    vmask out = v_cmp_lt_in(going, wide * wide, v_madd(t, t + rod->linear, size->from_centre));
+    rod->gone = v_or(rod->gone, out);
+    vmask on = v_cmp_lt_in(v_andnot(out, going), rod->steps, size->cap);
     group->live[k] = on;
-    group->high[k] = choose(on, group->high[k], set(-INFINITY));
-    return any(on);
+    group->high[k] = v_select(on, group->high[k], v_splat(-INFINITY));
+    return v_any(on);
 }
 
 // The pixels of a rod begin there.
@@ -104,17 +107,17 @@ static void settle(int x, int y, int side, float start, float steps, struct surv
         }
 }
 
-static void land_rods(int first, int count, int across, int down, const struct size *size, real t,
+static void land_rods(int first, int count, int across, int down, const struct size *size, vfloat t,
                       const struct flight *rods, struct survey *survey, int least) {
     COUNT(land_rods, call);
-    float at[LANES], steps[LANES], cap = first_of(size->cap);
-    unload(t, at);
-    unload(rods->steps, steps);
+    float at[LANES], steps[LANES], cap = v_lane0(size->cap);
+    v_store(t, at);
+    v_store(rods->steps, steps);
     for (int lane = 0; lane < count; lane++) {
         COUNT(land_rods, rod);
         int i = first + lane, x = survey->now.x[i], y = survey->now.y[i];
         survey->share[y * TILE + x] += steps[lane] - survey->now.steps[i];
-        bool gone = bits(rods->gone) >> lane & 1;
+        bool gone = v_mask_bits(rods->gone) >> lane & 1;
         if (gone || steps[lane] >= cap || size->side == least) {
             settle(x, y, size->side, gone ? INFINITY : at[lane], steps[lane], survey);
             continue;
@@ -130,7 +133,7 @@ static void land_rods(int first, int count, int across, int down, const struct s
 
 // All rods of a size, as many packets at a time as a group holds.
 static void march_size(int left, int top, const struct size *size, const struct job *job,
-                       struct place eye, struct world *world, struct survey *survey) {
+                       struct point eye, struct world *world, struct survey *survey) {
     COUNT(march_size, call);
     struct group *group = &world->group;
     const struct rod_list *rods = &survey->now;
@@ -140,17 +143,17 @@ static void march_size(int left, int top, const struct size *size, const struct 
         for (int k = 0; k < GROUP; k++) {
             int rest = rods->count - first - k * LANES;
             counts[k] = rest < 0 ? 0 : rest < LANES ? rest : LANES;
-            group->live[k] = no_lane();
+            group->live[k] = v_mask_none();
             if (counts[k] > 0)
                 set_out_rods(first + k * LANES, counts[k], left, top, size, job, eye, world, k,
                              rods, &flight[k]);
             else
-                group->t[k] = set(0.0f);
+                group->t[k] = v_splat(0.0f);
         }
         group->count = 0;
         for (int k = 0; k < GROUP; k++) {
-            group->high[k] = choose(group->live[k], group->beam[k].high, set(-INFINITY));
-            if (any(group->live[k]))
+            group->high[k] = v_select(group->live[k], group->beam[k].high, v_splat(-INFINITY));
+            if (v_any(group->live[k]))
                 group->list[group->count++] = k;
         }
         struct alone alone = {.shape = -1};
@@ -171,7 +174,7 @@ static void march_size(int left, int top, const struct size *size, const struct 
     }
 }
 
-void march_rods(int left, int top, const struct job *job, struct place eye, struct world *world,
+void march_rods(int left, int top, const struct job *job, struct point eye, struct world *world,
                 struct survey *survey) {
     COUNT(march_rods, call);
     const struct settings *settings = &job->prepared->settings;

@@ -1,7 +1,9 @@
 // Where the rays of a tile begin: what its rods have found. See rods.c.
-#ifndef RODS_SIMD_RODS_H
-#define RODS_SIMD_RODS_H
+#ifndef RODS_H
+#define RODS_H
 
+#include "marching.h"
+#include "simd/point.h"
 #include "trace.h"
 
 enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
@@ -22,10 +24,7 @@ struct survey {
 };
 
 // Fills start, steps and share of the tile whose first pixel is (left, top).
-void march_rods(int left, int top, const struct job *job, struct place eye, struct world *world,
+void march_rods(int left, int top, const struct job *job, struct point eye, struct world *world,
                 struct survey *survey);
-
-// Evaluations of one march that the scene allows, and a float can count.
-int step_cap(const struct model *model);
 
 #endif

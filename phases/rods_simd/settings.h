@@ -1,6 +1,6 @@
 // What the article would have a throttle choose, read from STEPWISE_RODS; unset, what the phase's notes say.
-#ifndef RODS_SIMD_SETTINGS_H
-#define RODS_SIMD_SETTINGS_H
+#ifndef SETTINGS_H
+#define SETTINGS_H
 
 #include <stdbool.h>
 

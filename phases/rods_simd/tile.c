@@ -1,67 +1,16 @@
 // The pixels of a tile: rods say where their rays begin, and which of them meet nothing. The others are finished in
 // blocks of neighbours on both axes, four wide, one ray through the middle of each; what of a block lies outside the
 // picture is masked, so any size will do.
+#include "camera.h"
 #include "rods.h"
+#include "simd/point.h"
 
 #include <stdlib.h>
 
-enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
-
-static struct place place_of(const double a[3]) {
-    float hi[3], lo[3];
-    for (int i = 0; i < 3; i++)
-        split(a[i], &hi[i], &lo[i]);
-    return (struct place){vec_set(hi), vec_set(lo)};
-}
-
-struct block {
-    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
-};
-
 // Where the rays of a block begin, evaluations of the rods that led there, and those of them told with each.
 struct beginning {
-    real start, steps, share;
+    vfloat start, steps, share;
 };
-
-static mask in_picture(struct block block) {
-    static const float right[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
-    static const float below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-    return both(less(load(right), set((float)block.across)),
-                less(load(below), set((float)block.down)));
-}
-
-static struct vec get_direction(struct block block, const struct frame *frame,
-                                const struct view *view) {
-    COUNT(get_direction, call);
-    COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
-    float columns[LANES], rows[LANES];
-    for (int i = 0; i < BLOCK_HEIGHT; i++) {
-        COUNT(get_direction, row);
-        float y = (float)((top - 2.0 * (block.row + i)) * per_height);
-        for (int lane = i * BLOCK_WIDTH; lane < (i + 1) * BLOCK_WIDTH; lane++) {
-            int column = block.column + lane % BLOCK_WIDTH;
-            columns[lane] = (float)(2 * column + 1 - frame->width); // exact
-            rows[lane] = y;
-        }
-    }
-    real x = load(columns) * set((float)per_height), y = load(rows);
-    struct vec d = vec_along(vec_doubles(view->forward), vec_doubles(view->right), x);
-    d = vec_along(d, vec_doubles(view->up), y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
-}
-
-static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
-    float lanes[LANES];
-    unload(values, lanes);
-    for (int row = 0; row < block.down; row++) {
-        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
-        for (int i = 0; i < block.across; i++)
-            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
-    }
-}
 
 static void store(struct frame *frame, struct block block, const struct shaded *seen,
                   const struct beginning *began) {
@@ -72,7 +21,7 @@ static void store(struct frame *frame, struct block block, const struct shaded *
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
@@ -87,24 +36,20 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE - 1) / TILE;
 }
 
-static int lesser(int a, int b) {
-    return a < b ? a : b;
-}
-
 // In a worker's own memory.
 static struct survey *place_beams(struct group *group, void *own, int shapes) {
-    real *wake = own;
+    vfloat *wake = own;
     struct approach *approach = (struct approach *)(wake + shapes * GROUP);
     for (int i = 0; i < shapes * GROUP; i++)
-        wake[i] = set(INFINITY); // a packet that never was under way wakes nobody
+        wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
     for (int k = 0; k < GROUP; k++)
         group->beam[k] = (struct beam){.approach = approach + k * shapes, .wake = wake + k};
     return (struct survey *)(approach + GROUP * shapes);
 }
 
 // What a block's rays begin with; the lanes that have one. Of the others start is −1.
-static mask begin(struct block block, int left, int top, const struct survey *survey,
-                  struct beginning *began) {
+static vmask begin(struct block block, int left, int top, const struct survey *survey,
+                   struct beginning *began) {
     COUNT(begin, call);
     float start[LANES], steps[LANES], share[LANES];
     for (int lane = 0; lane < LANES; lane++) {
@@ -114,21 +59,21 @@ static mask begin(struct block block, int left, int top, const struct survey *su
         steps[lane] = survey->steps[pixel];
         share[lane] = survey->share[pixel];
     }
-    *began = (struct beginning){load(start), load(steps), load(share)};
-    mask active = less_in(in_picture(block), began->start, set(INFINITY));
-    began->start = choose(active, began->start, set(-1.0f));
+    *began = (struct beginning){v_load(start), v_load(steps), v_load(share)};
+    vmask active = v_cmp_lt_in(in_picture(block), began->start, v_splat(INFINITY));
+    began->start = v_select(active, began->start, v_splat(-1.0f));
     return active;
 }
 
 // Of rays that were not marched: nothing.
-static void blank(mask active, const struct model *model, struct shaded *seen) {
+static void blank(vmask active, const struct model *model, struct shaded *seen) {
     struct hit *hit = &seen->hit;
-    struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
-    seen->color = vec_choose(active, seen->color, vec_doubles(model->background));
-    hit->found = both(active, hit->found);
-    hit->shape = choose(active, hit->shape, set(-1.0f));
-    hit->normal = vec_choose(active, hit->normal, none);
-    hit->evals = keep(active, hit->evals);
+    struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    seen->color = vec_select(active, seen->color, vec_from_doubles(model->background));
+    hit->found = v_and(active, hit->found);
+    hit->shape = v_select(active, hit->shape, v_splat(-1.0f));
+    hit->normal = vec_select(active, hit->normal, none);
+    hit->evals = v_select_or_zero(active, hit->evals);
 }
 
 // Blocks that wait until a group of them is full.
@@ -143,7 +88,7 @@ static void draw_waiting(struct waiting *waiting, const struct job *job, struct 
     COUNT(draw_waiting, call);
     struct shaded seen[GROUP];
     for (int k = waiting->count; k < GROUP; k++)
-        waiting->rays.active[k] = no_lane();
+        waiting->rays.active[k] = v_mask_none();
     trace(&waiting->rays, 0, world, seen);
     for (int k = 0; k < waiting->count; k++) {
         ACTIVE(waiting->block[k].across * waiting->block[k].down);
@@ -153,9 +98,10 @@ static void draw_waiting(struct waiting *waiting, const struct job *job, struct 
     waiting->count = 0;
 }
 
-static void draw_block(struct block block, struct place origin, struct beginning began, mask active,
-                       const struct job *job, struct world *world, struct waiting *waiting) {
-    ACTIVE(count_of(active));
+static void draw_block(struct block block, struct point origin, struct beginning began,
+                       vmask active, const struct job *job, struct world *world,
+                       struct waiting *waiting) {
+    ACTIVE(v_count(active));
     COUNT(draw_block, call);
     const struct settings *settings = &job->prepared->settings;
     struct rays *rays = &waiting->rays;
@@ -164,7 +110,7 @@ static void draw_block(struct block block, struct place origin, struct beginning
     rays->origin[k] = origin;
     rays->direction[k] = get_direction(block, job->frame, job->view);
     rays->active[k] = active;
-    rays->start[k] = keep(active, began.start);
+    rays->start[k] = v_select_or_zero(active, began.start);
     rays->cap = settings->finish > 0 ? lesser(cap, settings->finish) : cap;
     waiting->block[k] = block;
     waiting->began[k] = began;
@@ -179,7 +125,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     const struct model *model = &job->prepared->model;
     struct world world = {.scene = job->prepared, .view = job->view};
     struct survey *survey = place_beams(&world.group, own, model->shape_count);
-    struct place origin = place_of(job->view->position);
+    struct point origin = place_of(job->view->position);
     int left = tile % tiles_across(frame) * TILE, right = lesser(frame->width, left + TILE);
     int top = tile / tiles_across(frame) * TILE, bottom = lesser(frame->height, top + TILE);
     march_rods(left, top, job, origin, &world, survey);
@@ -192,8 +138,8 @@ static void draw_tile(const struct job *job, int tile, void *own) {
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
             struct beginning began;
-            mask active = begin(block, left, top, survey, &began);
-            if (any(active)) {
+            vmask active = begin(block, left, top, survey, &began);
+            if (v_any(active)) {
                 draw_block(block, origin, began, active, job, &world, &waiting);
                 continue;
             }
@@ -206,7 +152,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
 }
 
 size_t VARIANT(own_size)(const struct model *model) {
-    return GROUP * (size_t)model->shape_count * (sizeof(real) + sizeof(struct approach)) +
+    return GROUP * (size_t)model->shape_count * (sizeof(vfloat) + sizeof(struct approach)) +
            sizeof(struct survey);
 }
 
@@ -227,14 +173,14 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct group group;
     place_beams(&group, own, prepared->model.shape_count);
     struct beam *beam = &group.beam[0];
-    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0f);
+        vfloat shape = v_splat(-1.0f);
         approach_origins(place_of(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam->approach);
         distance[i] =
-            first_of(nearest_shape(beam->approach, set(0.0f), prepared, all_lanes(), &shape));
-        nearest[i] = (int)first_of(shape);
+            v_lane0(nearest_shape(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        nearest[i] = (int)v_lane0(shape);
     }
     free(own);
     return true;

@@ -214,6 +214,8 @@ def lineage(phase: str, root: Path = ROOT) -> list[str]:
 def about(phase: str, root: Path = ROOT) -> dict:
     """phase.json of a phase. What a derived phase leaves out (a key, a class of `tolerance`) is its parent's.
 
+    A class of the parent's that is null in the derived phase's is left out.
+
     Raises PatchError.
     """
     data: dict = {}
@@ -221,7 +223,8 @@ def about(phase: str, root: Path = ROOT) -> dict:
         own, parents = _own_json(name, root), data.get("tolerance", {})
         data = {key: value for key, value in data.items() if key not in OWN_KEYS} | own
         if parents and isinstance(own.get("tolerance"), dict):
-            data["tolerance"] = parents | own["tolerance"]
+            both = parents | own["tolerance"]
+            data["tolerance"] = {key: value for key, value in both.items() if value is not None}
     return data
 
 

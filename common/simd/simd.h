@@ -1,0 +1,122 @@
+// Vector words: everything that is computed for several rays at once is written in these, and built for as
+// many lanes as LANES says: 16 (AVX-512), 8 (AVX2 and FMA) or 4 (SSE2). Every word is correctly rounded or
+// moves bits, so that a lane holds the same whatever the number of lanes, but for those marked (~).
+// A file of one width cannot pass a vector to a file of another: each width is built apart.
+//
+//   vfloat                      a float in each lane; + - * / are the compiler's
+//   v_splat(a)  v_load(p)  v_store(a, p)  v_lane0(a)  v_iota()    0, 1, 2 ... in the lanes
+//   v_madd(a, b, c)  a*b + c    v_nmadd: c - a*b; v_msub: a*b - c. Rounded once; twice with 4 lanes (~)
+//   v_sqrt  v_abs  v_floor      v_round: to the nearest whole number, ties to even
+//   v_min(a, b)  v_max(a, b)    b where either is NaN
+//   v_reduce_min  v_reduce_max  a float: of all lanes; v_max_of_lanes: the maximum in every lane
+//   v_copysign(a, sign)         the magnitude of a with the sign of `sign`
+//   v_exponent(a)  v_mantissa(a)  of a > 0: a = mantissa * 2^exponent, 1 <= mantissa < 2
+//   v_mantissa_near_1(a, &e)    the same with 3/4 <= mantissa < 3/2
+//   v_ldexp(a, n)               a * 2^n for whole n, while that is a normal number
+//   v_pow2_unit(a)              the power of 2 that scales a > 0 into 1 ... 2
+//   v_rsqrt_approx  v_rcp_approx  the CPU's approximations: 14 bits with 16 lanes, 11 with 8 and 4 (~)
+//   v_rsqrt_newton(a)           1/sqrt(a) for normal a > 0: the approximation and one Newton step (~)
+//   v_sqrt_below(a)             between sqrt(a)*(1 - 2^-10) and sqrt(a); NaN at 0 (~)
+//   v_rcp_linear(a)             1/a with the sign of a, to 12 %: whole-number arithmetic on the bits
+//
+//   vmask                       a set of lanes: a type of its own
+//   v_cmp_eq lt le gt ge        ordered comparisons: false where either operand is NaN
+//   v_cmp_nlt ngt nge           unordered: "not less than" and so on, true where either operand is NaN
+//   v_cmp_lt_in(m, a, b) ...    of the lanes of m alone: lt gt ge, nlt ngt nge
+//   v_signbit(a)                lanes with a sign bit, -0 and NaN too
+//   v_mask_none()  v_mask_all()  v_mask_first(n)
+//   v_mask_bits(m)              bit i is lane i; v_mask_of_bits: the other way round
+//   v_any  v_all  v_count       v_same(a, b): the same set; v_any_of_four(a, b, c, d): bit i, any lane of the i-th
+//   v_and  v_or  v_not          v_andnot(a, b): b where not a
+//   v_select(m, yes, no)        v_select_or_zero(m, a): a or 0; v_zero_where(m, a): 0 or a
+//   v_negate_where(m, a)        v_madd_where(m, a, b, c): a*b + c or a
+//   v_add_where(m, a, b)        a + b or a; outside of m, -0 may become 0 (~)
+//
+//   vhalf                       8 and 16 lanes: doubles for half of the lanes, as v_half_...; point.h has both halves
+#ifndef SIMD_SIMD_H
+#define SIMD_SIMD_H
+
+#include <immintrin.h>
+#include <math.h>
+#include <stdbool.h>
+
+#include "counting/flops.h"
+
+#if LANES == 16
+#include "simd/lanes16.h"
+#elif LANES == 8
+#include "simd/lanes8.h"
+#elif LANES == 4
+#include "simd/lanes4.h"
+#else
+#error "LANES: 4, 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
+#endif
+
+#if LANES != 16
+static inline vmask v_cmp_lt_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_lt(a, b));
+}
+
+static inline vmask v_cmp_gt_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_gt(a, b));
+}
+
+static inline vmask v_cmp_ge_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_ge(a, b));
+}
+
+static inline vmask v_cmp_nlt_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_nlt(a, b));
+}
+
+static inline vmask v_cmp_ngt_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_ngt(a, b));
+}
+
+static inline vmask v_cmp_nge_in(vmask m, vfloat a, vfloat b) {
+    return v_and(m, v_cmp_nge(a, b));
+}
+#endif
+
+static inline vmask v_not(vmask a) {
+    return v_andnot(a, v_mask_all());
+}
+
+static inline bool v_any(vmask a) {
+    return v_mask_bits(a) != 0;
+}
+
+static inline bool v_all(vmask a) {
+    return v_mask_bits(a) == (1u << LANES) - 1;
+}
+
+static inline bool v_same(vmask a, vmask b) {
+    return v_mask_bits(a) == v_mask_bits(b);
+}
+
+static inline int v_count(vmask a) {
+    return __builtin_popcount(v_mask_bits(a));
+}
+
+static inline vmask v_mask_first(int count) {
+    return v_cmp_lt(v_iota(), v_splat((float)count));
+}
+
+#if LANES != 8
+static inline unsigned v_any_of_four(vmask a, vmask b, vmask c, vmask d) {
+    return (unsigned)v_any(a) | (unsigned)v_any(b) << 1 | (unsigned)v_any(c) << 2 |
+           (unsigned)v_any(d) << 3;
+}
+#endif
+
+static inline vfloat v_rsqrt_newton(vfloat a) {
+    vfloat r = v_rsqrt_approx(a);
+    return r * v_nmadd(a * r, r * v_splat(0.5f), v_splat(1.5f));
+}
+
+static inline vfloat v_sqrt_below(vfloat a) {
+    const float room = LANES == 16 ? 0x1p-13f : 0x1p-11f; // more than the approximation's error
+    return a * v_rsqrt_approx(a) * v_splat(1.0f - room);
+}
+
+#endif
