@@ -8,10 +8,10 @@ FUNCTIONS_NEEDED = $(wildcard $(FUNCTIONS)/*.h) common/timing/timer.h $(FUNCTION
 FUNCTIONS_CC = $(CC) -std=c11 -D_GNU_SOURCE -Icommon $(WARNINGS) $(SANITIZERS) $(if $(FUNCTIONS_MPFR),-DWITH_MPFR)
 
 # Instruction set and vector width of each group of kernels.
-FUNCTIONS_scalar :=
-FUNCTIONS_sse := -DBITS=128 -msse4.1
-FUNCTIONS_avx2 := -DBITS=256 -mavx2 -mfma
-FUNCTIONS_avx512 := -DBITS=512 -mavx512f -mavx512dq -mfma
+FUNCTIONS_ISA_scalar :=
+FUNCTIONS_ISA_sse := -DBITS=128 -msse4.1
+FUNCTIONS_ISA_avx2 := -DBITS=256 -mavx2 -mfma
+FUNCTIONS_ISA_avx512 := -DBITS=512 -mavx512f -mavx512dq -mfma
 FUNCTIONS_SCALAR := $(foreach type,float double,$(BUILD)/functions/scalar_$(type).o)
 FUNCTIONS_VECTOR := $(foreach isa,sse avx2 avx512,$(foreach type,float double,$(BUILD)/functions/$(isa)_$(type).o))
 FUNCTIONS_PARTS := $(patsubst $(FUNCTIONS)/%.c,$(BUILD)/functions/%.o,$(filter-out %_kernels.c,$(wildcard $(FUNCTIONS)/*.c)))
@@ -19,7 +19,7 @@ FUNCTIONS_PARTS := $(patsubst $(FUNCTIONS)/%.c,$(BUILD)/functions/%.o,$(filter-o
 # No automatic vectorization: scalar code stays scalar, vectors are as wide as written. Without errno
 # the compiler turns libm's sqrt into an instruction.
 FUNCTIONS_KERNEL_CFLAGS := -O3 -ffp-contract=off -fno-math-errno -fno-tree-vectorize -fno-tree-slp-vectorize
-functions_isa = $(FUNCTIONS_$(firstword $(subst _, ,$(@F))))
+functions_isa = $(FUNCTIONS_ISA_$(firstword $(subst _, ,$(@F))))
 compile_functions_kernel = $(FUNCTIONS_CC) $(FUNCTIONS_KERNEL_CFLAGS) $(functions_isa) -DDOUBLE=$(if $(findstring double,$(@F)),1,0) -c $< -o $@
 
 # Everything is compiled again when MPFR is installed or removed.

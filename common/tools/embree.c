@@ -25,8 +25,7 @@ struct embree {
     struct RTCRayHit16 *packets;
     struct RTCRayHit *single;
     struct ray_stream stream;
-    int *
-        shape_of; // shape's index: first of the spheres of geometry 0, then of plane i, geometry 1 + i
+    int *shape_of; // index of each sphere of geometry 0, then of plane i, geometry 1 + i
     int spheres;
 };
 
