@@ -2,7 +2,7 @@
 #ifndef FIXED_CONFIG_H
 #define FIXED_CONFIG_H
 
-#include "format.h"
+#include "number/format.h"
 #include "tile.h"
 
 // The article's square roots and its test of blocks, unless STEPWISE_FIXED says otherwise.

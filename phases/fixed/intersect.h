@@ -5,7 +5,7 @@
 #define FIXED_INTERSECT_H
 
 #include "counting/flops.h"
-#include "number.h"
+#include "number/number.h"
 #include "scene_tables.h"
 
 // A ray in each lane; directions are of unit length. Lanes that are not active hold any numbers.

@@ -2,9 +2,9 @@
 #ifndef FIXED_SCENE_TABLES_H
 #define FIXED_SCENE_TABLES_H
 
-#include "format.h"
 #include "frame/frame.h"
-#include "scalar.h"
+#include "number/format.h"
+#include "number/scalar.h"
 #include "scene/scene.h"
 
 enum { BLOCK = 16 }; // side of a block in pixels, as in the article

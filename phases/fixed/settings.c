@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "config.h"
-#include "format.h"
+#include "number/format.h"
 
 enum { CLEARS = 4 };
 

@@ -2,7 +2,7 @@
 #ifndef FIXED_CONFIG_H
 #define FIXED_CONFIG_H
 
-#include "format.h"
+#include "number/format.h"
 #include "tile.h"
 
 // Three Newton steps in each root and no wrong block, unless STEPWISE_FIXED says otherwise.

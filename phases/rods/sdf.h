@@ -158,8 +158,8 @@ struct bulb {
 };
 
 // Maps w to w⁸ + p and advances the derivative. With k1, k3, k4 as Quilez has them, (x² − z², 2xz)/k3 is the unit
-// phasor of twice the azimuth. It is doubled twice by cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a, in place
-// of his products of ninth degree.
+// phasor of twice the azimuth. cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a double it twice. That replaces his
+// products of ninth degree.
 __attribute__((always_inline)) static inline void bulb_step(struct bulb *w, const double *p) {
     COUNT(sdf_mandelbulb, step);
     double x = w->x, y = w->y, z = w->z, m = w->m;

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "angles.h"
+#include "number/angles.h"
 #include "phase.h"
 #include "sdf.h"
 #include "trace.h"

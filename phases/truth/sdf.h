@@ -2,8 +2,8 @@
 #ifndef TRUTH_SDF_H
 #define TRUTH_SDF_H
 
-#include "dd.h"
-#include "ray_spans.h"
+#include "number/dd.h"
+#include "spans/ray_spans.h"
 
 // Moves, rotates and wraps a point into the shape's own frame.
 void to_frame(const struct solid *solid, const struct dd p[3], struct dd local[3]);

@@ -2,8 +2,8 @@
 #ifndef TRUTH_TRACE_H
 #define TRUTH_TRACE_H
 
-#include "ray_spans.h"
 #include "scene/scene.h"
+#include "spans/ray_spans.h"
 
 // The names of phase.json's "planes", in its order.
 enum plane {

@@ -1,3 +1,4 @@
+// flags: -O2 -iquote phases/truth
 // Double-doubles of phases/truth (shadow estimator, Mandelbulb) against __float128, which has nine bits
 // more: sums, products and quotients directly, roots by their squares, logarithms by Taylor's series.
 #include <setjmp.h>
@@ -7,7 +8,7 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "../../phases/truth/dd.h"
+#include "../../phases/truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

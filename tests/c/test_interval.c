@@ -1,3 +1,4 @@
+// flags: -O2 -iquote phases/truth
 // Intervals of phases/truth against exact results: of double intervals in __float128, where sums and
 // products of doubles fit, of quad intervals as sums of doubles without error; random and nasty numbers.
 #include <setjmp.h>
@@ -7,8 +8,8 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "../../phases/truth/angles.c"
-#include "../../phases/truth/dd.h"
+#include "../../phases/truth/number/angles.c"
+#include "../../phases/truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

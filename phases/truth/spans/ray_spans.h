@@ -4,8 +4,8 @@
 
 #include <stdbool.h>
 
-#include "dd.h"
-#include "interval.h"
+#include "number/dd.h"
+#include "number/interval.h"
 #include "scene/scene.h"
 
 // A face of a shape. A box has 2·axis + 1 for the upper side, an octahedron a bit for each sign, a cone BOTTOM, TOP and

@@ -1,5 +1,5 @@
 // The settings of the fixed-point format: bits of fraction, unit of length, Newton steps of the roots.
-#include "format.h"
+#include "number/format.h"
 
 #include <math.h>
 #include <stdio.h>

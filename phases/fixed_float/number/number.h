@@ -21,8 +21,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "format.h"
-#include "lanes.h"
+#include "number/format.h"
+#include "number/lanes.h"
 
 static const float LARGEST_FACTOR = 0x1p31f; // fixed point's, so that both limit brightness alike
 

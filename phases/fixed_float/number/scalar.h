@@ -2,7 +2,7 @@
 #ifndef FIXED_SCALAR_H
 #define FIXED_SCALAR_H
 
-#include "format.h"
+#include "number/format.h"
 
 typedef float scalar;
 
@@ -24,8 +24,8 @@ static inline double in_units(double length, const struct format *f) {
     return length;
 }
 
-// Returns how far a normalised direction may be from the exact one, with room for the rounding of the
-// discriminant, which is a difference of floats.
+// Returns how far a normalised direction may be from the exact one. It has room for the discriminant's rounding, which
+// is a difference of floats.
 static inline double direction_error(const struct format *f) {
     (void)f;
     return 0x1p-20;

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "format.h"
+#include "number/format.h"
 
 typedef int64_t scalar;
 

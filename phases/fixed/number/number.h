@@ -27,8 +27,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "format.h"
-#include "lanes.h"
+#include "number/format.h"
+#include "number/lanes.h"
 
 struct vec {
     vnum x, y, z;
@@ -55,6 +55,6 @@ static inline vnum v_max(vnum a, vnum b) {
     return v_select(v_cmp_lt(a, b), b, a);
 }
 
-#include "roots.h"
+#include "number/roots.h"
 
 #endif

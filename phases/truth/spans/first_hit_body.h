@@ -116,7 +116,7 @@ static bool FN(take_span)(struct FN(search) * search, int index, const struct FN
     return false;
 }
 
-#include "repetition_body.h"
+#include "spans/repetition_body.h"
 
 // Takes all spans of one solid into the search.
 static void FN(search_solid)(struct FN(search) * search, const struct solid *solid, int index,

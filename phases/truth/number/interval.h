@@ -45,7 +45,7 @@ static inline bool exact_product_q(quad a, quad b) {
 #define IV ivd
 #define FN(name) name##_d
 #define SPREAD (0x1p-53 * (1 + 0x1p-52))
-#include "interval_body.h"
+#include "number/interval_body.h"
 #undef REAL
 #undef IV
 #undef FN
@@ -55,7 +55,7 @@ static inline bool exact_product_q(quad a, quad b) {
 #define IV ivq
 #define FN(name) name##_q
 #define SPREAD ((quad)0x1p-113 * (1 + (quad)0x1p-112))
-#include "interval_body.h"
+#include "number/interval_body.h"
 #undef REAL
 #undef IV
 #undef FN

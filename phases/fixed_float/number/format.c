@@ -1,5 +1,5 @@
 // The format of floats: there is nothing to set, and every scene fits.
-#include "format.h"
+#include "number/format.h"
 
 const char FORMAT_USAGE[] = "";
 

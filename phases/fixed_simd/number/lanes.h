@@ -6,9 +6,9 @@
 #include <stdint.h>
 
 #if LANES == 16
-#include "lanes16.h"
+#include "number/lanes16.h"
 #elif LANES == 8
-#include "lanes8.h"
+#include "number/lanes8.h"
 #else
 #error "LANES: 8 or 16; common/rules.mk sets it for the files of each_variant in phase.json"
 #endif

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "format.h"
+#include "number/format.h"
 #include "path_distance.h"
 #include "scene/scene.h"
 

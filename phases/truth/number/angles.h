@@ -2,7 +2,7 @@
 #ifndef TRUTH_ANGLES_H
 #define TRUTH_ANGLES_H
 
-#include "interval.h"
+#include "number/interval.h"
 
 // Encloses sine and cosine of the exact angle. Quarter turns give points.
 void sine_cosine_q(double degrees, struct ivq *sine, struct ivq *cosine);

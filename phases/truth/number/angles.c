@@ -1,6 +1,6 @@
 // Sine and cosine of an angle in degrees as quad intervals. The angle is reduced exactly, in degrees, to at most 45, then
 // both come from their alternating series. libm would round π/180 first, and its rounding has no direction.
-#include "angles.h"
+#include "number/angles.h"
 
 // π as the sum of three doubles and what they leave (below 2⁻¹⁶¹).
 static struct ivq pi_q(void) {
