@@ -29,9 +29,9 @@ TERMS = {
         normal_* bulb_normal *_gradient gradient_of difference scene_difference moved_* near_hit
     """,
     "light and colour": """
-        bring_light light_* lit_color color_* power power_of v_pow shade shade_packet surface_* stage_*
-        all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature graze grazed
-        material_seen
+        bring_light light_* lit_color color_* power power_of v_pow shade shade_packet surface_*
+        stage_* all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature
+        half_curvature graze grazed material_seen
     """,
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_hit get_cones intervals_of list_of_cone

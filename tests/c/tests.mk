@@ -10,7 +10,7 @@ c-tests: $(C_TESTS)
 $(BUILD)/tests/test_tree: phases/opt9_convex/tree.c
 $(BUILD)/tests/test_vicinity: phases/opt9_convex/vicinity.c
 
-$(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard tests/c/*.h common/*.h common/ceilings/*.[ch] common/functions/*.[ch] phases/*/*.h) tests/c/tests.mk
+$(BUILD)/tests/%: tests/c/%.c $(COMMON_OBJECTS) $(wildcard tests/c/*.h common/*.h common/ceilings/*.[ch] common/functions/*.[ch] common/simd/*.h phases/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
 	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) $(COMMON_INCLUDES) \
 	    $< $(COMMON_OBJECTS) $(LIBS) -lcmocka -o $@

@@ -18,7 +18,6 @@ import pytest
 from conformance.feature_scenes import FLOOR, TURNED, scene, shape
 from study import images, registry
 from study.build import build
-from study.registry import ROOT
 
 PHASE = "opt9_convex"
 STRENGTH = 3.0

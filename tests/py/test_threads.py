@@ -257,7 +257,8 @@ def test_what_is_refused_is_stated_once_and_drawn_without(phase, what, said, tmp
     alone = picture(build(PARENT if phase == PHASE else phase), path, tmp_path, *shape)
     arguments = (*shape, "--threads", 5, "--reps", 4)
     library = refusing(what, tmp_path)
-    mine = picture(build(phase), path, tmp_path, *arguments, said=f"{phase}: {said}", preload=library)
+    speaker = phase if phase in OWN_POOLS else "workers"
+    mine = picture(build(phase), path, tmp_path, *arguments, said=f"{speaker}: {said}", preload=library)
     check_same(mine, alone, what)
 
 
