@@ -32,7 +32,7 @@ SHADING = frozenset(
         *("scene_difference", "surface_at", "surface_of", "stage_surface", "light_at", "light_from"),
         *("stage_light", "stage_end", "color_of", "color_all", "lit_color", "add_light", "vec_reflect"),
         *("bring_light", "light_seen", "color_seen", "color_row", "material_seen"),
-        *("trace", "exp_of", "log_of", "power_of"),
+        *("trace", "exp_of", "log_of", "power_of", "v_exp", "v_log", "v_pow"),
     ]
 )
 BEHIND = 1e4  # scene units ahead of the camera, whence light falls on what faces away from it

@@ -13,7 +13,7 @@ BASE = "baseline"
 TERMS = {
     "into the shape's frame": """
         apply_transform rotate_point approach* wrap* turned* distance_to_shape coordinate vec_wrapped
-        stay_in place_at place_sub wide_* places places_along lane_place
+        stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
     """,
     "vector library": """
         vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses
@@ -30,7 +30,7 @@ TERMS = {
         near_hit
     """,
     "light and colour": """
-        bring_light direct_light light_* lit_color color_* power power_of shade shade_packet surface_* stage_*
+        bring_light direct_light light_* lit_color color_* power power_of v_pow shade shade_packet surface_* stage_*
         all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature
         graze grazed material_seen
     """,

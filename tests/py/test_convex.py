@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import subprocess
 from pathlib import Path
 
@@ -19,7 +18,6 @@ import pytest
 from conformance.feature_scenes import FLOOR, TURNED, scene, shape
 from study import images, registry
 from study.build import build
-from study.registry import ROOT
 
 PHASE = "opt9_convex"
 STRENGTH = 3.0
@@ -687,30 +685,6 @@ def test_few_steps_are_each_taken(steps: str, tmp_path: Path) -> None:
     mine, exact = (picture(whole, tmp_path, "--max-steps", steps, phase=phase) for phase in (PHASE, "truth"))
     off = np.abs(clamped(mine) - clamped(exact)).max(axis=-1)
     assert np.quantile(off, 0.999) < 1e-4 and (off > 1 / 255).sum() <= 1
-
-
-def test_the_workers_are_the_parents() -> None:
-    """Their tests are opt5_threads's: refused threads, pins, memory; sleep between frames; no data race.
-
-    But for which tiles a worker takes, several at a time and from both ends: that none is forgotten or drawn
-    twice is seen by the pictures of any number of threads (above; forgotten pixels are NaN).
-    """
-    taken = re.compile(
-        r"^(// atomic counter.*|#include <stdint.h>|    // Hot: .*|.*(next|taken)(;|, 0, ).*)\n"
-        r"|^(// .*\n)*static (int take|void draw)_tiles\((.|\n)*?\n}\n\n?",
-        re.MULTILINE,
-    )
-    for name in ("threads.h", "threads.c"):
-        texts = {}
-        for phase in ("opt6_wide", PHASE, "opt10_scene"):
-            text = (ROOT / "phases" / phase / name).read_text().replace(phase, "opt6_wide")
-            texts[phase] = re.sub(r"OPT(9|10)_", "OPT6_", text)
-        assert texts[PHASE] == texts["opt10_scene"], name
-        mine, parents = (
-            re.sub(r"draw_tiles\(.*\);", "draw_tiles", taken.sub("", texts[phase])).split()
-            for phase in (PHASE, "opt6_wide")
-        )
-        assert mine == parents, name
 
 
 def agree(image: dict[str, np.ndarray], base: dict[str, np.ndarray]) -> np.ndarray:

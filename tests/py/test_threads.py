@@ -20,13 +20,14 @@ import pytest
 from emulated import made_in
 
 from conformance.feature_scenes import DEEPEST, FEATURES, STANDING
-from study import images, registry
+from study import images, patches, registry
 from study.build import build
 from study.registry import ROOT
 
 PHASE, PARENT = "opt5_threads", "opt4"
 CPUS = sorted(os.sched_getaffinity(0))
-THREADED = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
+THREADED = [name for name, phase in registry.phases().items() if phase.threads]
+OWN_POOLS = [path.parent.name for path in sorted((ROOT / "phases").glob("*/threads.c"))]
 
 pytestmark = pytest.mark.skipif(
     bool(registry.missing_isa(registry.phases()[PHASE])), reason="the CPU lacks what opt5_threads needs"
@@ -72,10 +73,9 @@ def check_same(mine: dict, other: dict, where: object) -> None:
 
 
 def test_the_idea_is_in_two_files_and_the_rest_is_opt4s() -> None:
-    """Derived: its folder holds nothing else (and render.c calls the pool, costs.def counts it)."""
-    assert registry.find_phase(PHASE).derives == PARENT
-    own = {path.name for path in (ROOT / "phases" / PHASE).glob("*.*") if path.suffix in (".c", ".h", ".def")}
-    assert own == {"threads.c", "threads.h", "render.c", "costs.def"}
+    mine, parents = (patches.files(phase) for phase in (PHASE, PARENT))
+    own = {name for name in mine if mine[name] != parents.get(name)}
+    assert own == {"render.c", "threads.c", "threads.h", "costs.def"} and parents.keys() <= mine.keys()
 
 
 @pytest.mark.parametrize(
@@ -257,7 +257,8 @@ def test_what_is_refused_is_stated_once_and_drawn_without(phase, what, said, tmp
     alone = picture(build(PARENT if phase == PHASE else phase), path, tmp_path, *shape)
     arguments = (*shape, "--threads", 5, "--reps", 4)
     library = refusing(what, tmp_path)
-    mine = picture(build(phase), path, tmp_path, *arguments, said=f"{phase}: {said}", preload=library)
+    speaker = phase if phase in OWN_POOLS else "workers"
+    mine = picture(build(phase), path, tmp_path, *arguments, said=f"{speaker}: {said}", preload=library)
     check_same(mine, alone, what)
 
 
@@ -331,7 +332,15 @@ def sanitizing(folder: Path) -> Path:
 TEAM = """
 #include <stdio.h>
 #include <stdlib.h>
+#ifdef COMMON
+#include "workers/workers.h"
+#define team workers
+#define team_start workers_start
+#define team_run(team, job, tiles) workers_run(team, render_tile, job, tiles)
+#define team_end workers_end
+#else
 #include "threads.h"
+#endif
 enum { MOST = 3000 };
 static int drawn[MOST]; // plain: two workers at one tile are a data race
 void render_tile(const void *job, int tile, void *own) {
@@ -353,15 +362,20 @@ int main(int argc, char **argv) {
 """
 
 
-@pytest.mark.parametrize("phase", ["opt5_threads", "opt9_convex"])
-def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("pool", "words"),
+    [
+        pytest.param("phases/opt5_threads/threads.c", (), id="opt5_threads"),
+        pytest.param("common/workers/workers.c", ("-DCOMMON",), id="common"),
+    ],
+)
+def test_each_tile_is_drawn_once_without_a_race(pool: str, words: tuple[str, ...], tmp_path) -> None:
     """The team alone, under ThreadSanitizer, for any number of workers and tiles, fewer than them too."""
     source, program = tmp_path / "team.c", tmp_path / "team"
     source.write_text(TEAM)
-    folder = ROOT / "phases" / phase
     made = call(
         *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
-        *("-iquote", folder, source, folder / "threads.c", "-o", program),
+        *(*words, "-I", ROOT / "common", "-iquote", (ROOT / pool).parent, source, ROOT / pool, "-o", program),
     )
     if "tsan" in made.stderr:
         pytest.skip(SANITIZER)
@@ -372,9 +386,11 @@ def test_each_tile_is_drawn_once_without_a_race(phase: str, tmp_path) -> None:
             assert (done.returncode, done.stdout) == (0, ""), done.stderr
 
 
-@pytest.mark.parametrize("phase", THREADED)
-def test_what_threads_say_begins_with_their_phase(phase) -> None:
-    """The sources are handed from phase to phase: the name in their messages is to be the new one's."""
-    text = (ROOT / "phases" / phase / "threads.c").read_text()
+@pytest.mark.parametrize(
+    ("pool", "speaker"),
+    [(f"phases/{name}/threads.c", name) for name in OWN_POOLS] + [("common/workers/workers.c", "workers")],
+)
+def test_what_threads_say_begins_with_who_they_are(pool: str, speaker: str) -> None:
+    text = (ROOT / pool).read_text()
     said = re.findall(r'fprintf\(stderr,\s*"(\w+): ', text)
-    assert said and set(said) == {phase} and len(said) == text.count("fprintf(")
+    assert said and set(said) == {speaker} and len(said) == text.count("fprintf(")

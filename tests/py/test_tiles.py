@@ -317,7 +317,7 @@ RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define TANGENT ([\d.]+)f"
 
 
 def test_the_mandelbulbs_bounds_are_the_same_in_opt8() -> None:
-    assert constant(PHASE, "render.c", RADIUS) == constant("opt8_streams", "render.c", RADIUS)
+    assert constant(PHASE, "place.c", RADIUS) == constant("opt8_streams", "place.c", RADIUS)
     assert constant(PHASE, "bundles.c", TANGENT) == constant("opt8_streams", "bounds.h", TANGENT)
 
 
@@ -325,7 +325,7 @@ def test_the_mandelbulbs_bounds_are_the_same_in_opt8() -> None:
 @pytest.mark.parametrize("bailout", [4, 256, 10000])
 def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
     """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
-    radius, tangent = constant(PHASE, "render.c", RADIUS), constant(PHASE, "bundles.c", TANGENT)
+    radius, tangent = constant(PHASE, "place.c", RADIUS), constant(PHASE, "bundles.c", TANGENT)
     bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
     scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
     (tmp_path / "bulb.json").write_text(json.dumps(scene))

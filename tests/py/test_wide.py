@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import subprocess
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from emulated import WORD, needs_sixteen, sixteen
 from conformance.feature_scenes import FEATURES
 from study import images, registry
 from study.build import build
-from study.registry import ROOT
 
 PHASE, PARENT = "opt6_wide", "opt5_threads"
 NAMES = ["everything", "shapes_64_turned", "camera_within_a_shape", "nothing_to_see", "mirrors_facing_6"]
@@ -132,20 +130,9 @@ def test_it_draws_its_parents_picture(name, tmp_path) -> None:
         assert (off <= 2e-6 + 2e-5 * abs(parents[plane])).all(), (plane, off.max())
 
 
-@pytest.mark.parametrize("phase", [PHASE, "opt7_tiles", "opt8_streams"])
-def test_the_threads_are_opt5s(phase: str) -> None:
-    """Word by word opt5_threads's, whose pins, sleep and races are tested; names and line breaks differ."""
-    for name in ("threads.h", "threads.c"):
-        mine, parents = (
-            re.sub(r"OPT\d(_THREADS)+_H", "GUARD", (ROOT / "phases" / one / name).read_text())
-            for one in (phase, PARENT)
-        )
-        assert mine.replace(phase, PARENT).split() == parents.split(), name
-
-
 def test_the_bulbs_estimate_is_above_what_lets_it_sleep() -> None:
-    """sdf.h's bound, 0.18 + (r − 3/2)/2 beyond r = 3/2, held against the map in polar form (r⁸, 8θ, 8φ), in
-    double, for 1 to 8 iterations."""
+    """shapes.h's bound, 0.18 + (r − 3/2)/2 beyond r = 3/2, held against the map in polar form (r⁸, 8θ, 8φ),
+    in double, for 1 to 8 iterations."""
     random = np.random.default_rng(6)
     direction = random.normal(size=(20_000, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]

@@ -1,0 +1,3 @@
+// flags: -DLANES=4 -ffp-contract=off
+#define NEEDED true
+#include "simd_lanes.h"
