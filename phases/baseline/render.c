@@ -2,7 +2,6 @@
 #include <stdlib.h>
 
 #include "phase.h"
-#include "sdf.h"
 #include "trace.h"
 
 struct prepared {
@@ -41,6 +40,10 @@ static struct vec3 get_direction(int column, int row, int width, int height, str
     return vec_normalize(d);
 }
 
+static struct world world_of(const struct model *model, const struct view *view) {
+    return (struct world){model->shape_count, model->shapes, model, view};
+}
+
 static void store(struct frame *frame, size_t pixel, struct shaded seen) {
     frame->rgb[3 * pixel] = (float)seen.color.x;
     frame->rgb[3 * pixel + 1] = (float)seen.color.y;
@@ -56,7 +59,7 @@ static void store(struct frame *frame, size_t pixel, struct shaded seen) {
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
-    struct world world = {prepared->model, *view};
+    struct world world = world_of(&prepared->model, view);
     struct vec3 origin = vec_from(view->position);
     for (int row = 0; row < frame->height; row++) {
         for (int column = 0; column < frame->width; column++) {
@@ -70,9 +73,10 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
 
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
+    struct world world = world_of(&prepared->model, NULL);
     for (size_t i = 0; i < count; i++) {
         nearest[i] = -1;
-        distance[i] = sdf(vec_from(points + 3 * i), prepared->model, &nearest[i]);
+        distance[i] = sdf(vec_from(points + 3 * i), world, &nearest[i]);
     }
     return true;
 }

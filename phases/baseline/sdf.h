@@ -19,13 +19,12 @@ CALL double clamp(double x, double low, double high) {
 // (u, v) turned by the angle: (c·u − s·v, s·u + c·v) on (y,z), then (x,z), then (x,y).
 CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     COUNT(rotate_point, call);
-    struct vec3 a = vec_scale(degrees, M_PI / 180.0);
-    double cx = cos(a.x), sx = sin(a.x);
-    p = new_vector(p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z);
-    double cy = cos(a.y), sy = sin(a.y);
-    p = new_vector(cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z);
-    double cz = cos(a.z), sz = sin(a.z);
-    return new_vector(cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z);
+    double ax = degrees.x * (M_PI / 180.0), cx = cos(ax), sx = sin(ax);
+    p = (struct vec3){p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z};
+    double ay = degrees.y * (M_PI / 180.0), cy = cos(ay), sy = sin(ay);
+    p = (struct vec3){cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z};
+    double az = degrees.z * (M_PI / 180.0), cz = cos(az), sz = sin(az);
+    return (struct vec3){cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z};
 }
 
 static inline double wrap(double x, double cell) {
@@ -33,12 +32,12 @@ static inline double wrap(double x, double cell) {
 }
 
 // The point in the shape's own frame.
-CALL struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
+static inline struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
     COUNT(apply_transform, call);
     p = vec_sub(p, vec_from(shape->position));
     p = rotate_point(p, vec_from(shape->rotation_degrees));
-    return new_vector(wrap(p.x, shape->repeat[0]), wrap(p.y, shape->repeat[1]),
-                      wrap(p.z, shape->repeat[2]));
+    return (struct vec3){wrap(p.x, shape->repeat[0]), wrap(p.y, shape->repeat[1]),
+                         wrap(p.z, shape->repeat[2])};
 }
 
 CALL double sdf_sphere(struct vec3 p, const struct shape *shape) {
@@ -118,13 +117,12 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
         double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
-        w = vec_add(
-            p, new_vector(64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2,
-                          -16.0 * y2 * k3 * k4 * k4 + k1 * k1,
-                          -8.0 * y * k4 *
-                              (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 -
-                               28.0 * x2 * z2 * z4 + z4 * z4) *
-                              k1 * k2));
+        w.x = p.x + 64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2;
+        w.y = p.y + (-16.0 * y2 * k3 * k4 * k4 + k1 * k1);
+        w.z = p.z + -8.0 * y * k4 *
+                        (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 - 28.0 * x2 * z2 * z4 +
+                         z4 * z4) *
+                        k1 * k2;
         m = vec_dot(w, w);
         if (m > shape->mandelbulb.bailout)
             break;
@@ -133,7 +131,7 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
-CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
+static inline double distance_to_shape(struct vec3 p, const struct shape *shape) {
     COUNT(distance_to_shape, call);
     p = apply_transform(p, shape);
     switch (shape->type) {
@@ -148,13 +146,21 @@ CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
     }
 }
 
+// The scene goes by value, as a struct of counts and pointers.
+struct world {
+    int shape_count;
+    const struct shape *shapes;
+    const struct model *model; // all that is not asked for at every evaluation
+    const struct view *view;
+};
+
 // Distance to the nearest shape, and which one it is (the first of equals).
-CALL double sdf(struct vec3 p, struct model model, int *nearest) {
+CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     COUNT(sdf, call);
     double least = INFINITY;
-    for (int i = 0; i < model.shape_count; i++) {
+    for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &model.shapes[i]);
+        double distance = distance_to_shape(p, &world.shapes[i]);
         if (distance < least) {
             least = distance;
             *nearest = i;

@@ -34,27 +34,27 @@ static inline struct vec3 vec_from(const double a[3]) {
 
 CALL struct vec3 vec_add(struct vec3 a, struct vec3 b) {
     COUNT(vec_add, call);
-    return new_vector(a.x + b.x, a.y + b.y, a.z + b.z);
+    return (struct vec3){a.x + b.x, a.y + b.y, a.z + b.z};
 }
 
 CALL struct vec3 vec_sub(struct vec3 a, struct vec3 b) {
     COUNT(vec_sub, call);
-    return new_vector(a.x - b.x, a.y - b.y, a.z - b.z);
+    return (struct vec3){a.x - b.x, a.y - b.y, a.z - b.z};
 }
 
 CALL struct vec3 vec_mult(struct vec3 a, struct vec3 b) {
     COUNT(vec_mult, call);
-    return new_vector(a.x * b.x, a.y * b.y, a.z * b.z);
+    return (struct vec3){a.x * b.x, a.y * b.y, a.z * b.z};
 }
 
 CALL struct vec3 vec_scale(struct vec3 a, double s) {
     COUNT(vec_scale, call);
-    return new_vector(a.x * s, a.y * s, a.z * s);
+    return (struct vec3){a.x * s, a.y * s, a.z * s};
 }
 
 CALL struct vec3 vec_abs(struct vec3 a) {
     COUNT(vec_abs, call);
-    return new_vector(fabs(a.x), fabs(a.y), fabs(a.z));
+    return (struct vec3){fabs(a.x), fabs(a.y), fabs(a.z)};
 }
 
 CALL double vec_dot(struct vec3 a, struct vec3 b) {
@@ -64,7 +64,7 @@ CALL double vec_dot(struct vec3 a, struct vec3 b) {
 
 CALL double vec_norm(struct vec3 a) {
     COUNT(vec_norm, call);
-    return sqrt(vec_dot(a, a));
+    return sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
 }
 
 CALL struct vec3 vec_normalize(struct vec3 a) {
