@@ -40,7 +40,8 @@ static double soft_shadow(struct vec3 point, struct vec3 to_light, struct world 
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
         if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
             COUNT(soft_shadow, term);
-            least = fmin(least, world.model->shadow_strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+            double strength = world.model->shadow_strength;
+            least = fmin(least, strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
         }
         previous = h;
         t += h;

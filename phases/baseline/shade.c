@@ -20,9 +20,9 @@ static struct vec3 normal_at(struct vec3 p, struct vec3 direction, struct world 
 static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
                             struct material material, struct world world) {
     COUNT(light_at, call);
-    struct vec3 color = vec_from(material.color);
+    struct vec3 color = *vec_at(material.color);
     struct vec3 ambient = vec_scale(color, 0.01);
-    struct vec3 to_light = vec_sub(vec_from(world.view->light_position), p);
+    struct vec3 to_light = vec_sub(*vec_at(world.view->light_position), p);
     double distance = vec_norm(to_light);
     if (!(distance > 0.0)) // the light lies on the surface: no direction to it
         return ambient;
@@ -30,7 +30,7 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
     to_light = vec_scale(to_light, 1.0 / distance);
     double reach = shadow(p, to_light, distance, world) / distance;
     double facing = vec_dot(n, to_light);
-    struct vec3 emission = vec_from(world.view->light_emission);
+    struct vec3 emission = *vec_at(world.view->light_emission);
     struct vec3 diffuse = vec_scale(vec_mult(emission, color), fmax(facing, 0.0) * reach);
     struct vec3 specular = new_vector(0, 0, 0);
     if (facing > 0.0) {
@@ -44,7 +44,7 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
 
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world) {
     COUNT(trace, call);
-    struct shaded result = {.color = vec_from(world.model->background)};
+    struct shaded result = {.color = *vec_at(world.model->background)};
     result.hit = ray_march(origin, direction, world);
     if (!result.hit.found)
         return result;
