@@ -4,13 +4,7 @@
 
 #include <stdbool.h>
 
-#include "scene/scene.h"
-#include "vec.h"
-
-struct world {
-    struct model model;
-    struct view view;
-};
+#include "sdf.h"
 
 struct hit {
     bool found;
@@ -26,8 +20,8 @@ struct shaded {
     struct hit hit;
 };
 
-struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model model);
-double shadow(struct vec3 point, struct vec3 to_light, double distance, struct model model);
+struct hit ray_march(struct vec3 origin, struct vec3 direction, struct world world);
+double shadow(struct vec3 point, struct vec3 to_light, double distance, struct world world);
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world);
 
 #endif

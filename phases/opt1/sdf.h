@@ -173,7 +173,8 @@ CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
-CALL double distance_to_shape(const struct vec3 *point, const struct primitive *primitive) {
+static inline double distance_to_shape(const struct vec3 *point,
+                                       const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
     struct vec3 p;
     apply_transform(point, primitive, &p);

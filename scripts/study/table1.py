@@ -202,7 +202,7 @@ def readings(declared: Iterable[Row]) -> list[Row]:
         if steps := functions.get("sdf_mandelbulb", {}).get("parts", {}).get("step"):
             per_lane = {(c.function, c.part): c.per_lane for c in declared_costs}
             keys = [("sdf_mandelbulb", "step"), ("sdf_mandelbulb", "off_axis")]
-            keys += [("vec_add", "call"), ("vec_dot", "call")]  # what a step calls
+            keys += [("vec_dot", "call")]  # what a step calls
             step = sum(sum(per_lane[key].values()) - per_lane[key]["compare"] for key in keys)
             bulbs = functions["sdf_mandelbulb"]["calls"]
             shapes = registry.find_scene(one["scene"]).data["shapes"]
