@@ -23,12 +23,13 @@ struct hit ray_march(struct vec3 origin, struct vec3 direction, struct world wor
     return hit;
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
 static double soft_shadow(struct vec3 point, struct vec3 to_light, struct world world) {
     COUNT(soft_shadow, call);
     int nearest;
-    double least = 1.0, previous = 1e20, t = world.model->march.surface_offset;
+    double visibility = 1.0, previous = 1e20, t = world.model->march.surface_offset;
     struct vec3 p = vec_add(point, vec_scale(to_light, t));
     for (int step = 0; step < world.model->march.max_steps; step++) {
         COUNT(soft_shadow, step);
@@ -37,11 +38,11 @@ static double soft_shadow(struct vec3 point, struct vec3 to_light, struct world 
             break;
         COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous);
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
         if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
             COUNT(soft_shadow, term);
             double strength = world.model->shadow_strength;
-            least = fmin(least, strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+            visibility = fmin(visibility, strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
         }
         previous = h;
         t += h;
@@ -49,9 +50,10 @@ static double soft_shadow(struct vec3 point, struct vec3 to_light, struct world 
         if (vec_norm(p) > world.model->march.bounds_radius)
             break;
     }
-    return fmin(fmax(least, 0.0), 1.0);
+    return fmin(fmax(visibility, 0.0), 1.0);
 }
 
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
 static double hard_shadow(struct vec3 point, struct vec3 to_light, double distance,
                           struct world world) {
     COUNT(hard_shadow, call);
@@ -72,7 +74,6 @@ static double hard_shadow(struct vec3 point, struct vec3 to_light, double distan
     return 1.0;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 double shadow(struct vec3 point, struct vec3 to_light, double distance, struct world world) {
     switch (world.model->shadows) {
     case SHADOWS_SOFT: return soft_shadow(point, to_light, world);

@@ -1,4 +1,5 @@
-// The phase's entry points and its loop over pixels: one ray through the middle of each.
+// The phase's entry points (common/phase.h) and its loop over pixels: one ray through the centre of
+// each.
 #include <stdlib.h>
 
 #include "phase.h"
@@ -30,6 +31,7 @@ void phase_release(struct prepared *prepared) {
     free(prepared);
 }
 
+// The unit direction of the ray through the pixel's centre.
 static struct vec3 get_direction(int column, int row, int width, int height, struct view view) {
     COUNT(get_direction, call);
     double x = (2.0 * (column + 0.5) / width - 1.0) * width / height * view.tan_half_fov;

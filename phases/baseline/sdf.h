@@ -1,10 +1,10 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
-// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
-// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
+// without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
 //
-// On purpose: points and the scene by value through calls, angles to radians and their sines and
-// cosines at every evaluation.
+// Naive on purpose: points and the scene go by value through calls. Every evaluation converts the
+// angles to radians and takes their sines and cosines.
 #ifndef BASELINE_SDF_H
 #define BASELINE_SDF_H
 
@@ -16,7 +16,8 @@ CALL double clamp(double x, double low, double high) {
     return x < low ? low : (COUNT(clamp, not_below), x > high ? high : x);
 }
 
-// (u, v) turned by the angle: (c·u − s·v, s·u + c·v) on (y,z), then (x,z), then (x,y).
+// The point rotated about x, then y, then z: (u, v) to (c·u − s·v, s·u + c·v), on (y,z), then (x,z),
+// then (x,y).
 CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     COUNT(rotate_point, call);
     double ax = degrees.x * (M_PI / 180.0), cx = cos(ax), sx = sin(ax);
@@ -27,18 +28,20 @@ CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     return (struct vec3){cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z};
 }
 
+// The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition.
 static inline double wrap(double x, double cell) {
     return cell > 0 ? (COUNT(apply_transform, wrap), x - cell * floor(x / cell + 0.5)) : x;
 }
 
-// Called only for a shape that is repeated, so that no other pays for it.
+// The point wrapped into the central cell. It is called for repeated shapes only, so that other shapes
+// do not pay for it.
 CALL struct vec3 repeat_point(struct vec3 p, const double cell[3]) {
     COUNT(apply_transform, repeated);
     return (struct vec3){wrap(p.x, cell[0]), wrap(p.y, cell[1]), wrap(p.z, cell[2])};
 }
 
-// The point in the shape's own frame. Inlined into sdf(), as by the paper's compiler: by pointer,
-// for gcc copies an inlined function's arguments too.
+// The point in the shape's frame. Inlined into sdf(), as the paper's compiler does. It takes a pointer,
+// because gcc copies the arguments of an inlined function, too.
 static inline struct vec3 apply_transform(const struct vec3 *point, const struct shape *shape) {
     COUNT(apply_transform, call);
     struct vec3 p = vec_sub(*point, *vec_at(shape->position));
@@ -103,7 +106,7 @@ CALL double sdf_octahedron(struct vec3 p, const struct shape *shape) {
     else if (COUNT(sdf_octahedron, not_y), 3.0 * p.z < m)
         q = new_vector(p.z, p.x, p.y);
     else
-        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: nearest to a face
     COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
     return vec_norm(new_vector(q.x, q.y - s + k, q.z - k));
@@ -122,7 +125,7 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
         double z = w.z, z2 = z * z, z4 = z2 * z2;
         double k3 = x2 + z2;
         double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
-        // On the axis the azimuth's part is zero.
+        // On the axis there is no azimuth, and its factor is 0.
         double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
@@ -140,7 +143,7 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
-// As the paper's shapes, which carry a pointer to their function.
+// The distance function of each type, called by pointer: the paper's shapes carry such a pointer.
 static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape *) = {
     [SHAPE_SPHERE] = sdf_sphere,         [SHAPE_BOX] = sdf_box,
     [SHAPE_TORUS] = sdf_torus,           [SHAPE_CONE] = sdf_cone,
@@ -153,7 +156,7 @@ static inline double distance_to_shape(const struct vec3 *p, const struct shape 
     return distance_of[shape->type](apply_transform(p, shape), shape);
 }
 
-// The scene, which goes by value at every call: like the paper's, a count and pointers.
+// The scene, a count and pointers as in the paper's program. It goes by value at every call.
 struct world {
     int shape_count;
     const struct shape *shapes;
@@ -161,19 +164,19 @@ struct world {
     const struct view *view;
 };
 
-// Distance to the nearest shape, and which one it is (the first of equals).
+// Returns the distance to the nearest shape. `nearest` gets its index, the first of equals.
 CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     COUNT(sdf, call);
-    double least = INFINITY;
+    double closest = INFINITY;
     for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
         double distance = distance_to_shape(&p, &world.shapes[i]);
-        if (distance < least) {
-            least = distance;
+        if (distance < closest) {
+            closest = distance;
             *nearest = i;
         }
     }
-    return least;
+    return closest;
 }
 
 #endif

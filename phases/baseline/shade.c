@@ -1,8 +1,8 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shading of hits: normals, light (B. T. Phong, "Illumination for computer generated pictures",
+// CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// Forward differences of the scene's distance, towards the side the ray comes from.
+// The unit normal by forward differences of the scene's distance, on the side of the incoming ray.
 static struct vec3 normal_at(struct vec3 p, struct vec3 direction, struct world world) {
     COUNT(normal_at, call);
     int nearest;
@@ -11,12 +11,13 @@ static struct vec3 normal_at(struct vec3 p, struct vec3 direction, struct world 
     struct vec3 n = new_vector(sdf(vec_add(p, new_vector(step, 0, 0)), world, &nearest) - here,
                                sdf(vec_add(p, new_vector(0, step, 0)), world, &nearest) - here,
                                sdf(vec_add(p, new_vector(0, 0, step)), world, &nearest) - here);
-    if (!(vec_norm(n) > 0.0)) // no direction, as at a centre: towards the ray
+    if (!(vec_norm(n) > 0.0)) // no gradient, as at a centre: back along the ray
         return vec_scale(direction, -1.0);
     n = vec_normalize(n);
     return vec_dot(direction, n) > 0.0 ? vec_scale(n, -1.0) : n;
 }
 
+// The light from the hit towards the camera: ambient, diffuse and specular.
 static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
                             struct material material, struct world world) {
     COUNT(light_at, call);
@@ -24,20 +25,20 @@ static struct vec3 light_at(struct vec3 p, struct vec3 n, struct vec3 direction,
     struct vec3 ambient = vec_scale(color, 0.01);
     struct vec3 to_light = vec_sub(*vec_at(world.view->light_position), p);
     double distance = vec_norm(to_light);
-    if (!(distance > 0.0)) // the light lies on the surface: no direction to it
+    if (!(distance > 0.0)) // the light lies on the surface and has no direction
         return ambient;
     COUNT(light_at, lit);
     to_light = vec_scale(to_light, 1.0 / distance);
-    double reach = shadow(p, to_light, distance, world) / distance;
-    double facing = vec_dot(n, to_light);
+    double attenuation = shadow(p, to_light, distance, world) / distance;
+    double cos_light = vec_dot(n, to_light);
     struct vec3 emission = *vec_at(world.view->light_emission);
-    struct vec3 diffuse = vec_scale(vec_mult(emission, color), fmax(facing, 0.0) * reach);
+    struct vec3 diffuse = vec_scale(vec_mult(emission, color), fmax(cos_light, 0.0) * attenuation);
     struct vec3 specular = new_vector(0, 0, 0);
-    if (facing > 0.0) {
+    if (cos_light > 0.0) {
         COUNT(light_at, specular);
         struct vec3 mirrored = vec_reflect(vec_scale(to_light, -1.0), n);
-        double shine = fmax(vec_dot(mirrored, vec_scale(direction, -1.0)), 0.0);
-        specular = vec_scale(emission, 0.2 * pow(shine, material.shininess) * reach);
+        double cos_mirror = fmax(vec_dot(mirrored, vec_scale(direction, -1.0)), 0.0);
+        specular = vec_scale(emission, 0.2 * pow(cos_mirror, material.shininess) * attenuation);
     }
     return vec_add(vec_add(ambient, diffuse), specular);
 }
@@ -56,8 +57,8 @@ struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struc
     if (material.reflectivity > 0.0 && bounce < world.model->march.max_bounces) {
         COUNT(trace, mirror);
         struct vec3 start = vec_add(p, vec_scale(n, world.model->march.surface_offset));
-        struct shaded seen = trace(start, vec_reflect(direction, n), bounce + 1, world);
-        color = vec_add(color, vec_scale(seen.color, material.reflectivity * 0.1));
+        struct shaded reflected = trace(start, vec_reflect(direction, n), bounce + 1, world);
+        color = vec_add(color, vec_scale(reflected.color, material.reflectivity * 0.1));
     }
     double far = vec_norm(p);
     result.color = vec_scale(color, exp(-world.model->fog * far * far * far));

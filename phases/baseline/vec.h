@@ -1,6 +1,6 @@
-// Vectors as the baseline has them: a struct of three doubles, passed and returned by value through
-// calls that are not inlined. A call costs what it costs in the paper's program, and no more: there
-// the vector functions share a source file, and gcc inlines new_vector and vec_dot into them.
+// A vector is a struct of three doubles, passed and returned by value through calls that are not
+// inlined. A call costs what it costs in the paper's program, and no more: there the vector functions
+// share a source file, so that gcc inlines new_vector and vec_dot into them.
 #ifndef BASELINE_VEC_H
 #define BASELINE_VEC_H
 
@@ -8,8 +8,8 @@
 
 #include "counting/flops.h"
 
-// A call must stay a call: that is what makes this the baseline. gcc would still clone a noinline
-// function for its arguments, which noipa forbids; clang has no such attribute and may specialise.
+// A call must stay a call: that is the point of this phase. gcc would still clone a noinline function
+// for its arguments, which noipa forbids. clang lacks noipa and may specialise.
 #ifdef __clang__
 #define CALL __attribute__((noinline, unused)) static
 #else
@@ -28,8 +28,8 @@ CALL struct vec3 new_vector(double x, double y, double z) {
     return v;
 }
 
-// The vector that stands in an array. Not a copy: common/ keeps vectors as arrays, the paper's
-// program has structs there.
+// An array as a vector, without a copy: common/ keeps vectors as arrays, the paper's program keeps
+// structs.
 static inline const struct vec3 *vec_at(const double a[3]) {
     return (const struct vec3 *)a;
 }
@@ -74,7 +74,7 @@ CALL struct vec3 vec_normalize(struct vec3 a) {
     return vec_scale(a, 1.0 / vec_norm(a));
 }
 
-// d mirrored at the plane with unit normal n.
+// d reflected at the plane with unit normal n.
 CALL struct vec3 vec_reflect(struct vec3 d, struct vec3 n) {
     COUNT(vec_reflect, call);
     return vec_sub(d, vec_scale(n, 2.0 * vec_dot(d, n)));
