@@ -25,7 +25,7 @@ CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     double ay = degrees.y * (M_PI / 180.0), cy = cos(ay), sy = sin(ay);
     p = (struct vec3){cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z};
     double az = degrees.z * (M_PI / 180.0), cz = cos(az), sz = sin(az);
-    return (struct vec3){cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z};
+    return new_vector(cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z);
 }
 
 // The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition.
