@@ -12,8 +12,8 @@ BASE = "baseline"
 # What a function is for, in all phases: its name, or with * how that begins; the first that fits counts.
 TERMS = {
     "into the shape's frame": """
-        apply_transform rotate_point approach* wrap* turned* distance_to_shape coordinate vec_wrapped
-        stay_in place_at place_sub wide_* places places_along lane_place
+        apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate
+        vec_wrapped stay_in place_at place_sub wide_* vec_double_* places places_along lane_place
     """,
     "vector library": """
         vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses

@@ -16,7 +16,7 @@
 
 enum { SAMPLES = 1 << 18 };
 
-typedef real (*phase_function)(real);
+typedef vdouble (*phase_function)(vdouble);
 typedef V (*bench_function)(V);
 
 // Bits spread over all patterns, NaN and negative ones among them, by a multiplier without pattern.
