@@ -332,7 +332,8 @@ def test_a_step_of_the_bulb_costs_the_operations_of_its_source(phase):
     body = re.sub(r"COUNT\([^)]*\);", "", body)
     names = {n: leaf(n) for n in ("x", "y", "z", "m", "dz")} | {"leaf": leaf}
     names["w"] = type("W", (), {n: names[n] for n in "xyz"})
-    names["p"] = type("P", (), {n: leaf(n) for n in "xyz"})
+    point = [leaf(n) for n in "abc"]  # an array from opt2 on
+    names["p"] = type("P", (list,), dict(zip("xyz", point, strict=True)))(point)
     found = operations(body, names)
     if shares_squares:
         found["mul"] -= 3  # x², y² and z² at its start are the ones that made m
