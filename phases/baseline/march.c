@@ -1,82 +1,83 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996).
-#include "sdf.h"
 #include "trace.h"
 
-struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model model) {
+struct hit ray_march(struct vec3 origin, struct vec3 direction, struct world world) {
     COUNT(ray_march, call);
     struct hit hit = {.point = origin, .shape = -1};
-    for (int step = 0; step < model.march.max_steps; step++) {
+    for (int step = 0; step < world.model->march.max_steps; step++) {
         COUNT(ray_march, step);
-        double distance = sdf(hit.point, model, &hit.shape);
+        double distance = sdf(hit.point, world, &hit.shape);
         hit.evals++;
         hit.t += distance;
         hit.point = vec_add(origin, vec_scale(direction, hit.t));
-        if (distance < model.march.hit_distance) {
+        if (distance < world.model->march.hit_distance) {
             hit.found = true;
             return hit;
         }
         COUNT(ray_march, on);
-        if (vec_norm(hit.point) > model.march.bounds_radius)
+        if (vec_norm(hit.point) > world.model->march.bounds_radius)
             break;
     }
     hit.shape = -1;
     return hit;
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static double soft_shadow(struct vec3 point, struct vec3 to_light, struct model model) {
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
+static double soft_shadow(struct vec3 point, struct vec3 to_light, struct world world) {
     COUNT(soft_shadow, call);
     int nearest;
-    double least = 1.0, previous = 1e20, t = model.march.surface_offset;
+    double visibility = 1.0, previous = 1e20, t = world.model->march.surface_offset;
     struct vec3 p = vec_add(point, vec_scale(to_light, t));
-    for (int step = 0; step < model.march.max_steps; step++) {
+    for (int step = 0; step < world.model->march.max_steps; step++) {
         COUNT(soft_shadow, step);
-        double h = sdf(p, model, &nearest);
-        if (h < model.march.hit_distance)
+        double h = sdf(p, world, &nearest);
+        if (h < world.model->march.hit_distance)
             break;
         COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous);
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
         if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
             COUNT(soft_shadow, term);
-            least = fmin(least, model.shadow_strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+            double strength = world.model->shadow_strength;
+            visibility = fmin(visibility, strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
         }
         previous = h;
         t += h;
         p = vec_add(point, vec_scale(to_light, t));
-        if (vec_norm(p) > model.march.bounds_radius)
+        if (vec_norm(p) > world.model->march.bounds_radius)
             break;
     }
-    return fmin(fmax(least, 0.0), 1.0);
+    return fmin(fmax(visibility, 0.0), 1.0);
 }
 
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
 static double hard_shadow(struct vec3 point, struct vec3 to_light, double distance,
-                          struct model model) {
+                          struct world world) {
     COUNT(hard_shadow, call);
     int nearest;
-    double t = model.march.surface_offset;
+    double t = world.model->march.surface_offset;
     struct vec3 p = vec_add(point, vec_scale(to_light, t));
-    for (int step = 0; step < model.march.max_steps && t < distance; step++) {
+    for (int step = 0; step < world.model->march.max_steps && t < distance; step++) {
         COUNT(hard_shadow, step);
-        double h = sdf(p, model, &nearest);
-        if (h < model.march.hit_distance)
+        double h = sdf(p, world, &nearest);
+        if (h < world.model->march.hit_distance)
             return 0.0;
         COUNT(hard_shadow, on);
         t += h;
         p = vec_add(point, vec_scale(to_light, t));
-        if (vec_norm(p) > model.march.bounds_radius)
+        if (vec_norm(p) > world.model->march.bounds_radius)
             break;
     }
     return 1.0;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-double shadow(struct vec3 point, struct vec3 to_light, double distance, struct model model) {
-    switch (model.shadows) {
-    case SHADOWS_SOFT: return soft_shadow(point, to_light, model);
-    case SHADOWS_HARD: return hard_shadow(point, to_light, distance, model);
+double shadow(struct vec3 point, struct vec3 to_light, double distance, struct world world) {
+    switch (world.model->shadows) {
+    case SHADOWS_SOFT: return soft_shadow(point, to_light, world);
+    case SHADOWS_HARD: return hard_shadow(point, to_light, distance, world);
     default: return 1.0;
     }
 }

@@ -1,10 +1,10 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
-// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
-// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
+// without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
 //
-// On purpose: points by value through calls, angles to radians and their sines and cosines at every
-// evaluation.
+// Naive on purpose: points and the scene go by value through calls. Every evaluation converts the
+// angles to radians and takes their sines and cosines.
 #ifndef BASELINE_SDF_H
 #define BASELINE_SDF_H
 
@@ -16,29 +16,40 @@ CALL double clamp(double x, double low, double high) {
     return x < low ? low : (COUNT(clamp, not_below), x > high ? high : x);
 }
 
-// (u, v) turned by the angle: (c·u − s·v, s·u + c·v) on (y,z), then (x,z), then (x,y).
+// The point rotated about x, then y, then z: (u, v) to (c·u − s·v, s·u + c·v), on (y,z), then (x,z),
+// then (x,y).
 CALL struct vec3 rotate_point(struct vec3 p, struct vec3 degrees) {
     COUNT(rotate_point, call);
-    struct vec3 a = vec_scale(degrees, M_PI / 180.0);
-    double cx = cos(a.x), sx = sin(a.x);
-    p = new_vector(p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z);
-    double cy = cos(a.y), sy = sin(a.y);
-    p = new_vector(cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z);
-    double cz = cos(a.z), sz = sin(a.z);
+    double ax = degrees.x * (M_PI / 180.0), cx = cos(ax), sx = sin(ax);
+    p = (struct vec3){p.x, cx * p.y - sx * p.z, sx * p.y + cx * p.z};
+    double ay = degrees.y * (M_PI / 180.0), cy = cos(ay), sy = sin(ay);
+    p = (struct vec3){cy * p.x - sy * p.z, p.y, sy * p.x + cy * p.z};
+    double az = degrees.z * (M_PI / 180.0), cz = cos(az), sz = sin(az);
     return new_vector(cz * p.x - sz * p.y, sz * p.x + cz * p.y, p.z);
 }
 
+// The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition.
 static inline double wrap(double x, double cell) {
     return cell > 0 ? (COUNT(apply_transform, wrap), x - cell * floor(x / cell + 0.5)) : x;
 }
 
-// The point in the shape's own frame.
-CALL struct vec3 apply_transform(struct vec3 p, const struct shape *shape) {
+// The point wrapped into the central cell. It is called for repeated shapes only, so that other shapes
+// do not pay for it.
+CALL struct vec3 repeat_point(struct vec3 p, const double cell[3]) {
+    COUNT(apply_transform, repeated);
+    return (struct vec3){wrap(p.x, cell[0]), wrap(p.y, cell[1]), wrap(p.z, cell[2])};
+}
+
+// The point in the shape's frame. Inlined into sdf(), as the paper's compiler does. It takes a pointer,
+// because gcc copies the arguments of an inlined function, too.
+static inline struct vec3 apply_transform(const struct vec3 *point, const struct shape *shape) {
     COUNT(apply_transform, call);
-    p = vec_sub(p, vec_from(shape->position));
-    p = rotate_point(p, vec_from(shape->rotation_degrees));
-    return new_vector(wrap(p.x, shape->repeat[0]), wrap(p.y, shape->repeat[1]),
-                      wrap(p.z, shape->repeat[2]));
+    struct vec3 p = vec_sub(*point, *vec_at(shape->position));
+    p = rotate_point(p, *vec_at(shape->rotation_degrees));
+    const double *cell = shape->repeat;
+    if (cell[0] > 0 || cell[1] > 0 || cell[2] > 0)
+        p = repeat_point(p, cell);
+    return p;
 }
 
 CALL double sdf_sphere(struct vec3 p, const struct shape *shape) {
@@ -48,12 +59,12 @@ CALL double sdf_sphere(struct vec3 p, const struct shape *shape) {
 
 CALL double sdf_plane(struct vec3 p, const struct shape *shape) {
     COUNT(sdf_plane, call);
-    return vec_dot(p, vec_from(shape->plane.normal)) - shape->plane.offset;
+    return vec_dot(p, *vec_at(shape->plane.normal)) - shape->plane.offset;
 }
 
 CALL double sdf_box(struct vec3 p, const struct shape *shape) {
     COUNT(sdf_box, call);
-    struct vec3 q = vec_sub(vec_abs(p), vec_from(shape->box.half_size));
+    struct vec3 q = vec_sub(vec_abs(p), *vec_at(shape->box.half_size));
     struct vec3 outside = new_vector(fmax(q.x, 0.0), fmax(q.y, 0.0), fmax(q.z, 0.0));
     return vec_norm(outside) + fmin(fmax(q.x, fmax(q.y, q.z)), 0.0);
 }
@@ -95,7 +106,7 @@ CALL double sdf_octahedron(struct vec3 p, const struct shape *shape) {
     else if (COUNT(sdf_octahedron, not_y), 3.0 * p.z < m)
         q = new_vector(p.z, p.x, p.y);
     else
-        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: nearest to a face
     COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
     return vec_norm(new_vector(q.x, q.y - s + k, q.z - k));
@@ -114,17 +125,16 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
         double z = w.z, z2 = z * z, z4 = z2 * z2;
         double k3 = x2 + z2;
         double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
-        // On the axis the azimuth's part is zero.
+        // On the axis there is no azimuth, and its factor is 0.
         double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
-        w = vec_add(
-            p, new_vector(64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2,
-                          -16.0 * y2 * k3 * k4 * k4 + k1 * k1,
-                          -8.0 * y * k4 *
-                              (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 -
-                               28.0 * x2 * z2 * z4 + z4 * z4) *
-                              k1 * k2));
+        w.x = p.x + 64.0 * x * y * z * (x2 - z2) * k4 * (x4 - 6.0 * x2 * z2 + z4) * k1 * k2;
+        w.y = p.y + (-16.0 * y2 * k3 * k4 * k4 + k1 * k1);
+        w.z = p.z +
+              -8.0 * y * k4 *
+                  (x4 * x4 - 28.0 * x4 * x2 * z2 + 70.0 * x4 * z4 - 28.0 * x2 * z2 * z4 + z4 * z4) *
+                  k1 * k2;
         m = vec_dot(w, w);
         if (m > shape->mandelbulb.bailout)
             break;
@@ -133,34 +143,40 @@ CALL double sdf_mandelbulb(struct vec3 p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
-CALL double distance_to_shape(struct vec3 p, const struct shape *shape) {
+// The distance function of each type, called by pointer: the paper's shapes carry such a pointer.
+static double (*const distance_of[SHAPE_TYPES])(struct vec3, const struct shape *) = {
+    [SHAPE_SPHERE] = sdf_sphere,         [SHAPE_BOX] = sdf_box,
+    [SHAPE_TORUS] = sdf_torus,           [SHAPE_CONE] = sdf_cone,
+    [SHAPE_OCTAHEDRON] = sdf_octahedron, [SHAPE_PLANE] = sdf_plane,
+    [SHAPE_MANDELBULB] = sdf_mandelbulb, [SHAPE_ROUNDED_BOX] = sdf_rounded_box,
+};
+
+static inline double distance_to_shape(const struct vec3 *p, const struct shape *shape) {
     COUNT(distance_to_shape, call);
-    p = apply_transform(p, shape);
-    switch (shape->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, shape);
-    case SHAPE_BOX: return sdf_box(p, shape);
-    case SHAPE_TORUS: return sdf_torus(p, shape);
-    case SHAPE_CONE: return sdf_cone(p, shape);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, shape);
-    case SHAPE_PLANE: return sdf_plane(p, shape);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, shape);
-    default: return sdf_mandelbulb(p, shape);
-    }
+    return distance_of[shape->type](apply_transform(p, shape), shape);
 }
 
-// Distance to the nearest shape, and which one it is (the first of equals).
-CALL double sdf(struct vec3 p, struct model model, int *nearest) {
+// The scene, a count and pointers as in the paper's program. It goes by value at every call.
+struct world {
+    int shape_count;
+    const struct shape *shapes;
+    const struct model *model;
+    const struct view *view;
+};
+
+// Returns the distance to the nearest shape. `nearest` gets its index, the first of equals.
+CALL double sdf(struct vec3 p, struct world world, int *nearest) {
     COUNT(sdf, call);
-    double least = INFINITY;
-    for (int i = 0; i < model.shape_count; i++) {
+    double closest = INFINITY;
+    for (int i = 0; i < world.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &model.shapes[i]);
-        if (distance < least) {
-            least = distance;
+        double distance = distance_to_shape(&p, &world.shapes[i]);
+        if (distance < closest) {
+            closest = distance;
             *nearest = i;
         }
     }
-    return least;
+    return closest;
 }
 
 #endif

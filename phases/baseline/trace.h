@@ -4,13 +4,7 @@
 
 #include <stdbool.h>
 
-#include "scene/scene.h"
-#include "vec.h"
-
-struct world {
-    struct model model;
-    struct view view;
-};
+#include "sdf.h"
 
 struct hit {
     bool found;
@@ -26,8 +20,15 @@ struct shaded {
     struct hit hit;
 };
 
-struct hit ray_march(struct vec3 origin, struct vec3 direction, struct model model);
-double shadow(struct vec3 point, struct vec3 to_light, double distance, struct model model);
+// Marches a ray to its first hit: the first point closer to the scene than its hit distance.
+struct hit ray_march(struct vec3 origin, struct vec3 direction, struct world world);
+
+// Returns the light that reaches the point, by the scene's kind of shadows: 0 in shadow, 1 lit, and
+// between them in the penumbra of a soft shadow. `distance` is the light's; to_light is a unit vector.
+double shadow(struct vec3 point, struct vec3 to_light, double distance, struct world world);
+
+// Traces a ray and its reflections, up to the scene's number of bounces, and shades its hit. The
+// direction is a unit vector; `bounce` counts the mirrors so far.
 struct shaded trace(struct vec3 origin, struct vec3 direction, int bounce, struct world world);
 
 #endif

@@ -23,13 +23,14 @@ void ray_march(const struct vec3 *origin, const struct vec3 *direction,
     hit->shape = -1;
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
 static double soft_shadow(const struct vec3 *point, const struct vec3 *to_light,
                           const struct prepared *scene) {
     COUNT(soft_shadow, call);
     int nearest;
-    double least = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
+    double visibility = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     struct vec3 p;
     vec_along(point, to_light, t, &p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
@@ -39,11 +40,11 @@ static double soft_shadow(const struct vec3 *point, const struct vec3 *to_light,
             break;
         COUNT(soft_shadow, on);
         double y = h * h / (2.0 * previous);
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
         if (h * h - y * y > 0.0 && (COUNT(soft_shadow, inside), t - y > 0.0)) {
             COUNT(soft_shadow, term);
-            least =
-                fmin(least, scene->model.shadow_strength * sqrt(h * h - y * y) / fmax(0.0, t - y));
+            visibility = fmin(visibility, scene->model.shadow_strength * sqrt(h * h - y * y) /
+                                              fmax(0.0, t - y));
         }
         previous = h;
         t += h;
@@ -51,9 +52,10 @@ static double soft_shadow(const struct vec3 *point, const struct vec3 *to_light,
         if (vec_norm(&p) > scene->model.march.bounds_radius)
             break;
     }
-    return fmin(fmax(least, 0.0), 1.0);
+    return fmin(fmax(visibility, 0.0), 1.0);
 }
 
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
 static double hard_shadow(const struct vec3 *point, const struct vec3 *to_light, double distance,
                           const struct prepared *scene) {
     COUNT(hard_shadow, call);
@@ -75,7 +77,6 @@ static double hard_shadow(const struct vec3 *point, const struct vec3 *to_light,
     return 1.0;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 double shadow(const struct vec3 *point, const struct vec3 *to_light, double distance,
               const struct prepared *scene) {
     switch (scene->model.shadows) {

@@ -1,4 +1,5 @@
-// The phase's entry points and its loop over pixels: one ray through the middle of each.
+// The phase's entry points (common/phase.h) and its loop over pixels: one ray through the centre of
+// each.
 #include <stdlib.h>
 
 #include "phase.h"
@@ -12,17 +13,17 @@ const char *phase_unsupported(const struct scene *scene) {
 bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     for (int i = 0; i < model->shape_count; i++) {
-        struct placed *placed = &prepared->placed[i];
+        struct primitive *primitive = &prepared->primitives[i];
         const struct shape *shape = &model->shapes[i];
-        *placed = (struct placed){.shape = *shape};
-        placed->position =
+        *primitive = (struct primitive){.shape = *shape};
+        primitive->position =
             (struct vec3){shape->position[0], shape->position[1], shape->position[2]};
         for (int axis = 0; axis < 3; axis++) {
             double radians = shape->rotation_degrees[axis] * (M_PI / 180.0);
-            placed->cosine[axis] = cos(radians);
-            placed->sine[axis] = sin(radians);
-            placed->turned[axis] = radians != 0.0;
-            placed->repeated = placed->repeated || shape->repeat[axis] > 0.0;
+            primitive->cosine[axis] = cos(radians);
+            primitive->sine[axis] = sin(radians);
+            primitive->rotated[axis] = radians != 0.0;
+            primitive->repeated = primitive->repeated || shape->repeat[axis] > 0.0;
         }
     }
     return true;
@@ -31,22 +32,23 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
-    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    if (!prepared || !placed) {
+    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
+    if (!prepared || !primitives) {
         free(prepared);
-        free(placed);
+        free(primitives);
         return NULL;
     }
-    prepared->placed = placed;
+    prepared->primitives = primitives;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    free(prepared->placed);
+    free(prepared->primitives);
     free(prepared);
 }
 
+// The unit direction of the ray through the pixel's centre.
 static void get_direction(int column, int row, const struct frame *frame, const struct view *view,
                           struct vec3 *direction) {
     COUNT(get_direction, call);

@@ -1,9 +1,9 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
-// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
-// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
+// without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
 //
-// Sines and cosines come from prepare(); a rotation or repetition that is not there is not
+// phase_prepare() computes the sines and cosines. A rotation or repetition that a shape lacks is not
 // evaluated.
 #ifndef OPT1_SDF_H
 #define OPT1_SDF_H
@@ -16,55 +16,56 @@ CALL double clamp(double x, double low, double high) {
     return x < low ? low : (COUNT(clamp, not_below), x > high ? high : x);
 }
 
-// A shape and what prepare() works out once: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z), then
-// (x,z), then (x,y).
-struct placed {
+// A shape with its rotations, prepared once per scene. A rotation takes (u, v) to
+// (c·u − s·v, s·u + c·v), on (y,z), then (x,z), then (x,y).
+struct primitive {
     struct shape shape;
     struct vec3 position;
     double cosine[3], sine[3];
-    bool turned[3], repeated;
+    bool rotated[3], repeated;
 };
 
 struct prepared {
     struct model model;
-    struct placed *placed; // one per shape
+    struct primitive *primitives; // one per shape
 };
 
+// The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition.
 static inline double wrap(double x, double cell) {
     return cell > 0 ? (COUNT(apply_transform, wrap), x - cell * floor(x / cell + 0.5)) : x;
 }
 
-// The point in the shape's own frame.
-static inline void apply_transform(const struct vec3 *point, const struct placed *placed,
+// The point in the shape's frame, wrapped into the central cell if the shape is repeated.
+static inline void apply_transform(const struct vec3 *point, const struct primitive *primitive,
                                    struct vec3 *p) {
     COUNT(apply_transform, call);
-    const double *c = placed->cosine, *s = placed->sine;
-    p->x = point->x - placed->position.x;
-    p->y = point->y - placed->position.y;
-    p->z = point->z - placed->position.z;
-    if (placed->turned[0]) {
+    const double *c = primitive->cosine, *s = primitive->sine;
+    p->x = point->x - primitive->position.x;
+    p->y = point->y - primitive->position.y;
+    p->z = point->z - primitive->position.z;
+    if (primitive->rotated[0]) {
         COUNT(apply_transform, turn);
         double y = p->y;
         p->y = c[0] * y - s[0] * p->z;
         p->z = s[0] * y + c[0] * p->z;
     }
-    if (placed->turned[1]) {
+    if (primitive->rotated[1]) {
         COUNT(apply_transform, turn);
         double x = p->x;
         p->x = c[1] * x - s[1] * p->z;
         p->z = s[1] * x + c[1] * p->z;
     }
-    if (placed->turned[2]) {
+    if (primitive->rotated[2]) {
         COUNT(apply_transform, turn);
         double x = p->x;
         p->x = c[2] * x - s[2] * p->y;
         p->y = s[2] * x + c[2] * p->y;
     }
-    if (placed->repeated) {
+    if (primitive->repeated) {
         COUNT(apply_transform, repeated);
-        p->x = wrap(p->x, placed->shape.repeat[0]);
-        p->y = wrap(p->y, placed->shape.repeat[1]);
-        p->z = wrap(p->z, placed->shape.repeat[2]);
+        p->x = wrap(p->x, primitive->shape.repeat[0]);
+        p->y = wrap(p->y, primitive->shape.repeat[1]);
+        p->z = wrap(p->z, primitive->shape.repeat[2]);
     }
 }
 
@@ -133,7 +134,7 @@ CALL double sdf_octahedron(const struct vec3 *point, const struct shape *shape) 
     else if (COUNT(sdf_octahedron, not_y), 3.0 * p.z < m)
         q = (struct vec3){p.z, p.x, p.y};
     else
-        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: nearest to a face
     COUNT(sdf_octahedron, edge);
     double k = clamp(0.5 * (q.z - q.y + s), 0.0, s);
     struct vec3 edge = {q.x, q.y - s + k, q.z - k};
@@ -153,7 +154,7 @@ CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
         double z = w.z, z2 = z * z, z4 = z2 * z2;
         double k3 = x2 + z2;
         double k7 = k3 * k3 * k3 * k3 * k3 * k3 * k3;
-        // On the axis the azimuth's part is zero.
+        // On the axis there is no azimuth, and its factor is 0.
         double k2 = k7 > 0.0 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / sqrt(k7)) : 0.0;
         double k1 = x4 + y4 + z4 - 6.0 * y2 * z2 - 6.0 * x2 * y2 + 2.0 * z2 * x2;
         double k4 = x2 - y2 + z2;
@@ -172,35 +173,36 @@ CALL double sdf_mandelbulb(const struct vec3 *p, const struct shape *shape) {
     return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * log(m) * sqrt(m) / dz) : 0.0;
 }
 
-CALL double distance_to_shape(const struct vec3 *point, const struct placed *placed) {
+static inline double distance_to_shape(const struct vec3 *point,
+                                       const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
     struct vec3 p;
-    apply_transform(point, placed, &p);
-    switch (placed->shape.type) {
-    case SHAPE_SPHERE: return sdf_sphere(&p, &placed->shape);
-    case SHAPE_BOX: return sdf_box(&p, &placed->shape);
-    case SHAPE_TORUS: return sdf_torus(&p, &placed->shape);
-    case SHAPE_CONE: return sdf_cone(&p, &placed->shape);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &placed->shape);
-    case SHAPE_PLANE: return sdf_plane(&p, &placed->shape);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &placed->shape);
-    default: return sdf_mandelbulb(&p, &placed->shape);
+    apply_transform(point, primitive, &p);
+    switch (primitive->shape.type) {
+    case SHAPE_SPHERE: return sdf_sphere(&p, &primitive->shape);
+    case SHAPE_BOX: return sdf_box(&p, &primitive->shape);
+    case SHAPE_TORUS: return sdf_torus(&p, &primitive->shape);
+    case SHAPE_CONE: return sdf_cone(&p, &primitive->shape);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(&p, &primitive->shape);
+    case SHAPE_PLANE: return sdf_plane(&p, &primitive->shape);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(&p, &primitive->shape);
+    default: return sdf_mandelbulb(&p, &primitive->shape);
     }
 }
 
-// Distance to the nearest shape, and which one it is (the first of equals).
+// Returns the distance to the nearest shape. `nearest` gets its index, the first of equals.
 CALL double sdf(const struct vec3 *p, const struct prepared *scene, int *nearest) {
     COUNT(sdf, call);
-    double least = INFINITY;
+    double closest = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &scene->placed[i]);
-        if (distance < least) {
-            least = distance;
+        double distance = distance_to_shape(p, &scene->primitives[i]);
+        if (distance < closest) {
+            closest = distance;
             *nearest = i;
         }
     }
-    return least;
+    return closest;
 }
 
 #endif

@@ -1,5 +1,5 @@
-// Vectors by pointer: operands are read where they are, results written where they are wanted, so
-// that no copy passes through the stack. Still calls, as in the paper's phase 1.
+// Vectors by pointer: an operation reads its operands in place and writes its result in place, without
+// copies through the stack. The operations are still calls, as in the paper's phase 1.
 #ifndef OPT1_VEC_H
 #define OPT1_VEC_H
 
@@ -7,8 +7,8 @@
 
 #include "counting/flops.h"
 
-// A call must stay a call, as in the baseline: this rung changes what is passed, not what is
-// inlined.
+// A call must stay a call, as in baseline: this phase changes how arguments are passed, not what is
+// inlined. gcc would still clone a noinline function for its arguments, which noipa forbids.
 #ifdef __clang__
 #define CALL __attribute__((noinline, unused)) static
 #else
@@ -78,7 +78,7 @@ CALL void vec_normalize(const struct vec3 *a, struct vec3 *out) {
     vec_scale(a, 1.0 / vec_norm(a), out);
 }
 
-// d mirrored at the plane with unit normal n.
+// d reflected at the plane with unit normal n.
 CALL void vec_reflect(const struct vec3 *d, const struct vec3 *n, struct vec3 *out) {
     COUNT(vec_reflect, call);
     struct vec3 twice;

@@ -24,14 +24,15 @@ void ray_march(const double *origin, const double *direction, const struct prepa
     hit->shape = -1;
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
 static double soft_shadow(const double *point, const double *to_light,
                           const struct prepared *scene) {
     COUNT(soft_shadow, call);
     int nearest;
     double strength_sq = scene->model.shadow_strength * scene->model.shadow_strength;
-    double least = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
+    double visibility = 1.0, previous = 1e20, t = scene->model.march.surface_offset;
     double p[3];
     vec_along(point, to_light, t, p);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
@@ -40,14 +41,14 @@ static double soft_shadow(const double *point, const double *to_light,
         if (h < scene->model.march.hit_distance)
             break;
         COUNT(soft_shadow, on);
-        double y = h * h / (2.0 * previous), inside = h * h - y * y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        // strength·√inside/(t − y) < least, asked without the root: it is seldom so.
-        double scaled = least * (t - y);
-        if (inside > 0.0 && t - y > 0.0 &&
-            (COUNT(soft_shadow, asked), strength_sq * inside < scaled * scaled)) {
+        double y = h * h / (2.0 * previous), d_sq = h * h - y * y;
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
+        // strength·√d_sq/(t − y) < visibility, tested without the root, because it is seldom true.
+        double bound = visibility * (t - y);
+        if (d_sq > 0.0 && t - y > 0.0 &&
+            (COUNT(soft_shadow, asked), strength_sq * d_sq < bound * bound)) {
             COUNT(soft_shadow, darker);
-            least = scene->model.shadow_strength * sqrt(inside) / (t - y);
+            visibility = scene->model.shadow_strength * sqrt(d_sq) / (t - y);
         }
         previous = h;
         t += h;
@@ -55,9 +56,10 @@ static double soft_shadow(const double *point, const double *to_light,
         if (vec_norm_sq(p) > scene->bounds_sq)
             break;
     }
-    return least;
+    return visibility;
 }
 
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
 static double hard_shadow(const double *point, const double *to_light, double distance,
                           const struct prepared *scene) {
     COUNT(hard_shadow, call);
@@ -79,7 +81,6 @@ static double hard_shadow(const double *point, const double *to_light, double di
     return 1.0;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
 double shadow(const double *point, const double *to_light, double distance,
               const struct prepared *scene) {
     switch (scene->model.shadows) {

@@ -1,4 +1,5 @@
-// The phase's entry points and its loop over pixels: one ray through the middle of each.
+// The phase's entry points (common/phase.h) and its loop over pixels: one ray through the centre of
+// each.
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,8 +11,8 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
-// then (x,z), then (x,y).
+// The rotations about x, then y, then z as one matrix. Each takes (u, v) to (c·u − s·v, s·u + c·v),
+// on (y,z), then (x,z), then (x,y).
 static void rotation_matrix(const double *degrees, double m[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
@@ -25,43 +26,44 @@ static void rotation_matrix(const double *degrees, double m[3][3]) {
     }
 }
 
-static struct placed place_shape(const struct shape *shape) {
-    struct placed p = {.type = shape->type};
+static struct primitive make_primitive(const struct shape *shape) {
+    struct primitive p = {.type = shape->type};
     vec_set(shape->position, p.position);
-    rotation_matrix(shape->rotation_degrees, p.turn);
+    rotation_matrix(shape->rotation_degrees, p.rotation);
     for (int i = 0; i < 3; i++) {
-        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.rotated = p.rotated || shape->rotation_degrees[i] != 0.0;
         p.repeated = p.repeated || shape->repeat[i] > 0.0;
         p.cell[i] = shape->repeat[i];
-        p.per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.inv_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
     }
     switch (shape->type) {
-    case SHAPE_SPHERE: p.a = shape->sphere.radius; break;
-    case SHAPE_BOX: vec_set(shape->box.half_size, p.size); break;
+    case SHAPE_SPHERE: p.sphere.radius = shape->sphere.radius; break;
+    case SHAPE_BOX: vec_set(shape->box.half_size, p.box.half_size); break;
     case SHAPE_TORUS:
-        p.a = shape->torus.major_radius;
-        p.b = shape->torus.minor_radius;
+        p.torus.major_radius = shape->torus.major_radius;
+        p.torus.minor_radius = shape->torus.minor_radius;
         break;
     case SHAPE_ROUNDED_BOX:
-        memcpy(p.size, shape->box.half_size, sizeof shape->box.half_size);
-        p.a = shape->box.rounding;
+        memcpy(p.box.half_size, shape->box.half_size, sizeof shape->box.half_size);
+        p.box.rounding = shape->box.rounding;
         break;
     case SHAPE_CONE:
-        p.a = shape->cone.bottom_radius;
-        p.b = shape->cone.top_radius;
-        p.c = shape->cone.half_height;
-        p.slope[0] = p.b - p.a;
-        p.slope[1] = 2.0 * p.c;
-        p.per_slope_sq = 1.0 / (p.slope[0] * p.slope[0] + p.slope[1] * p.slope[1]);
+        p.cone.bottom_radius = shape->cone.bottom_radius;
+        p.cone.top_radius = shape->cone.top_radius;
+        p.cone.half_height = shape->cone.half_height;
+        p.cone.side[0] = p.cone.top_radius - p.cone.bottom_radius;
+        p.cone.side[1] = 2.0 * p.cone.half_height;
+        p.cone.inv_side_sq =
+            1.0 / (p.cone.side[0] * p.cone.side[0] + p.cone.side[1] * p.cone.side[1]);
         break;
-    case SHAPE_OCTAHEDRON: p.a = shape->octahedron.radius; break;
+    case SHAPE_OCTAHEDRON: p.octahedron.radius = shape->octahedron.radius; break;
     case SHAPE_PLANE:
-        vec_set(shape->plane.normal, p.size);
-        p.a = shape->plane.offset;
+        vec_set(shape->plane.normal, p.plane.normal);
+        p.plane.offset = shape->plane.offset;
         break;
     default:
-        p.bailout = shape->mandelbulb.bailout;
-        p.iterations = shape->mandelbulb.iterations;
+        p.mandelbulb.bailout = shape->mandelbulb.bailout;
+        p.mandelbulb.iterations = shape->mandelbulb.iterations;
         break;
     }
     return p;
@@ -71,35 +73,36 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
     for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = place_shape(&model->shapes[i]);
+        prepared->primitives[i] = make_primitive(&model->shapes[i]);
     return true;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
-    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    if (!prepared || !placed) {
+    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
+    if (!prepared || !primitives) {
         free(prepared);
-        free(placed);
+        free(primitives);
         return NULL;
     }
-    prepared->placed = placed;
+    prepared->primitives = primitives;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    free(prepared->placed);
+    free(prepared->primitives);
     free(prepared);
 }
 
+// The unit direction of the ray through the pixel's centre.
 static void get_direction(int column, int row, const struct frame *frame, const struct view *view,
                           double *direction) {
     COUNT(get_direction, call);
-    double per_height = view->tan_half_fov / frame->height;
-    double x = (2.0 * column + 1.0 - frame->width) * per_height;
-    double y = (frame->height - 1.0 - 2.0 * row) * per_height;
+    double pixel_size = view->tan_half_fov / frame->height;
+    double x = (2.0 * column + 1.0 - frame->width) * pixel_size;
+    double y = (frame->height - 1.0 - 2.0 * row) * pixel_size;
     for (int i = 0; i < 3; i++)
         direction[i] = view->forward[i] + view->right[i] * x + view->up[i] * y;
     vec_scale(direction, 1.0 / vec_norm(direction), direction);

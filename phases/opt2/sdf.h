@@ -1,121 +1,143 @@
 // Signed distances. Sphere, box, torus, capped cone, octahedron: I. Quilez, "distance functions"
-// (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P. Nylander's power-8 map in
-// its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
-// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of D. White and P. Nylander
+// without trigonometry, with its running derivative: I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
 //
-// Inlined, with what does not depend on the point worked out by prepare().
+// All functions are inlined. phase_prepare() computes everything that does not depend on the point.
 #ifndef OPT2_SDF_H
 #define OPT2_SDF_H
 
 #include "scene/scene.h"
 #include "vec.h"
 
-// A shape as the march wants it: what is evaluated, and nothing else.
-struct placed {
+// A shape with only what the march evaluates, prepared once per scene.
+struct primitive {
     enum shape_type type;
-    bool turned, repeated;
+    bool rotated, repeated;
     double position[3];
-    double turn[3][3]; // rows: the three rotations as one matrix
-    double cell[3], per_cell[3];
-    double a, b, c;                // sizes: see place_shape() in render.c
-    double slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    double size[3];                // box: half size; plane: normal
-    double bailout;
-    int iterations;
+    double rotation[3][3]; // rows: the three rotations as one matrix
+    double cell[3], inv_cell[3];
+    union { // sizes, by type
+        struct {
+            double radius;
+        } sphere;
+        struct {
+            double half_size[3], rounding;
+        } box; // and rounded box
+        struct {
+            double major_radius, minor_radius;
+        } torus;
+        struct {
+            double bottom_radius, top_radius, half_height;
+            double side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
+        } cone;
+        struct {
+            double radius;
+        } octahedron;
+        struct {
+            double normal[3], offset;
+        } plane;
+        struct {
+            double bailout;
+            int iterations;
+        } mandelbulb;
+    };
 };
 
 struct prepared {
     struct model model;
     double bounds_sq;
-    struct placed *placed; // one per shape
+    struct primitive *primitives; // one per shape
 };
 
-static inline double least_of(double a, double b) {
+static inline double min_of(double a, double b) {
     return a < b ? a : b;
 }
 
-static inline double most_of(double a, double b) {
+static inline double max_of(double a, double b) {
     return a > b ? a : b;
 }
 
 static inline double clamp(double x, double low, double high) {
-    return least_of(most_of(x, low), high);
+    return min_of(max_of(x, low), high);
 }
 
-// The point in the shape's own frame.
-static inline void apply_transform(const double *point, const struct placed *placed, double *p) {
+// The point in the shape's frame, wrapped into the central cell if the shape is repeated.
+static inline void apply_transform(const double *point, const struct primitive *primitive,
+                                   double *p) {
     COUNT(apply_transform, call);
     double q[3];
     for (int i = 0; i < 3; i++)
-        q[i] = p[i] = point[i] - placed->position[i];
-    if (placed->turned) {
+        q[i] = p[i] = point[i] - primitive->position[i];
+    if (primitive->rotated) {
         COUNT(apply_transform, turn);
         for (int i = 0; i < 3; i++)
-            p[i] = vec_dot(placed->turn[i], q);
+            p[i] = vec_dot(primitive->rotation[i], q);
     }
-    if (placed->repeated) { // an axis without repetition has cell 0
+    if (primitive->repeated) { // cell 0: no repetition along that axis
         COUNT(apply_transform, wrap);
         for (int i = 0; i < 3; i++)
-            p[i] -= placed->cell[i] * floor(p[i] * placed->per_cell[i] + 0.5);
+            p[i] -= primitive->cell[i] * floor(p[i] * primitive->inv_cell[i] + 0.5);
     }
 }
 
-static inline double sdf_sphere(const double *p, const struct placed *s) {
+static inline double sdf_sphere(const double *p, const struct primitive *s) {
     COUNT(sdf_sphere, call);
-    return vec_norm(p) - s->a;
+    return vec_norm(p) - s->sphere.radius;
 }
 
-static inline double sdf_plane(const double *p, const struct placed *s) {
+static inline double sdf_plane(const double *p, const struct primitive *s) {
     COUNT(sdf_plane, call);
-    return vec_dot(p, s->size) - s->a;
+    return vec_dot(p, s->plane.normal) - s->plane.offset;
 }
 
-static inline double sdf_box(const double *p, const struct placed *s) {
+static inline double sdf_box(const double *p, const struct primitive *s) {
     COUNT(sdf_box, call);
     double q[3], outside[3];
     for (int i = 0; i < 3; i++) {
-        q[i] = fabs(p[i]) - s->size[i];
-        outside[i] = most_of(q[i], 0.0);
+        q[i] = fabs(p[i]) - s->box.half_size[i];
+        outside[i] = max_of(q[i], 0.0);
         if (outside[i] == 0.0)
             COUNT(sdf_box, within);
     }
-    return vec_norm(outside) + least_of(most_of(q[0], most_of(q[1], q[2])), 0.0);
+    return vec_norm(outside) + min_of(max_of(q[0], max_of(q[1], q[2])), 0.0);
 }
 
-static inline double sdf_rounded_box(const double *p, const struct placed *s) {
+static inline double sdf_rounded_box(const double *p, const struct primitive *s) {
     COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - s->a;
+    return sdf_box(p, s) - s->box.rounding;
 }
 
-static inline double sdf_torus(const double *p, const struct placed *s) {
+static inline double sdf_torus(const double *p, const struct primitive *s) {
     COUNT(sdf_torus, call);
-    double ring = sqrt(p[0] * p[0] + p[2] * p[2]) - s->a;
-    return sqrt(ring * ring + p[1] * p[1]) - s->b;
+    double ring = sqrt(p[0] * p[0] + p[2] * p[2]) - s->torus.major_radius;
+    return sqrt(ring * ring + p[1] * p[1]) - s->torus.minor_radius;
 }
 
-static inline double sdf_cone(const double *p, const struct placed *s) {
+static inline double sdf_cone(const double *p, const struct primitive *s) {
     COUNT(sdf_cone, call);
     double radius = sqrt(p[0] * p[0] + p[2] * p[2]);
-    double x = radius - s->b, y = p[1] - s->c; // from the top rim
-    double rim = p[1] < 0.0 ? s->a : (COUNT(sdf_cone, upper), s->b);
-    double cap_x = most_of(radius - rim, 0.0), cap_y = fabs(p[1]) - s->c;
-    double along = clamp(-(x * s->slope[0] + y * s->slope[1]) * s->per_slope_sq, 0.0, 1.0);
+    double x = radius - s->cone.top_radius, y = p[1] - s->cone.half_height; // from the top rim
+    double rim = p[1] < 0.0 ? s->cone.bottom_radius : (COUNT(sdf_cone, upper), s->cone.top_radius);
+    double cap_x = max_of(radius - rim, 0.0), cap_y = fabs(p[1]) - s->cone.half_height;
+    double along =
+        clamp(-(x * s->cone.side[0] + y * s->cone.side[1]) * s->cone.inv_side_sq, 0.0, 1.0);
     if (along == 1.0)
         COUNT(sdf_cone, top);
     if (cap_x == 0.0)
         COUNT(sdf_cone, under);
-    double side_x = x + s->slope[0] * along, side_y = y + s->slope[1] * along;
+    double side_x = x + s->cone.side[0] * along, side_y = y + s->cone.side[1] * along;
     double sign = 1.0 - 2.0 * (side_x < 0.0 && (COUNT(sdf_cone, beside), cap_y < 0.0));
-    return sign * sqrt(least_of(cap_x * cap_x + cap_y * cap_y, side_x * side_x + side_y * side_y));
+    return sign * sqrt(min_of(cap_x * cap_x + cap_y * cap_y, side_x * side_x + side_y * side_y));
 }
 
-static inline double sdf_octahedron(const double *point, const struct placed *s) {
+static inline double sdf_octahedron(const double *point, const struct primitive *s) {
     COUNT(sdf_octahedron, call);
     double x = fabs(point[0]), y = fabs(point[1]), z = fabs(point[2]);
-    double m = x + y + z - s->a, third = m * (1.0 / 3.0);
+    double m = x + y + z - s->octahedron.radius, third = m * (1.0 / 3.0);
     double q[3];
-    // In the order of how often they hold on scene0: y 1.63, x 0.97, z 0.40, none 0.05 million
-    // times at n = 120. Where two hold the nearest point is a vertex, and either serves.
+    // The conditions in the order of how often they hold on scene0 (n = 120): y 1.63, x 0.97, z 0.40,
+    // none 0.05 million times. Where two hold, the nearest point is a vertex and both give it.
     if (y < third)
         q[0] = y, q[1] = z, q[2] = x;
     else if (x < third)
@@ -123,83 +145,94 @@ static inline double sdf_octahedron(const double *point, const struct placed *s)
     else if (z < third)
         q[0] = z, q[1] = x, q[2] = y;
     else
-        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: above a face
+        return COUNT(sdf_octahedron, face), m * 0.57735026918962576451; // 1/√3: nearest to a face
     COUNT(sdf_octahedron, edge);
-    double k = clamp(0.5 * (q[2] - q[1] + s->a), 0.0, s->a);
-    double edge[3] = {q[0], q[1] - s->a + k, q[2] - k};
+    double k = clamp(0.5 * (q[2] - q[1] + s->octahedron.radius), 0.0, s->octahedron.radius);
+    double edge[3] = {q[0], q[1] - s->octahedron.radius + k, q[2] - k};
     return vec_norm(edge);
 }
 
-// One step of the map. With k1, k3, k4 as Quilez has them, (x² − z², 2xz)/k3 is the unit phasor of
-// twice the azimuth; doubled twice more by cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a it
-// stands for his products of ninth degree.
-#define BULB_STEP                                                                                  \
-    COUNT(sdf_mandelbulb, step);                                                                   \
-    root = sqrt(m);                                                                                \
-    dz = 8.0 * (m * m * m * root) * dz + 1.0;                                                      \
-    x2 = x * x, y2 = y * y, z2 = z * z;                                                            \
-    k3 = x2 + z2, k4 = k3 - y2;                                                                    \
-    per_k3 = k3 > 1e-300 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / k3) : 0.0; /* 0 on the axis */  \
-    k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);                                                           \
-    cos2 = (x2 - z2) * per_k3, sin2 = 2.0 * (x * z) * per_k3;                                      \
-    cos4 = 1.0 - 2.0 * sin2 * sin2, sin4 = 2.0 * sin2 * cos2;                                      \
-    k2 = 8.0 * y * k4 * k1 * sqrt(k3), k2_sin4 = k2 * (2.0 * sin4);                                \
-    x = p[0] + k2_sin4 * cos4;                                                                     \
-    y = p[1] + k1 * k1 - 16.0 * y2 * k3 * (k4 * k4);                                               \
-    z = p[2] - k2 + k2_sin4 * sin4;                                                                \
-    m = x * x + y * y + z * z;
+// The iteration's variables: w = (x, y, z), m = |w|², dz = |dw/dp|.
+struct bulb {
+    double x, y, z, m, dz;
+};
 
-static inline double sdf_mandelbulb(const double *p, const struct placed *s) {
-    COUNT(sdf_mandelbulb, call);
-    double x = p[0], y = p[1], z = p[2], m = x * x + y * y + z * z, dz = 1.5;
-    double root, x2, y2, z2, k1, k2, k3, k4, per_k3, k2_sin4, cos2, sin2, cos4, sin4;
-    for (int i = s->iterations;; i -= 4) { // unrolled by four, the paper's number of iterations
-        BULB_STEP
-        if (m > s->bailout || i == 1)
-            break;
-        BULB_STEP
-        if (m > s->bailout || i == 2)
-            break;
-        BULB_STEP
-        if (m > s->bailout || i == 3)
-            break;
-        BULB_STEP
-        if (m > s->bailout || i == 4)
-            break;
-    }
-    // √m·ln m → 0 at the centre.
-    return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * sqrt(m) / dz * log(m)) : 0.0;
+// One step of the map. With Quilez's k1, k3 and k4, (x² − z², 2xz)/k3 is the unit phasor of twice the
+// azimuth. Doubled two more times, by cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a, it replaces
+// his products of degree nine. Always inlined: it counts as sdf_mandelbulb().
+__attribute__((always_inline)) static inline void bulb_step(const double *p, struct bulb *bulb) {
+    COUNT(sdf_mandelbulb, step);
+    double x = bulb->x, y = bulb->y, z = bulb->z, m = bulb->m, dz = bulb->dz;
+    double root = sqrt(m);
+    dz = 8.0 * (m * m * m * root) * dz + 1.0;
+    double x2 = x * x, y2 = y * y, z2 = z * z;
+    double k3 = x2 + z2, k4 = k3 - y2;
+    // On the axis, 0.
+    double inv_k3 = k3 > 1e-300 ? (COUNT(sdf_mandelbulb, off_axis), 1.0 / k3) : 0.0;
+    double k1 = k3 * k3 + y2 * (y2 - 6.0 * k3);
+    double cos2 = (x2 - z2) * inv_k3, sin2 = 2.0 * (x * z) * inv_k3;
+    double cos4 = 1.0 - 2.0 * sin2 * sin2, sin4 = 2.0 * sin2 * cos2;
+    double k2 = 8.0 * y * k4 * k1 * sqrt(k3), k2_sin4 = k2 * (2.0 * sin4);
+    x = p[0] + k2_sin4 * cos4;
+    y = p[1] + k1 * k1 - 16.0 * y2 * k3 * (k4 * k4);
+    z = p[2] - k2 + k2_sin4 * sin4;
+    m = x * x + y * y + z * z;
+    *bulb = (struct bulb){x, y, z, m, dz};
 }
 
-static inline double distance_to_shape(const double *point, const struct placed *placed) {
+// The distance estimate 0.25·√m·ln m / dz, which is 0 at the centre.
+static inline double sdf_mandelbulb(const double *p, const struct primitive *s) {
+    COUNT(sdf_mandelbulb, call);
+    struct bulb bulb = {p[0], p[1], p[2], p[0] * p[0] + p[1] * p[1] + p[2] * p[2], 1.5};
+    double bailout = s->mandelbulb.bailout;
+    // Unrolled by four, which is the paper's number of iterations.
+    for (int i = s->mandelbulb.iterations;; i -= 4) {
+        bulb_step(p, &bulb);
+        if (bulb.m > bailout || i == 1)
+            break;
+        bulb_step(p, &bulb);
+        if (bulb.m > bailout || i == 2)
+            break;
+        bulb_step(p, &bulb);
+        if (bulb.m > bailout || i == 3)
+            break;
+        bulb_step(p, &bulb);
+        if (bulb.m > bailout || i == 4)
+            break;
+    }
+    double m = bulb.m;
+    return m > 0.0 ? (COUNT(sdf_mandelbulb, off_centre), 0.25 * sqrt(m) / bulb.dz * log(m)) : 0.0;
+}
+
+static inline double distance_to_shape(const double *point, const struct primitive *primitive) {
     COUNT(distance_to_shape, call);
     double p[3];
-    apply_transform(point, placed, p);
-    switch (placed->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed);
+    apply_transform(point, primitive, p);
+    switch (primitive->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, primitive);
+    case SHAPE_BOX: return sdf_box(p, primitive);
+    case SHAPE_TORUS: return sdf_torus(p, primitive);
+    case SHAPE_CONE: return sdf_cone(p, primitive);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
+    case SHAPE_PLANE: return sdf_plane(p, primitive);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    default: return sdf_mandelbulb(p, primitive);
     }
 }
 
-// Distance to the nearest shape, and which one it is (the first of equals).
+// Returns the distance to the nearest shape. `nearest` gets its index, the first of equals.
 static inline double sdf(const double *p, const struct prepared *scene, int *nearest) {
     COUNT(sdf, call);
-    double least = INFINITY;
+    double closest = INFINITY;
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        double distance = distance_to_shape(p, &scene->placed[i]);
-        if (distance < least) {
-            least = distance;
+        double distance = distance_to_shape(p, &scene->primitives[i]);
+        if (distance < closest) {
+            closest = distance;
             *nearest = i;
         }
     }
-    return least;
+    return closest;
 }
 
 #endif

@@ -1,8 +1,8 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shading of hits: normals, light (B. T. Phong, "Illumination for computer generated pictures",
+// CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// Forward differences of the scene's distance, towards the side the ray comes from.
+// The unit normal by forward differences of the scene's distance, on the side of the incoming ray.
 static void normal_at(const double *p, const double *direction, const struct prepared *scene,
                       double *n) {
     COUNT(normal_at, call);
@@ -14,7 +14,7 @@ static void normal_at(const double *p, const double *direction, const struct pre
         gradient[i] = sdf(moved, scene, &nearest) - here;
     }
     double length = vec_norm(gradient);
-    if (!(length > 0.0)) { // no direction, as at a centre: towards the ray
+    if (!(length > 0.0)) { // no gradient, as at a centre: back along the ray
         vec_scale(direction, -1.0, n);
         return;
     }
@@ -23,30 +23,32 @@ static void normal_at(const double *p, const double *direction, const struct pre
     vec_scale(gradient, sign / length, n);
 }
 
+// The light from the hit towards the camera: ambient, diffuse and specular.
 static void light_at(const double *p, const double *n, const double *direction,
                      const struct material *material, const struct world *world, double *color) {
     COUNT(light_at, call);
-    const double *base = material->color, *emission = world->view->light_emission;
-    vec_scale(base, 0.01, color); // ambient
+    const double *albedo = material->color, *emission = world->view->light_emission;
+    vec_scale(albedo, 0.01, color); // ambient
     double to_light[3];
     vec_along(world->view->light_position, p, -1.0, to_light);
     double distance = vec_norm(to_light);
-    if (!(distance > 0.0)) // the light lies on the surface: no direction to it
+    if (!(distance > 0.0)) // the light lies on the surface and has no direction
         return;
     COUNT(light_at, lit);
     vec_scale(to_light, 1.0 / distance, to_light);
-    double facing = vec_dot(n, to_light);
-    if (!(facing > 0.0)) // turned away: both terms are zero whatever the shadow
+    double cos_light = vec_dot(n, to_light);
+    if (!(cos_light > 0.0)) // facing away: both terms are zero, so no shadow ray
         return;
     COUNT(light_at, facing);
-    double reach = shadow(p, to_light, distance, world->scene) / distance;
+    double attenuation = shadow(p, to_light, distance, world->scene) / distance;
     double mirrored[3];
-    vec_reflect(to_light, n, mirrored); // of the light's direction: minus the paper's R
-    double shine = vec_dot(mirrored, direction);
-    double specular =
-        shine > 0.0 ? (COUNT(light_at, specular), 0.2 * pow(shine, material->shininess)) : 0.0;
+    vec_reflect(to_light, n, mirrored); // minus the paper's R
+    double cos_mirror = vec_dot(mirrored, direction);
+    double specular = cos_mirror > 0.0
+                          ? (COUNT(light_at, specular), 0.2 * pow(cos_mirror, material->shininess))
+                          : 0.0;
     for (int i = 0; i < 3; i++)
-        color[i] += emission[i] * (base[i] * facing + specular) * reach;
+        color[i] += emission[i] * (albedo[i] * cos_light + specular) * attenuation;
 }
 
 void trace(const double *origin, const double *direction, int bounce, const struct world *world,
@@ -66,12 +68,12 @@ void trace(const double *origin, const double *direction, int bounce, const stru
     light_at(p, n, direction, material, world, color);
     if (material->reflectivity > 0.0 && bounce < model->march.max_bounces) {
         COUNT(trace, mirror);
-        double start[3], mirrored[3];
+        double start[3], reflected_direction[3];
         vec_along(p, n, model->march.surface_offset, start);
-        vec_reflect(direction, n, mirrored);
-        struct shaded seen;
-        trace(start, mirrored, bounce + 1, world, &seen);
-        vec_along(color, seen.color, material->reflectivity * 0.1, color);
+        vec_reflect(direction, n, reflected_direction);
+        struct shaded reflected;
+        trace(start, reflected_direction, bounce + 1, world, &reflected);
+        vec_along(color, reflected.color, material->reflectivity * 0.1, color);
     }
     if (model->features.fog) {
         COUNT(trace, fog);

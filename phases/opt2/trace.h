@@ -25,10 +25,17 @@ struct shaded {
     struct hit hit;
 };
 
+// Marches a ray to its first hit: the first point closer to the scene than its hit distance.
 void ray_march(const double *origin, const double *direction, const struct prepared *scene,
                struct hit *hit);
+
+// Returns the light that reaches the point, by the scene's kind of shadows: 0 in shadow, 1 lit, and
+// between them in the penumbra of a soft shadow. `distance` is the light's; to_light is a unit vector.
 double shadow(const double *point, const double *to_light, double distance,
               const struct prepared *scene);
+
+// Traces a ray and its reflections, up to the scene's number of bounces, and shades its hit. The
+// direction is a unit vector; `bounce` counts the mirrors so far.
 void trace(const double *origin, const double *direction, int bounce, const struct world *world,
            struct shaded *result);
 

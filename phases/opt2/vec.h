@@ -1,4 +1,4 @@
-// Vectors are arrays of three doubles, and their operations are inlined: nothing is copied, and the
+// Vectors are arrays of three doubles and their operations are inlined: nothing is copied, and the
 // compiler sees which components are used.
 #ifndef OPT2_VEC_H
 #define OPT2_VEC_H
@@ -35,7 +35,7 @@ static inline double vec_norm(const double *a) {
     return sqrt(vec_norm_sq(a));
 }
 
-// d mirrored at the plane with unit normal n.
+// d reflected at the plane with unit normal n.
 static inline void vec_reflect(const double *d, const double *n, double *out) {
     vec_along(d, n, -2.0 * vec_dot(d, n), out);
 }

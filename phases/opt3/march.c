@@ -1,110 +1,114 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). Four rays march until the last is done.
+// of implicit surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
 #include "trace.h"
 
-enum { ALL = (1 << LANES) - 1 };
-
-void ray_march(struct vec origin, struct vec direction, mask active, const struct prepared *scene,
+void ray_march(struct vec origin, struct vec direction, vmask active, const struct prepared *scene,
                struct hit *hit) {
     COUNT(ray_march, call);
-    mask done = not_in(active);
-    real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
-    mask found = set(0.0);
-    real t = set(0.0), shape = set(-1.0), evals = set(0.0);
+    vmask done = v_not(active);
+    vdouble hit_distance = v_splat(scene->model.march.hit_distance),
+            bounds_sq = v_splat(scene->bounds_sq);
+    vmask found = v_mask_none();
+    vdouble t = v_splat(0.0), shape = v_splat(-1.0), evals = v_splat(0.0);
     struct vec point = origin;
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        real nearest = set(-1.0);
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        vdouble nearest = v_splat(-1.0);
+        ACTIVE(LANES - v_count(done));
         COUNT(ray_march, step);
-        real distance = sdf(point, scene, done, &nearest);
-        evals = evals + but_not(done, set(1.0));
-        t = t + but_not(done, distance);
+        vdouble distance = sdf(point, scene, done, &nearest);
+        evals = evals + v_zero_where(done, v_splat(1.0));
+        t = t + v_zero_where(done, distance);
         point = vec_along(origin, direction, t);
-        mask reached = but_not(done, less(distance, hit_distance));
-        mask outside = but_not(done, greater(vec_dot(point, point), bounds_sq));
-        mask ended = either(reached, outside);
-        if (bits(ended)) {
-            found = either(found, reached);
-            shape = choose(reached, nearest, shape);
-            done = either(done, ended);
-            if (bits(done) == ALL)
+        vmask reached = v_andnot(done, v_cmp_lt(distance, hit_distance));
+        vmask outside = v_andnot(done, v_cmp_gt(vec_dot(point, point), bounds_sq));
+        vmask ended = v_or(reached, outside);
+        if (v_any(ended)) {
+            found = v_or(found, reached);
+            shape = v_select(reached, nearest, shape);
+            done = v_or(done, ended);
+            if (v_all(done))
                 break;
         }
     }
     *hit = (struct hit){found, t, point, shape, evals};
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static real soft_shadow(struct vec point, struct vec to_light, mask active,
-                        const struct prepared *scene) {
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
+static vdouble soft_shadow(struct vec point, struct vec to_light, vmask active,
+                           const struct prepared *scene) {
     COUNT(soft_shadow, call);
-    mask done = not_in(active);
-    real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
-    real strength = set(scene->model.shadow_strength), zero = set(0.0), nearest = zero;
-    real least = set(1.0), previous = set(1e20), t = set(scene->model.march.surface_offset);
+    vmask done = v_not(active);
+    vdouble hit_distance = v_splat(scene->model.march.hit_distance),
+            bounds_sq = v_splat(scene->bounds_sq);
+    vdouble strength = v_splat(scene->model.shadow_strength), zero = v_splat(0.0), nearest = zero;
+    vdouble visibility = v_splat(1.0), previous = v_splat(1e20),
+            t = v_splat(scene->model.march.surface_offset);
     struct vec p = vec_along(point, to_light, t);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        real h = sdf(p, scene, done, &nearest);
-        done = either(done, less(h, hit_distance));
-        if (bits(done) == ALL)
+        vdouble h = sdf(p, scene, done, &nearest);
+        done = v_or(done, v_cmp_lt(h, hit_distance));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, step);
-        real y = h * h / (set(2.0) * previous), inside = mul_sub(h, h, y * y), beyond = t - y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        mask sound = but_not(done, both(greater(inside, zero), greater(beyond, zero)));
-        // strength·√inside/beyond < least, asked without the root: it is seldom so.
-        real scaled = least * beyond;
-        mask darker = both(sound, less(strength * strength * inside, scaled * scaled));
-        if (bits(darker)) {
-            ACTIVE(__builtin_popcount((unsigned)bits(darker)));
+        vdouble y = h * h / (v_splat(2.0) * previous), d_sq = v_msub(h, h, y * y),
+                t_closest = t - y;
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
+        vmask valid = v_andnot(done, v_and(v_cmp_gt(d_sq, zero), v_cmp_gt(t_closest, zero)));
+        // strength·√d_sq/t_closest < visibility, tested without the root, because it is seldom true.
+        vdouble bound = visibility * t_closest;
+        vmask darker = v_and(valid, v_cmp_lt(strength * strength * d_sq, bound * bound));
+        if (v_any(darker)) {
+            ACTIVE(v_count(darker));
             COUNT(soft_shadow, darker);
-            least = choose(darker, strength * root(inside) / beyond, least);
+            visibility = v_select(darker, strength * v_sqrt(d_sq) / t_closest, visibility);
         }
         previous = h;
-        t = t + but_not(done, h);
+        t = t + v_zero_where(done, h);
         p = vec_along(point, to_light, t);
-        done = either(done, greater(vec_dot(p, p), bounds_sq));
+        done = v_or(done, v_cmp_gt(vec_dot(p, p), bounds_sq));
     }
-    return least;
+    return visibility;
 }
 
-static real hard_shadow(struct vec point, struct vec to_light, real distance, mask active,
-                        const struct prepared *scene) {
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
+static vdouble hard_shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
+                           const struct prepared *scene) {
     COUNT(hard_shadow, call);
-    mask done = not_in(active);
-    real hit_distance = set(scene->model.march.hit_distance), bounds_sq = set(scene->bounds_sq);
-    real lit = set(1.0), nearest = lit, t = set(scene->model.march.surface_offset);
+    vmask done = v_not(active);
+    vdouble hit_distance = v_splat(scene->model.march.hit_distance),
+            bounds_sq = v_splat(scene->bounds_sq);
+    vdouble lit = v_splat(1.0), nearest = lit, t = v_splat(scene->model.march.surface_offset);
     struct vec p = vec_along(point, to_light, t);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, test);
-        done = either(done, not_in(less(t, distance)));
-        if (bits(done) == ALL)
+        done = v_or(done, v_not(v_cmp_lt(t, distance)));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - __builtin_popcount((unsigned)bits(done)));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        real h = sdf(p, scene, done, &nearest);
-        mask blocked = but_not(done, less(h, hit_distance));
-        lit = but_not(blocked, lit);
-        done = either(done, blocked);
-        t = t + but_not(done, h);
+        vdouble h = sdf(p, scene, done, &nearest);
+        vmask blocked = v_andnot(done, v_cmp_lt(h, hit_distance));
+        lit = v_zero_where(blocked, lit);
+        done = v_or(done, blocked);
+        t = t + v_zero_where(done, h);
         p = vec_along(point, to_light, t);
-        done = either(done, greater(vec_dot(p, p), bounds_sq));
+        done = v_or(done, v_cmp_gt(vec_dot(p, p), bounds_sq));
     }
     return lit;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-real shadow(struct vec point, struct vec to_light, real distance, mask active,
-            const struct prepared *scene) {
+vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
+               const struct prepared *scene) {
     COUNT(shadow, call);
     switch (scene->model.shadows) {
     case SHADOWS_SOFT: return soft_shadow(point, to_light, active, scene);
     case SHADOWS_HARD: return hard_shadow(point, to_light, distance, active, scene);
-    default: return set(1.0);
+    default: return v_splat(1.0);
     }
 }

@@ -1,5 +1,5 @@
-// The phase's entry points and its loop over pixels: four neighbours of a row at a time, one ray
-// through the middle of each; the last packet of a row is filled up by mask, so any width will do.
+// The phase's entry points (common/phase.h) and its loop over pixels: four neighbours of a row at a
+// time, one ray through the centre of each. A mask cuts the last packet of a row to the width.
 #include <stdlib.h>
 #include <string.h>
 
@@ -11,8 +11,8 @@ const char *phase_unsupported(const struct scene *scene) {
     return NULL;
 }
 
-// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
-// then (x,z), then (x,y).
+// The rotations about x, then y, then z as one matrix. Each takes (u, v) to (c·u − s·v, s·u + c·v),
+// on (y,z), then (x,z), then (x,y).
 static void rotation_matrix(const double *degrees, double m[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
@@ -26,43 +26,44 @@ static void rotation_matrix(const double *degrees, double m[3][3]) {
     }
 }
 
-static struct placed place_shape(int index, const struct shape *shape) {
-    struct placed p = {.type = shape->type, .index = index};
+static struct primitive make_primitive(int index, const struct shape *shape) {
+    struct primitive p = {.type = shape->type, .index = index};
     memcpy(p.position, shape->position, sizeof p.position);
-    rotation_matrix(shape->rotation_degrees, p.turn);
+    rotation_matrix(shape->rotation_degrees, p.rotation);
     for (int i = 0; i < 3; i++) {
-        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.rotated = p.rotated || shape->rotation_degrees[i] != 0.0;
         p.repeated = p.repeated || shape->repeat[i] > 0.0;
         p.cell[i] = shape->repeat[i];
-        p.per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.inv_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
     }
     switch (shape->type) {
-    case SHAPE_SPHERE: p.a = shape->sphere.radius; break;
-    case SHAPE_BOX: memcpy(p.size, shape->box.half_size, sizeof p.size); break;
+    case SHAPE_SPHERE: p.sphere.radius = shape->sphere.radius; break;
+    case SHAPE_BOX: memcpy(p.box.half_size, shape->box.half_size, sizeof p.box.half_size); break;
     case SHAPE_ROUNDED_BOX:
-        memcpy(p.size, shape->box.half_size, sizeof p.size);
-        p.a = shape->box.rounding;
+        memcpy(p.box.half_size, shape->box.half_size, sizeof p.box.half_size);
+        p.box.rounding = shape->box.rounding;
         break;
     case SHAPE_TORUS:
-        p.a = shape->torus.major_radius;
-        p.b = shape->torus.minor_radius;
+        p.torus.major_radius = shape->torus.major_radius;
+        p.torus.minor_radius = shape->torus.minor_radius;
         break;
     case SHAPE_CONE:
-        p.a = shape->cone.bottom_radius;
-        p.b = shape->cone.top_radius;
-        p.c = shape->cone.half_height;
-        p.slope[0] = p.b - p.a;
-        p.slope[1] = 2.0 * p.c;
-        p.per_slope_sq = 1.0 / (p.slope[0] * p.slope[0] + p.slope[1] * p.slope[1]);
+        p.cone.bottom_radius = shape->cone.bottom_radius;
+        p.cone.top_radius = shape->cone.top_radius;
+        p.cone.half_height = shape->cone.half_height;
+        p.cone.side[0] = p.cone.top_radius - p.cone.bottom_radius;
+        p.cone.side[1] = 2.0 * p.cone.half_height;
+        p.cone.inv_side_sq =
+            1.0 / (p.cone.side[0] * p.cone.side[0] + p.cone.side[1] * p.cone.side[1]);
         break;
-    case SHAPE_OCTAHEDRON: p.a = shape->octahedron.radius; break;
+    case SHAPE_OCTAHEDRON: p.octahedron.radius = shape->octahedron.radius; break;
     case SHAPE_PLANE:
-        memcpy(p.size, shape->plane.normal, sizeof p.size);
-        p.a = shape->plane.offset;
+        memcpy(p.plane.normal, shape->plane.normal, sizeof p.plane.normal);
+        p.plane.offset = shape->plane.offset;
         break;
     default:
-        p.bailout = shape->mandelbulb.bailout;
-        p.iterations = shape->mandelbulb.iterations;
+        p.mandelbulb.bailout = shape->mandelbulb.bailout;
+        p.mandelbulb.iterations = shape->mandelbulb.iterations;
         break;
     }
     return p;
@@ -72,43 +73,45 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->bounds_sq = model->march.bounds_radius * model->march.bounds_radius;
     for (int i = 0; i < model->shape_count; i++)
-        prepared->placed[i] = place_shape(i, &model->shapes[i]);
+        prepared->primitives[i] = make_primitive(i, &model->shapes[i]);
     return true;
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
     (void)threads; // one
     struct prepared *prepared = calloc(1, sizeof *prepared);
-    struct placed *placed = calloc((size_t)model->shape_count, sizeof *placed);
-    if (!prepared || !placed) {
+    struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
+    if (!prepared || !primitives) {
         free(prepared);
-        free(placed);
+        free(primitives);
         return NULL;
     }
-    prepared->placed = placed;
+    prepared->primitives = primitives;
     phase_update(prepared, model);
     return prepared;
 }
 
 void phase_release(struct prepared *prepared) {
-    free(prepared->placed);
+    free(prepared->primitives);
     free(prepared);
 }
 
+// Unit directions of the rays through the centres of four pixels of a row.
 static struct vec get_direction(int column, int row, const struct frame *frame,
                                 const struct view *view) {
     COUNT(get_direction, call);
     COUNT(get_direction, scalar);
-    double per_height = view->tan_half_fov / frame->height;
-    real columns = _mm256_setr_pd(column, column + 1, column + 2, column + 3);
-    real x = mul_add(set(2.0), columns, set(1.0 - frame->width)) * set(per_height);
-    real y = set((frame->height - 1.0 - 2.0 * row) * per_height);
+    double pixel_size = view->tan_half_fov / frame->height;
+    vdouble columns = _mm256_setr_pd(column, column + 1, column + 2, column + 3);
+    vdouble x = v_madd(v_splat(2.0), columns, v_splat(1.0 - frame->width)) * v_splat(pixel_size);
+    vdouble y = v_splat((frame->height - 1.0 - 2.0 * row) * pixel_size);
     struct vec d = vec_along(vec_set(view->forward), vec_set(view->right), x);
     d = vec_along(d, vec_set(view->up), y);
-    return vec_scale(d, set(1.0) / vec_norm(d));
+    return vec_scale(d, v_splat(1.0) / vec_norm(d));
 }
 
-static void store_plane(float *plane, int stride, int count, real values) {
+// Writes the first `count` lanes, one every `stride` floats.
+static void store_plane(float *plane, int stride, int count, vdouble values) {
     float lanes[LANES];
     _mm_storeu_ps(lanes, _mm256_cvtpd_ps(values));
     for (int lane = 0; lane < count; lane++)
@@ -125,7 +128,7 @@ static void store(struct frame *frame, size_t pixel, int count, const struct sha
         return;
     float *normal = frame->normal + 3 * pixel;
     store_plane(frame->depth + pixel, 1, count,
-                choose(seen->hit.found, seen->hit.t, set(INFINITY)));
+                v_select(seen->hit.found, seen->hit.t, v_splat(INFINITY)));
     store_plane(frame->id + pixel, 1, count, seen->hit.shape);
     store_plane(normal, 3, count, seen->normal.x);
     store_plane(normal + 1, 3, count, seen->normal.y);
@@ -133,9 +136,9 @@ static void store(struct frame *frame, size_t pixel, int count, const struct sha
     store_plane(frame->evals + pixel, 1, count, seen->hit.evals);
 }
 
-// Lanes below `count`.
-static mask first_lanes(int count) {
-    return less(_mm256_setr_pd(0, 1, 2, 3), set(count));
+// The first `count` lanes.
+static vmask v_mask_first(int count) {
+    return v_cmp_lt(_mm256_setr_pd(0, 1, 2, 3), v_splat(count));
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
@@ -148,7 +151,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
             ACTIVE(count);
             COUNT(phase_render, packet);
             struct shaded seen;
-            trace(origin, get_direction(column, row, frame, view), first_lanes(count), 0, &world,
+            trace(origin, get_direction(column, row, frame, view), v_mask_first(count), 0, &world,
                   &seen);
             ACTIVE(count);
             store(frame, (size_t)row * (size_t)frame->width + (size_t)column, count, &seen);
@@ -160,8 +163,8 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
 bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
                      double *distance, int *nearest) {
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0);
-        real h = sdf(vec_set(points + 3 * i), prepared, set(0.0), &shape);
+        vdouble shape = v_splat(-1.0);
+        vdouble h = sdf(vec_set(points + 3 * i), prepared, v_mask_none(), &shape);
         distance[i] = _mm256_cvtsd_f64(h);
         nearest[i] = (int)_mm256_cvtsd_f64(shape);
     }

@@ -1,16 +1,16 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shading of hits: normals, light (B. T. Phong, "Illumination for computer generated pictures",
+// CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// Materials of four hits, gathered.
-struct surfaces {
+// The materials of four hits.
+struct surface {
     struct vec color;
-    real reflectivity, shininess;
+    vdouble reflectivity, shininess;
 };
 
-static struct surfaces gather(real shape, mask found, const struct model *model) {
+static struct surface gather_surface(vdouble shape, vmask found, const struct model *model) {
     double id[LANES], values[5][LANES];
-    _mm256_storeu_pd(id, choose(found, shape, set(0.0)));
+    _mm256_storeu_pd(id, v_select(found, shape, v_splat(0.0)));
     for (int lane = 0; lane < LANES; lane++) {
         const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
         for (int i = 0; i < 3; i++)
@@ -18,100 +18,105 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
         values[3][lane] = m->reflectivity;
         values[4][lane] = m->shininess;
     }
-    return (struct surfaces){
+    return (struct surface){
         {_mm256_loadu_pd(values[0]), _mm256_loadu_pd(values[1]), _mm256_loadu_pd(values[2])},
         _mm256_loadu_pd(values[3]),
         _mm256_loadu_pd(values[4])};
 }
 
-// Forward differences of the scene's distance, towards the side the ray comes from.
-static struct vec normal_at(struct vec p, struct vec direction, mask found,
+// The unit normal by forward differences of the scene's distance, on the side of the incoming ray.
+static struct vec normal_at(struct vec p, struct vec direction, vmask found,
                             const struct prepared *scene) {
     COUNT(normal_at, call);
-    real step = set(scene->model.march.normal_step), nearest = set(0.0);
-    mask done = not_in(found);
-    real values[4]; // at p, and moved along x, y, z
+    vdouble step = v_splat(scene->model.march.normal_step), nearest = v_splat(0.0);
+    vmask done = v_not(found);
+    vdouble values[4]; // at p, and moved along x, y, z
     for (int i = 0; i < 4; i++) {
         COUNT(normal_at, moved);
-        struct vec moved = {p.x + (i == 1 ? step : set(0.0)), p.y + (i == 2 ? step : set(0.0)),
-                            p.z + (i == 3 ? step : set(0.0))};
+        struct vec moved = {p.x + (i == 1 ? step : v_splat(0.0)),
+                            p.y + (i == 2 ? step : v_splat(0.0)),
+                            p.z + (i == 3 ? step : v_splat(0.0))};
         values[i] = sdf(moved, scene, done, &nearest);
     }
     struct vec gradient = {values[1] - values[0], values[2] - values[0], values[3] - values[0]};
-    real length = vec_norm(gradient);
-    mask away = greater(vec_dot(direction, gradient), set(0.0));
-    struct vec n = vec_scale(gradient, negate_where(away, set(1.0) / length));
-    // No direction, as at a centre: towards the ray.
-    return vec_choose(greater(length, set(0.0)), n, vec_scale(direction, set(-1.0)));
+    vdouble length = vec_norm(gradient);
+    vmask backfacing = v_cmp_gt(vec_dot(direction, gradient), v_splat(0.0));
+    struct vec n = vec_scale(gradient, v_negate_where(backfacing, v_splat(1.0) / length));
+    // Where the gradient vanishes, as at a centre, the normal points back along the ray.
+    return vec_select(v_cmp_gt(length, v_splat(0.0)), n, vec_scale(direction, v_splat(-1.0)));
 }
 
-static struct vec light_at(struct vec p, struct vec n, struct vec direction, mask found,
-                           const struct surfaces *surface, const struct world *world) {
+// The light from the hits towards the camera: ambient, diffuse and specular.
+static struct vec light_at(struct vec p, struct vec n, struct vec direction, vmask found,
+                           const struct surface *surface, const struct world *world) {
     COUNT(light_at, call);
-    real zero = set(0.0);
-    struct vec base = surface->color;
-    struct vec to_light = vec_along(vec_set(world->view->light_position), p, set(-1.0));
-    real distance = vec_norm(to_light);
-    to_light = vec_scale(to_light, set(1.0) / distance);
-    real facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
-    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
-    struct vec color = vec_scale(base, set(0.01)); // ambient
-    if (!bits(lit))
+    vdouble zero = v_splat(0.0);
+    struct vec albedo = surface->color;
+    struct vec to_light = vec_along(vec_set(world->view->light_position), p, v_splat(-1.0));
+    vdouble distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0) / distance);
+    vdouble cos_light = vec_dot(n, to_light);
+    // No shadow ray where the surface faces away, because both terms are zero there, or where the light
+    // lies on the surface and has no direction.
+    vmask lit = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
+    struct vec color = vec_scale(albedo, v_splat(0.01)); // ambient
+    if (!v_any(lit))
         return color;
-    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
+    ACTIVE(v_count(lit));
     COUNT(light_at, lit);
-    real reach = shadow(p, to_light, distance, lit, world->scene) / distance;
-    ACTIVE(__builtin_popcount((unsigned)bits(lit)));
-    // Of the light's direction: minus the paper's R.
-    real shine = vec_dot(vec_reflect(to_light, n), direction);
-    real specular = set(0.2) * power_of(most_of(shine, set(1e-300)), surface->shininess);
-    specular = both(specular, greater(shine, zero));
+    vdouble attenuation = shadow(p, to_light, distance, lit, world->scene) / distance;
+    ACTIVE(v_count(lit));
+    // The reflection of the direction to the light, which is minus the paper's R.
+    vdouble cos_mirror = vec_dot(vec_reflect(to_light, n), direction);
+    vdouble specular =
+        v_splat(0.2) * power_of(v_max(cos_mirror, v_splat(1e-300)), surface->shininess);
+    specular = v_select_or_zero(v_cmp_gt(cos_mirror, zero), specular);
     struct vec emission = vec_set(world->view->light_emission);
-    struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
-                         mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
-                         mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
-    return vec_choose(lit, bright, color);
+    struct vec lit_color = {
+        v_madd(emission.x * v_madd(albedo.x, cos_light, specular), attenuation, color.x),
+        v_madd(emission.y * v_madd(albedo.y, cos_light, specular), attenuation, color.y),
+        v_madd(emission.z * v_madd(albedo.z, cos_light, specular), attenuation, color.z)};
+    return vec_select(lit, lit_color, color);
 }
 
-void trace(struct vec origin, struct vec direction, mask active, int bounce,
+void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result) {
-    ACTIVE(__builtin_popcount((unsigned)bits(active)));
+    ACTIVE(v_count(active));
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     struct vec background = vec_set(model->background);
     *result = (struct shaded){.color = background};
     ray_march(origin, direction, active, world->scene, &result->hit);
-    mask found = result->hit.found;
-    if (!bits(found))
+    vmask found = result->hit.found;
+    if (!v_any(found))
         return;
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(v_count(found));
     struct vec p = result->hit.point;
     struct vec n = normal_at(p, direction, found, world->scene);
-    struct surfaces surface = gather(result->hit.shape, found, model);
+    struct surface surface = gather_surface(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
         COUNT(trace, mirrors);
-        // One reflective ray makes the call; the others are masked out of it and of its colour.
-        mask mirror = both(found, greater(surface.reflectivity, set(0.0)));
-        if (bits(mirror)) {
-            ACTIVE(__builtin_popcount((unsigned)bits(mirror)));
+        // One ray on a mirror is enough for the call. The other lanes are inactive in it.
+        vmask mirror = v_and(found, v_cmp_gt(surface.reflectivity, v_splat(0.0)));
+        if (v_any(mirror)) {
+            ACTIVE(v_count(mirror));
             COUNT(trace, mirrored);
-            struct vec start = vec_along(p, n, set(model->march.surface_offset));
-            struct shaded seen;
-            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
-            real share = both(mirror, surface.reflectivity * set(0.1));
-            color = vec_along(color, vec_choose(mirror, seen.color, color), share);
+            struct vec start = vec_along(p, n, v_splat(model->march.surface_offset));
+            struct shaded reflected;
+            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &reflected);
+            vdouble share = v_select_or_zero(mirror, surface.reflectivity * v_splat(0.1));
+            color = vec_along(color, vec_select(mirror, reflected.color, color), share);
         }
     }
-    ACTIVE(__builtin_popcount((unsigned)bits(found)));
+    ACTIVE(v_count(found));
     if (model->features.fog) {
         COUNT(trace, fog);
-        real far_sq = vec_dot(p, p);
-        color = vec_scale(color, exp_of(set(-model->fog) * far_sq * root(far_sq)));
+        vdouble far_sq = vec_dot(p, p);
+        color = vec_scale(color, exp_of(v_splat(-model->fog) * far_sq * v_sqrt(far_sq)));
     }
-    result->color = vec_choose(found, color, background);
-    struct vec zero = {set(0.0), set(0.0), set(0.0)};
-    result->normal = vec_choose(found, n, zero);
+    result->color = vec_select(found, color, background);
+    struct vec zero = {v_splat(0.0), v_splat(0.0), v_splat(0.0)};
+    result->normal = vec_select(found, n, zero);
 }

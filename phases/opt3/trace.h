@@ -1,4 +1,4 @@
-// What render.c, march.c and shade.c call of each other.
+// What render.c, march.c and shade.c call of each other. A packet is four rays.
 #ifndef OPT3_TRACE_H
 #define OPT3_TRACE_H
 
@@ -10,11 +10,11 @@ struct world {
 };
 
 struct hit {
-    mask found;
-    real t; // distance along the ray
+    vmask found;
+    vdouble t; // distance along the ray
     struct vec point;
-    real shape; // a whole number; −1 where not found
-    real evals; // evaluations of the scene's distance
+    vdouble shape; // an integer; −1 where not found
+    vdouble evals; // evaluations of the scene's distance
 };
 
 struct shaded {
@@ -23,12 +23,19 @@ struct shaded {
     struct hit hit;
 };
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
-void ray_march(struct vec origin, struct vec direction, mask active, const struct prepared *scene,
+// Marches a packet to its first hits. Only lanes of `active` are valid in `hit`.
+void ray_march(struct vec origin, struct vec direction, vmask active, const struct prepared *scene,
                struct hit *hit);
-real shadow(struct vec point, struct vec to_light, real distance, mask active,
-            const struct prepared *scene);
-void trace(struct vec origin, struct vec direction, mask active, int bounce,
+
+// Returns the light that reaches each point, by the scene's kind of shadows: 0 in shadow, 1 lit, and
+// between them in the penumbra of a soft shadow. `distance` is the light's. Only lanes of `active`
+// are valid.
+vdouble shadow(struct vec point, struct vec to_light, vdouble distance, vmask active,
+               const struct prepared *scene);
+
+// Traces a packet and its reflections, up to the scene's number of bounces, and shades its hits. Only
+// lanes of `active` are valid in `result`.
+void trace(struct vec origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
 
 #endif

@@ -1,8 +1,8 @@
-// Four rays at once: every value is a lane of a 256-bit register, vectors are three of them
-// (structure of arrays), conditions are masks.
+// Four rays at once: each lane of a 256-bit register belongs to one ray. A vector is three registers (a
+// structure of arrays), a condition is a mask.
 //
-// gcc's and clang's operators on __m256d are used for + − × ÷; fused multiply-adds are written out,
-// since contraction is off.
+// + - * / on vdouble are the compiler's operators. Fused multiply-adds are written out, because
+// contraction is off (-ffp-contract=off).
 #ifndef OPT3_VEC_H
 #define OPT3_VEC_H
 
@@ -14,169 +14,212 @@
 
 enum { LANES = 4 };
 
-typedef __m256d real;
-typedef __m256d mask; // all bits of a lane set, or none
+typedef __m256d vdouble;
+typedef struct {
+    __m256d bits; // all bits of a lane set, or none
+} vmask;
 
 struct vec {
-    real x, y, z;
+    vdouble x, y, z;
 };
 
-static inline real set(double a) {
+static inline vdouble v_splat(double a) {
     return _mm256_set1_pd(a);
 }
 
-static inline mask less(real a, real b) {
-    return _mm256_cmp_pd(a, b, _CMP_LT_OQ);
+// Ordered comparisons: false where an operand is NaN.
+static inline vmask v_cmp_lt(vdouble a, vdouble b) {
+    return (vmask){_mm256_cmp_pd(a, b, _CMP_LT_OQ)};
 }
 
-static inline mask greater(real a, real b) {
-    return _mm256_cmp_pd(a, b, _CMP_GT_OQ);
+static inline vmask v_cmp_gt(vdouble a, vdouble b) {
+    return (vmask){_mm256_cmp_pd(a, b, _CMP_GT_OQ)};
 }
 
-static inline mask both(mask a, mask b) {
-    return _mm256_and_pd(a, b);
+static inline vmask v_mask_none(void) {
+    return (vmask){_mm256_setzero_pd()};
 }
 
-static inline mask either(mask a, mask b) {
-    return _mm256_or_pd(a, b);
+static inline vmask v_and(vmask a, vmask b) {
+    return (vmask){_mm256_and_pd(a.bits, b.bits)};
 }
 
-// b where not a
-static inline mask but_not(mask a, mask b) {
-    return _mm256_andnot_pd(a, b);
+static inline vmask v_or(vmask a, vmask b) {
+    return (vmask){_mm256_or_pd(a.bits, b.bits)};
 }
 
-static inline mask not_in(mask a) {
-    return _mm256_xor_pd(a, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)));
+// b where not a.
+static inline vmask v_andnot(vmask a, vmask b) {
+    return (vmask){_mm256_andnot_pd(a.bits, b.bits)};
 }
 
-static inline int bits(mask a) {
-    return _mm256_movemask_pd(a);
+static inline vmask v_not(vmask a) {
+    return (vmask){_mm256_xor_pd(a.bits, _mm256_castsi256_pd(_mm256_set1_epi64x(-1)))};
 }
 
-static inline real choose(mask m, real yes, real no) {
-    return _mm256_blendv_pd(no, yes, m);
+// Bit i is lane i.
+static inline unsigned v_mask_bits(vmask a) {
+    return (unsigned)_mm256_movemask_pd(a.bits);
 }
 
-static inline real least_of(real a, real b) {
+static inline bool v_any(vmask a) {
+    return v_mask_bits(a) != 0;
+}
+
+static inline bool v_all(vmask a) {
+    return v_mask_bits(a) == (1u << LANES) - 1;
+}
+
+// The number of lanes in a mask. Only counting builds call it.
+static inline int v_count(vmask a) {
+    return __builtin_popcount(v_mask_bits(a));
+}
+
+static inline vdouble v_select(vmask m, vdouble yes, vdouble no) {
+    return _mm256_blendv_pd(no, yes, m.bits);
+}
+
+static inline vdouble v_select_or_zero(vmask m, vdouble a) {
+    return _mm256_and_pd(a, m.bits);
+}
+
+static inline vdouble v_zero_where(vmask m, vdouble a) {
+    return _mm256_andnot_pd(m.bits, a);
+}
+
+static inline vdouble v_min(vdouble a, vdouble b) {
     return _mm256_min_pd(a, b);
 }
 
-static inline real most_of(real a, real b) {
+static inline vdouble v_max(vdouble a, vdouble b) {
     return _mm256_max_pd(a, b);
 }
 
-static inline real absolute(real a) { // clear the sign bit
-    return _mm256_andnot_pd(set(-0.0), a);
+static inline vdouble v_abs(vdouble a) { // clears the sign bit
+    return _mm256_andnot_pd(v_splat(-0.0), a);
 }
 
-static inline real negate_where(mask m, real a) {
-    return _mm256_xor_pd(a, _mm256_and_pd(m, set(-0.0)));
+static inline vdouble v_floor(vdouble a) {
+    return _mm256_floor_pd(a);
 }
 
-static inline real root(real a) {
+// The lanes where both numbers have their sign bit set. Only the sign bits of this mask are valid:
+// it is for v_negate_where alone.
+static inline vmask v_both_negative(vdouble a, vdouble b) {
+    return (vmask){_mm256_and_pd(a, b)};
+}
+
+static inline vdouble v_negate_where(vmask m, vdouble a) {
+    return _mm256_xor_pd(a, _mm256_and_pd(m.bits, v_splat(-0.0)));
+}
+
+static inline vdouble v_sqrt(vdouble a) {
     return _mm256_sqrt_pd(a);
 }
 
-// a·b + c, c − a·b, a·b − c
-static inline real mul_add(real a, real b, real c) {
+// a·b + c, rounded once; v_nmadd: c − a·b; v_msub: a·b − c.
+static inline vdouble v_madd(vdouble a, vdouble b, vdouble c) {
     return _mm256_fmadd_pd(a, b, c);
 }
 
-static inline real neg_mul_add(real a, real b, real c) {
+static inline vdouble v_nmadd(vdouble a, vdouble b, vdouble c) {
     return _mm256_fnmadd_pd(a, b, c);
 }
 
-static inline real mul_sub(real a, real b, real c) {
+static inline vdouble v_msub(vdouble a, vdouble b, vdouble c) {
     return _mm256_fmsub_pd(a, b, c);
 }
 
 static inline struct vec vec_set(const double *a) {
-    return (struct vec){set(a[0]), set(a[1]), set(a[2])};
+    return (struct vec){v_splat(a[0]), v_splat(a[1]), v_splat(a[2])};
 }
 
-static inline real vec_dot(struct vec a, struct vec b) {
-    return mul_add(a.x, b.x, mul_add(a.y, b.y, a.z * b.z));
+static inline vdouble vec_dot(struct vec a, struct vec b) {
+    return v_madd(a.x, b.x, v_madd(a.y, b.y, a.z * b.z));
 }
 
-static inline real vec_norm(struct vec a) {
-    return root(vec_dot(a, a));
+static inline vdouble vec_norm(struct vec a) {
+    return v_sqrt(vec_dot(a, a));
 }
 
-static inline struct vec vec_scale(struct vec a, real s) {
+static inline struct vec vec_scale(struct vec a, vdouble s) {
     return (struct vec){a.x * s, a.y * s, a.z * s};
 }
 
 // The points at distance t along the rays.
-static inline struct vec vec_along(struct vec origin, struct vec direction, real t) {
-    return (struct vec){mul_add(direction.x, t, origin.x), mul_add(direction.y, t, origin.y),
-                        mul_add(direction.z, t, origin.z)};
+static inline struct vec vec_along(struct vec origin, struct vec direction, vdouble t) {
+    return (struct vec){v_madd(direction.x, t, origin.x), v_madd(direction.y, t, origin.y),
+                        v_madd(direction.z, t, origin.z)};
 }
 
-static inline struct vec vec_choose(mask m, struct vec yes, struct vec no) {
-    return (struct vec){choose(m, yes.x, no.x), choose(m, yes.y, no.y), choose(m, yes.z, no.z)};
+static inline struct vec vec_select(vmask m, struct vec yes, struct vec no) {
+    return (struct vec){v_select(m, yes.x, no.x), v_select(m, yes.y, no.y),
+                        v_select(m, yes.z, no.z)};
 }
 
-// d mirrored at the plane with unit normal n.
+// d reflected at the plane with unit normal n.
 static inline struct vec vec_reflect(struct vec d, struct vec n) {
-    return vec_along(d, n, set(-2.0) * vec_dot(d, n));
+    return vec_along(d, n, v_splat(-2.0) * vec_dot(d, n));
 }
 
-// log and exp: range reduction after Cody and Waite, "Software manual for the elementary functions"
-// (1980); polynomials by Chebyshev interpolation, derived by scripts/polynomials.py. Errors
-// measured by tests/c/test_math_opt3.c: each under 2 ulp over the ranges said here.
+// log and exp: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
+// functions" (1980). The polynomials are Chebyshev interpolants made by scripts/polynomials.py.
+// tests/c/test_math_opt3.c measures the errors: below 2 ulp over the ranges given here.
 
-// log a for normal a > 0. 0 and denormals read as 2^-1023·(1 + fraction): finite, not −∞.
-static inline real log_of(real a) {
+// Returns log a for normal a > 0. 0 and denormals are read as 2^-1023·(1 + fraction), so that the
+// result is finite.
+static inline vdouble log_of(vdouble a) {
     COUNT(log_of, call);
     const __m256i mantissa = _mm256_set1_epi64x(0x000fffffffffffff);
     const __m256i one = _mm256_set1_epi64x(0x3ff0000000000000);
     __m256i raw = _mm256_castpd_si256(a);
-    // 2^52 + exponent as a double, built from its bits
+    // The bits of the double 2^52 + biased exponent: the exponent without an integer conversion.
     __m256i biased =
         _mm256_or_si256(_mm256_srli_epi64(raw, 52), _mm256_set1_epi64x(0x4330000000000000));
-    real e = _mm256_castsi256_pd(biased) - set(4503599627370496.0 + 1023.0);
-    real m = _mm256_castsi256_pd(_mm256_or_si256(_mm256_and_si256(raw, mantissa), one));
-    mask high = greater(m, set(1.4142135623730951));
-    m = choose(high, m * set(0.5), m);
-    e = e + both(high, set(1.0));
-    real f = m - set(1.0), s = f / (m + set(1.0)), u = s * s;
-    // Estrin's order: four short chains in place of one long
-    real u2 = u * u, low = mul_add(u, set(0.3999999999989950449), set(0.66666666666666696862));
-    real mid = mul_add(u, set(0.22222211134795079855), set(0.28571428625975484921));
-    real high4 = mul_add(u, set(0.15331721600556041269), set(0.1818288912526172208));
-    high4 = mul_add(u2, set(0.1461644968504340586), high4);
-    real p = mul_add(u2 * u2, high4, mul_add(u2, mid, low));
-    // 2s = f − s·f, and f is exact; ln 2 in two parts, the first exact times e
-    real low_part = mul_sub(e, set(7.440617110012397e-11), s * neg_mul_add(u, p, f));
-    return mul_add(e, set(0.6931471804855391), f + low_part);
+    vdouble e = _mm256_castsi256_pd(biased) - v_splat(4503599627370496.0 + 1023.0);
+    vdouble m = _mm256_castsi256_pd(_mm256_or_si256(_mm256_and_si256(raw, mantissa), one));
+    vmask high = v_cmp_gt(m, v_splat(1.4142135623730951));
+    m = v_select(high, m * v_splat(0.5), m);
+    e = e + v_select_or_zero(high, v_splat(1.0));
+    vdouble f = m - v_splat(1.0), s = f / (m + v_splat(1.0)), u = s * s;
+    // Estrin's scheme: four short dependency chains instead of a long one.
+    vdouble u2 = u * u,
+            low = v_madd(u, v_splat(0.3999999999989950449), v_splat(0.66666666666666696862));
+    vdouble mid = v_madd(u, v_splat(0.22222211134795079855), v_splat(0.28571428625975484921));
+    vdouble high4 = v_madd(u, v_splat(0.15331721600556041269), v_splat(0.1818288912526172208));
+    high4 = v_madd(u2, v_splat(0.1461644968504340586), high4);
+    vdouble p = v_madd(u2 * u2, high4, v_madd(u2, mid, low));
+    // 2s = f − s·f, where f is exact. ln 2 has two parts; the product of e and the first is exact.
+    vdouble low_part = v_msub(e, v_splat(7.440617110012397e-11), s * v_nmadd(u, p, f));
+    return v_madd(e, v_splat(0.6931471804855391), f + low_part);
 }
 
-// exp a; below −708 it stays at exp(−708) = 3e-308, above 709 at exp(709).
-static inline real exp_of(real a) {
+// Returns exp a. The argument is clamped to −708 ... 709, so that the result is a normal number.
+static inline vdouble exp_of(vdouble a) {
     COUNT(exp_of, call);
-    a = least_of(most_of(a, set(-708.0)), set(709.0));
-    const real shift = set(6755399441055744.0); // 1.5·2^52: adding it rounds to a whole number
-    real shifted = mul_add(a, set(1.4426950408889634), shift);
-    real n = shifted - shift;
-    real r = neg_mul_add(n, set(0.6931471804855391), a);
-    r = neg_mul_add(n, set(7.440617110012397e-11), r);
-    real p = mul_add(r, set(2.5100375832561233664e-8), set(2.7620075879983366586e-7));
-    p = mul_add(r, p, set(2.7557268480310025526e-6));
-    p = mul_add(r, p, set(0.000024801521322368693266));
-    p = mul_add(r, p, set(0.00019841269863040545271));
-    p = mul_add(r, p, set(0.0013888888917196719077));
-    p = mul_add(r, p, set(0.0083333333333300644495));
-    p = mul_add(r, p, set(0.041666666666624161903));
-    p = mul_add(r, p, set(0.16666666666666667452));
-    p = mul_add(r, p, set(0.50000000000000010211));
-    real e = set(1.0) + mul_add(r * r, p, r);
+    a = v_min(v_max(a, v_splat(-708.0)), v_splat(709.0));
+    const vdouble shift = v_splat(6755399441055744.0); // 1.5·2^52: adding it rounds to an integer
+    vdouble shifted = v_madd(a, v_splat(1.4426950408889634), shift);
+    vdouble n = shifted - shift;
+    vdouble r = v_nmadd(n, v_splat(0.6931471804855391), a);
+    r = v_nmadd(n, v_splat(7.440617110012397e-11), r);
+    vdouble p = v_madd(r, v_splat(2.5100375832561233664e-8), v_splat(2.7620075879983366586e-7));
+    p = v_madd(r, p, v_splat(2.7557268480310025526e-6));
+    p = v_madd(r, p, v_splat(0.000024801521322368693266));
+    p = v_madd(r, p, v_splat(0.00019841269863040545271));
+    p = v_madd(r, p, v_splat(0.0013888888917196719077));
+    p = v_madd(r, p, v_splat(0.0083333333333300644495));
+    p = v_madd(r, p, v_splat(0.041666666666624161903));
+    p = v_madd(r, p, v_splat(0.16666666666666667452));
+    p = v_madd(r, p, v_splat(0.50000000000000010211));
+    vdouble e = v_splat(1.0) + v_madd(r * r, p, r);
     __m256i power = _mm256_slli_epi64(_mm256_castpd_si256(shifted), 52); // n into the exponent
     return _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(e), power));
 }
 
-// a^b for a > 0: relative error about (2 + |b·ln a|) ulp; 0 gives at most 2^(-1023·b).
-static inline real power_of(real a, real b) {
+// Returns a^b for a > 0. The relative error is about (2 + |b·ln a|) ulp; a = 0 gives at most
+// 2^(-1023·b).
+static inline vdouble power_of(vdouble a, vdouble b) {
     COUNT(power_of, call);
     return exp_of(b * log_of(a));
 }

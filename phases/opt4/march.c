@@ -1,256 +1,274 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). Eight rays march until the last is done.
+// of implicit surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
 #include "trace.h"
 
 #include <limits.h>
 
-enum { ALL = (1 << LANES) - 1 };
-
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
+// When a ray leaves the bounds: |o + t·d|² > radius², as a polynomial in t that needs no point. Its
+// rounding error is a few 2^-24 of radius². The constant has 2^-20 to spare, so that no ray leaves too
+// early; within() decides about a hit in that margin.
 struct exit {
-    real linear, constant; // t·(t + linear) + constant > 0
+    vfloat linear, constant; // the ray is outside where t·(t + linear) + constant > 0
 };
 
-static struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
+static struct exit leaving(struct point origin, struct vec direction, const struct model *model) {
     COUNT(leaving, call);
     COUNT(leaving, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
-    return (struct exit){set(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
+    return (struct exit){v_splat(2.0f) * vec_dot(o, direction),
+                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-static mask within(struct place place, const struct model *model) {
+// Whether a point is in the bounds, decided in double.
+static vmask within(struct point point, const struct model *model) {
     COUNT(within, call);
     COUNT(within, scalar);
     double radius = model->march.bounds_radius;
-    return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(point), radius * radius));
 }
 
-static inline mask outside(struct exit exit, real t) {
-    return greater(mul_add(t, t + exit.linear, exit.constant), set(0.0f));
+static inline vmask outside(struct exit exit, vfloat t) {
+    return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
 }
 
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
-static inline mask reaches(real distance, real t, real hit_distance) {
-    return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
+// The hit test of a float march. A step below half an ulp of t, at most 2^-24·t, no longer moves the
+// ray. It counts as a hit, or the ray would stall there until the step cap.
+static inline vmask is_hit(vfloat distance, vfloat t, vfloat hit_distance) {
+    return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
 }
 
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline real newton(real h, real slope, real way) {
+// Returns the length of a last Newton step, h/slope: a ray at a grazing angle has more than h left to
+// go, 33 times on scene0's plane at the horizon. It returns 0 where |h| is larger than the float
+// march's own error, because the scene's hit_distance then allows that gap.
+static inline vfloat newton(vfloat h, vfloat slope, vfloat path_length) {
     COUNT(newton, call);
-    mask own = less(absolute(h), way * set(0x1p-21f));
-    return both(own, h / most_of(slope, set(0x1p-9f)));
+    vmask march_error = v_cmp_lt(v_abs(h), path_length * v_splat(0x1p-21f));
+    return v_select_or_zero(march_error, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
-// Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
-// rounded, would lose what places the hit on the surface.
-struct progress {
-    struct place origin; // at the distance `before`
-    real before, t, last, evals;
-    mask done, found;
-    int steps; // of the ray that has had fewest, of those that march on
+// The rays of a packet during the march, at distance start_t + t + last from the camera. t and the
+// last step stay apart: their rounded sum would lose the digits that place the hit on the surface.
+struct march_state {
+    struct point origin; // at the distance start_t
+    vfloat start_t, t, last, evals;
+    vmask done, found;
+    int steps; // the fewest evaluations of any ray that marches on
 };
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
-static inline void march(struct progress *at, struct vec direction, const struct world *world) {
+// Marches until every ray has ended. A hit is a hit of the float march, whose error grows with t.
+static inline void march(struct march_state *state, struct vec direction,
+                         const struct world *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
-    struct exit exit = leaving(at->origin, direction, &scene->model);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask done = at->done, found = at->found;
-    real t = set(0.0f), last = t, evals = at->evals;
-    for (int step = at->steps; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+    struct exit exit = leaving(state->origin, direction, &scene->model);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vmask done = state->done, found = state->found;
+    vfloat t = v_splat(0.0f), last = t, evals = state->evals;
+    for (int step = state->steps; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
         COUNT(march, step);
-        real distance = sdf(world->approach, t, scene, done, NULL);
-        evals = evals + but_not(done, set(1.0f));
-        mask reached = but_not(done, reaches(distance, t, hit_distance));
-        last = choose(reached, distance, last);
-        t = t + but_not(either(done, reached), distance);
-        mask ended = either(reached, but_not(done, outside(exit, t)));
-        if (bits(ended)) {
-            found = either(found, reached);
-            done = either(done, ended);
-            if (bits(done) == ALL)
+        vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
+        evals = evals + v_zero_where(done, v_splat(1.0f));
+        vmask reached = v_andnot(done, is_hit(distance, t, hit_distance));
+        last = v_select(reached, distance, last);
+        t = t + v_zero_where(v_or(done, reached), distance);
+        vmask ended = v_or(reached, v_andnot(done, outside(exit, t)));
+        if (v_any(ended)) {
+            found = v_or(found, reached);
+            done = v_or(done, ended);
+            if (v_all(done))
                 break;
         }
     }
-    *at = (struct progress){at->origin, at->before, t, last, evals, done, found, at->steps};
+    *state = (struct march_state){state->origin, state->start_t, t,     last,
+                                  evals,         done,           found, state->steps};
 }
 
-// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct world *world,
-                                              real *shape) {
-    ACTIVE(count_of(deep));
+// Finds the shape that contains the end of each march in `deep`. The last step goes back out of that
+// shape, where another one may be nearer.
+__attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct world *world,
+                                              vfloat *shape) {
+    ACTIVE(v_count(deep));
     COUNT(stay_in, call);
-    real inside = set(-1.0f);
-    sdf(world->approach, t, world->scene, not_in(deep), &inside);
-    *shape = choose(deep, inside, *shape);
+    vfloat inside = v_splat(-1.0f);
+    sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
+    *shape = v_select(deep, inside, *shape);
 }
 
-// Of these rays the fewest evaluations that one has had. Each has the cap to itself, whatever its neighbours took.
-static int fewest(real evals, mask on) {
-    float had[LANES];
-    int least = INT_MAX;
-    _mm256_storeu_ps(had, evals);
-    for (unsigned rest = (unsigned)bits(on); rest; rest &= rest - 1) {
-        int evaluations = (int)had[__builtin_ctz(rest)];
-        least = evaluations < least ? evaluations : least;
+// The fewest evaluations of any ray in `on`. The step cap holds for each ray by itself.
+static int min_evals(vfloat evals, vmask on) {
+    float counts[LANES];
+    int fewest = INT_MAX;
+    _mm256_storeu_ps(counts, evals);
+    for (unsigned lanes = v_mask_bits(on); lanes; lanes &= lanes - 1) {
+        int count = (int)counts[__builtin_ctz(lanes)];
+        fewest = count < fewest ? count : fewest;
     }
-    return least;
+    return fewest;
 }
 
-// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
-// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there.
-void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
+// The last part of ray_march(): fills `hit`, and moves the hits by a last Newton step. `deep`: hits
+// that started inside the shape `inside`. Always inlined: it counts as ray_march().
+__attribute__((always_inline)) static inline void
+finish_hit(const struct march_state *state, struct nearest_shape near, vmask deep, vfloat inside,
+           struct vec direction, const struct world *world, struct hit *hit) {
+    vfloat path_length = state->start_t + state->t;
+    vmask at_start =
+        v_cmp_ge(v_splat(0.0f), path_length); // counts as a hit even outside the bounds
+    hit->found = v_and(hit->found, v_or(within(state->origin, &world->scene->model), at_start));
+    if (v_any(deep)) {
+        COUNT(ray_march, deep);
+        near.contact =
+            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
+        near.shape = v_select(deep, inside, near.shape);
+    }
+    vfloat slope;
+    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
+    ACTIVE(v_count(hit->found));
+    COUNT(ray_march, end);
+    hit->shape = v_select(hit->found, near.shape, hit->shape);
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, path_length));
+    hit->t = state->start_t + (state->t + (state->last + more));
+    hit->point = state->origin;
+    hit->point.lo = vec_along(hit->point.lo, direction, more);
+    local_ray_advance(more, world->scene, world->local_rays);
+}
+
+// Each hit becomes the origin of the local rays. There its distance is exact to the size of a shape,
+// not of the path to it. A hit that is still farther than twice the hit distance marches on from
+// there: the march erred, or its hit test was wider than the scene's.
+void ray_march(struct point origin, struct vec direction, vmask active, const struct world *world,
                struct hit *hit) {
     COUNT(ray_march, call);
     COUNT(ray_march, scalar);
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    real zero = set(0.0f), off_from = set(twice), sunk_from = set(-twice);
-    real most = set((float)scene->model.march.max_steps);
-    struct progress at = {.origin = origin, .before = zero, .evals = zero, .found = zero};
-    at.done = not_in(active);
-    mask deep = zero; // a ray that started inside a shape has stepped back out of it
-    real inside = set(-1.0f);
-    struct nearness near = {zero, inside, zero};
-    approach_origins(origin, scene, world->approach);
-    approach_directions(direction, scene, world->approach);
+    vfloat zero = v_splat(0.0f), max_gap = v_splat(twice), max_depth = v_splat(-twice);
+    vfloat max_evals = v_splat((float)scene->model.march.max_steps);
+    struct march_state state = {.origin = origin, .start_t = zero, .evals = zero};
+    state.found = v_mask_none();
+    state.done = v_not(active);
+    vmask deep = v_mask_none(); // started inside a shape and has stepped back out of it
+    vfloat inside = v_splat(-1.0f);
+    struct nearest_shape near = {zero, inside, v_mask_none()};
+    local_ray_origins(origin, scene, world->local_rays);
+    local_ray_directions(direction, scene, world->local_rays);
     for (;;) {
-        mask settled = at.found;
-        march(&at, direction, world);
-        if (!bits(at.found))
+        vmask settled = state.found;
+        march(&state, direction, world);
+        if (!v_any(state.found))
             break;
-        ACTIVE(count_of(at.found));
+        ACTIVE(v_count(state.found));
         COUNT(ray_march, landed);
-        // march() counts from the ray that has had fewest: others may have had more than the cap.
-        at.found = but_not(greater(at.evals, most), at.found);
-        mask sunk = both(at.found, less(at.last, sunk_from));
-        if (bits(sunk))
-            stay_in(sunk, at.t, world, &inside);
-        deep = either(deep, sunk);
-        at.origin = place_at(at.origin, direction, at.t, at.last);
-        approach_origins(at.origin, scene, world->approach);
-        near = near_hit(at.found, world);
-        mask off = both(at.found, but_not(either(deep, settled), greater(near.distance, off_from)));
-        if (!bits(off))
+        // march() counts steps from the smallest count in the packet: other rays may exceed the cap.
+        state.found = v_andnot(v_cmp_gt(state.evals, max_evals), state.found);
+        vmask sunk = v_and(state.found, v_cmp_lt(state.last, max_depth));
+        if (v_any(sunk))
+            stay_in(sunk, state.t, world, &inside);
+        deep = v_or(deep, sunk);
+        state.origin = place_at(state.origin, direction, state.t, state.last);
+        local_ray_origins(state.origin, scene, world->local_rays);
+        near = near_hit(state.found, world);
+        vmask off =
+            v_and(state.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, max_gap)));
+        if (!v_any(off))
             break;
-        ACTIVE(count_of(off));
+        ACTIVE(v_count(off));
         COUNT(ray_march, on);
-        // From where it surely was before that surface, be it as thin as an ulp of t.
-        real back = both(off, at.t * set(-0x1p-22f));
-        at.origin.lo = vec_along(at.origin.lo, direction, back);
-        at.before = at.before + (at.t + (at.last + back));
-        approach_origins(at.origin, scene, world->approach);
-        approach_directions(direction, scene, world->approach);
-        at.found = but_not(off, at.found);
-        at.done = but_not(off, at.done);
-        at.done = either(at.done, not_less(at.evals, most));
-        int had = fewest(at.evals, off); // a float: from 2^24 on it stands still
-        at.steps = had > at.steps ? had : at.steps + 1;
+        // Restart from a point that is certainly before the surface, even one as thin as an ulp of t.
+        vfloat back = v_select_or_zero(off, state.t * v_splat(-0x1p-22f));
+        state.origin.lo = vec_along(state.origin.lo, direction, back);
+        state.start_t = state.start_t + (state.t + (state.last + back));
+        local_ray_origins(state.origin, scene, world->local_rays);
+        local_ray_directions(direction, scene, world->local_rays);
+        state.found = v_andnot(off, state.found);
+        state.done = v_andnot(off, state.done);
+        state.done = v_or(state.done, v_cmp_ge(state.evals, max_evals));
+        int least = min_evals(state.evals, off); // a float: it does not count beyond 2^24
+        state.steps = least > state.steps ? least : state.steps + 1;
     }
-    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = least_of(at.evals, most)};
-    if (!bits(at.found))
-        return;
-    real way = at.before + at.t;
-    mask unmoved = not_less(zero, way); // hits wherever it starts
-    hit->found = both(hit->found, either(within(at.origin, &scene->model), unmoved));
-    if (bits(deep)) {
-        COUNT(ray_march, deep);
-        near.contact =
-            either(near.contact, both(deep, not_less(absolute(near.shape - inside), set(0.5f))));
-        near.shape = choose(deep, inside, near.shape);
-    }
-    real slope;
-    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(count_of(hit->found));
-    COUNT(ray_march, end);
-    hit->shape = choose(hit->found, near.shape, hit->shape);
-    real more = but_not(deep, newton(near.distance, slope, way));
-    hit->t = at.before + (at.t + (at.last + more));
-    hit->point = at.origin;
-    hit->point.lo = vec_along(hit->point.lo, direction, more);
-    approach_moved(more, scene, world->approach);
+    *hit = (struct hit){
+        .found = state.found, .shape = v_splat(-1.0f), .evals = v_min(state.evals, max_evals)};
+    if (v_any(state.found))
+        finish_hit(&state, near, deep, inside, direction, world, hit);
 }
 
-// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static real soft_shadow(mask active, struct exit exit, const struct world *world) {
+// Returns the light that reaches the point, 0 ... 1, with a penumbra. S. Aaltonen's estimator (GDC
+// 2018): I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows). The march
+// passes the light and ends at the bounds, as in the paper.
+static vfloat soft_shadow(vmask active, struct exit exit, const struct world *world) {
     COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
-    mask done = not_in(active);
-    real hit_distance = set((float)model->march.hit_distance);
-    real strength = set((float)model->shadow_strength), zero = set(0.0f);
-    real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength), zero = v_splat(0.0f);
+    vfloat visibility = v_splat(1.0f), previous = v_splat(1e20f),
+           t = v_splat((float)model->march.surface_offset);
     for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        done = either(done, reaches(h, t, hit_distance));
-        if (bits(done) == ALL)
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        done = v_or(done, is_hit(h, t, hit_distance));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, step);
-        real square = h * h, y = square / (set(2.0f) * previous);
-        real inside = neg_mul_add(y, y, square), beyond = t - y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
-        // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
-        // strength·√inside/beyond < least, asked without the root: it is seldom so.
-        real scaled = least * beyond;
-        mask darker =
-            but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (bits(darker)) {
-            ACTIVE(count_of(darker));
+        vfloat h_sq = h * h, y = h_sq / (v_splat(2.0f) * previous);
+        vfloat d_sq = v_nmadd(y, y, h_sq), t_closest = t - y;
+        // A ray that moves straight away from a surface (h = 2·previous) gives 0/0: no information.
+        // In float the term is noise where d_sq/h² is of the order of the error of h, 1e-5 or more.
+        vmask valid = v_and(v_cmp_gt(d_sq, h_sq * v_splat(2e-5f)), v_cmp_gt(t_closest, zero));
+        // strength·√d_sq/t_closest < visibility, tested without the root, because it is seldom true.
+        vfloat bound = visibility * t_closest;
+        vmask darker =
+            v_andnot(done, v_and(valid, v_cmp_lt(strength * strength * d_sq, bound * bound)));
+        if (v_any(darker)) {
+            ACTIVE(v_count(darker));
             COUNT(soft_shadow, darker);
-            least = choose(darker, strength * root(inside) / beyond, least);
+            visibility = v_select(darker, strength * v_sqrt(d_sq) / t_closest, visibility);
         }
         previous = h;
-        t = t + but_not(done, h);
-        done = either(done, outside(exit, t));
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
     }
-    return least;
+    return visibility;
 }
 
-static real hard_shadow(real distance, mask active, struct exit exit, const struct world *world) {
+// Returns 1 where nothing blocks the ray before `distance`, else 0.
+static vfloat hard_shadow(vfloat distance, vmask active, struct exit exit,
+                          const struct world *world) {
     COUNT(hard_shadow, call);
     const struct prepared *scene = world->scene;
-    mask done = not_in(active);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    real lit = set(1.0f), t = set((float)scene->model.march.surface_offset);
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, test);
-        done = either(done, not_in(less(t, distance)));
-        if (bits(done) == ALL)
+        done = v_or(done, v_not(v_cmp_lt(t, distance)));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        mask blocked = but_not(done, reaches(h, t, hit_distance));
-        lit = but_not(blocked, lit);
-        done = either(done, blocked);
-        t = t + but_not(done, h);
-        done = either(done, outside(exit, t));
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
+        vmask blocked = v_andnot(done, is_hit(h, t, hit_distance));
+        lit = v_zero_where(blocked, lit);
+        done = v_or(done, blocked);
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
     }
     return lit;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world) {
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct world *world) {
     COUNT(shadow, call);
     const struct prepared *scene = world->scene;
     if (scene->model.shadows == SHADOWS_NONE)
-        return set(1.0f);
-    approach_directions(to_light, scene, world->approach);
+        return v_splat(1.0f);
+    local_ray_directions(to_light, scene, world->local_rays);
     struct exit exit = leaving(point, to_light, &scene->model);
     return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
                                                 : hard_shadow(distance, active, exit, world);

@@ -1,339 +1,377 @@
 // Signed distances of eight points at once. Sphere, box, torus, capped cone, octahedron: I. Quilez,
-// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
-// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
-// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: the power-8 map of
+// D. White and P. Nylander without trigonometry, with its running derivative: I. Quilez,
+// "mandelbulb" (iquilezles.org/articles/mandelbulb). It is an estimate, not a bound.
 //
-// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated
-// in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
-// own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
-// shape. Branches that differ between lanes are evaluated for all and chosen by mask.
+// The float spacing at |p| = 20 is 1e-6, which is the scene's hit distance. World coordinates are
+// therefore too coarse. Each ray keeps its origin and direction in the frame of each shape (struct
+// local_ray). The march evaluates origin + t·direction there, with one rounding at the shape's size.
+//
+// Where lanes take different branches, every branch is evaluated and a mask selects the result.
 #ifndef OPT4_SDF_H
 #define OPT4_SDF_H
 
 #include "scene/scene.h"
 #include "vec.h"
 
-// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
-// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
-enum way { AT_POINT, LINEAR, POWER };
+// How a shape's distance along a ray is evaluated. AT_POINT: at a point of the shape's frame.
+// LINEAR: a plane without repetition, whose distance is linear in t. POWER: a sphere wider than the
+// bounds, by the power of the point, a polynomial in t.
+enum eval_kind { AT_POINT, LINEAR, POWER };
 
-// A shape as the march wants it: what is evaluated, and nothing else.
-struct placed {
-    enum way way;
+// A shape with only what the march evaluates, prepared once per scene.
+struct primitive {
+    enum eval_kind eval;
     enum shape_type type;
-    bool turned, repeated;
+    bool rotated, repeated;
     float index; // in the scene
     float position[3], position_lo[3];
-    float turn[3][3]; // rows: the three rotations as one matrix
-    float cell[3], per_cell[3];
-    float normal[3];              // plane: in the world's axes
-    float a, b, c;                // sizes: see place_shape() in render.c
-    float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
-    float size[3];                // box: half size; plane: normal
-    float bailout;
-    int iterations;
-    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
-    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
-    double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
+    float rotation[3][3]; // rows: the three rotations as one matrix
+    float cell[3], inv_cell[3];
+    float normal[3]; // LINEAR: in world axes
+    union {          // sizes, by type
+        struct {
+            float radius, radius_sq;
+        } sphere;
+        struct {
+            float half_size[3], rounding;
+        } box; // and rounded box
+        struct {
+            float major_radius, minor_radius;
+        } torus;
+        struct {
+            float bottom_radius, top_radius, half_height;
+            float side[2], inv_side_sq; // the side from the bottom rim to the top rim; 1/|side|²
+        } cone;
+        struct {
+            float radius;
+        } octahedron;
+        struct {
+            float normal[3], offset;
+        } plane;
+        struct {
+            float bailout;
+            int iterations;
+        } mandelbulb;
+    };
+    // In double, for a ray's origin: it is moved into the shape's frame and then rounded once.
+    // `row` holds the rows of the rotation matrix. LINEAR: row[0] is the normal in world axes.
+    double centre[3], row[3][3], offset, radius_sq, cell_double[3], inv_cell_double[3];
 };
 
 struct prepared {
     struct model model;
-    struct placed *placed; // one per shape
+    struct primitive *primitives; // one per shape
 };
 
 // Eight rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
 // |p|² − radius² is power + t·(t + slope).
-struct approach {
+struct local_ray {
     struct vec origin, direction;
-    real power, slope;
+    vfloat power, slope;
 };
 
-static inline struct vec turned(const struct placed *placed, struct vec v) {
+// A vector of the world in the shape's axes.
+static inline struct vec turned(const struct primitive *primitive, struct vec v) {
     COUNT(turned, call);
-    if (!placed->turned)
+    if (!primitive->rotated)
         return v;
     COUNT(turned, rotation);
-    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
-                        vec_dot(vec_set(placed->turn[2]), v)};
+    return (struct vec){vec_dot(vec_set(primitive->rotation[0]), v),
+                        vec_dot(vec_set(primitive->rotation[1]), v),
+                        vec_dot(vec_set(primitive->rotation[2]), v)};
 }
 
-// Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct placed *placed, struct vec v) {
+// The inverse of turned(): the matrix is orthogonal, so its inverse is its transpose.
+static inline struct vec turned_back(const struct primitive *primitive, struct vec v) {
     COUNT(turned_back, call);
-    if (!placed->turned)
+    if (!primitive->rotated)
         return v;
     COUNT(turned_back, rotation);
-    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
-    out = vec_along(out, vec_set(placed->turn[1]), v.y);
-    return vec_along(out, vec_set(placed->turn[2]), v.z);
+    struct vec out = vec_scale(vec_set(primitive->rotation[0]), v.x);
+    out = vec_along(out, vec_set(primitive->rotation[1]), v.y);
+    return vec_along(out, vec_set(primitive->rotation[2]), v.z);
 }
 
-static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not repeated
-    return neg_mul_add(set(cell), _mm256_floor_ps(mul_add(x, set(per_cell), set(0.5f))), x);
+// The coordinate within its cell, −cell/2 ... cell/2. Cell 0 means no repetition and returns x.
+static inline vfloat wrapped(vfloat x, float cell, float inv_cell) {
+    return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(inv_cell), v_splat(0.5f))), x);
 }
 
-static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
+static inline struct vec vec_wrapped(const struct primitive *primitive, struct vec p) {
     COUNT(vec_wrapped, call);
-    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
-                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
-                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+    return (struct vec){wrapped(p.x, primitive->cell[0], primitive->inv_cell[0]),
+                        wrapped(p.y, primitive->cell[1], primitive->inv_cell[1]),
+                        wrapped(p.z, primitive->cell[2], primitive->inv_cell[2])};
 }
 
-static inline wide wide_wrapped(wide x, double cell, double per_cell) {
-    wide turns = wide_less(wide_mul(x, per_cell), -0.5);
-    turns = (wide){_mm256_floor_pd(turns.low), _mm256_floor_pd(turns.high)};
-    return wide_mul_add(turns, -cell, x);
+static inline vdouble v_double_wrapped(vdouble x, double cell, double inv_cell) {
+    vdouble number = v_double_sub(v_double_mul(x, inv_cell), -0.5);
+    number = (vdouble){_mm256_floor_pd(number.low), _mm256_floor_pd(number.high)};
+    return v_double_madd(number, -cell, x);
 }
 
-// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
-// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline real coordinate(const struct placed *placed, struct wide_vec from, int axis) {
+// One coordinate of `from` (a point minus the shape's centre) in the shape's frame. In double,
+// because the products cancel. In float, a point 5 units from a rotated box would be off by 5e-7,
+// near the hit distance; in the 10,000th cell of a repetition the error would be 4e-3.
+static inline vfloat coordinate(const struct primitive *primitive, struct vec_double from,
+                                int axis) {
     COUNT(coordinate, call);
-    wide x = wide_less(wide_dot(from, placed->row[axis]), placed->offset);
-    if (placed->repeated) {
+    vdouble x = v_double_sub(v_double_dot(from, primitive->row[axis]), primitive->offset);
+    if (primitive->repeated) {
         COUNT(coordinate, wrap);
-        x = wide_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+        x = v_double_wrapped(x, primitive->cell_double[axis], primitive->inv_cell_double[axis]);
     }
-    return narrow(x);
+    return v_double_to_float(x);
 }
 
-static inline real power_at(struct wide_vec from, double square) {
+// The power of a point with respect to a sphere: |from|² − radius_sq, in double because it cancels.
+static inline vfloat power_at(struct vec_double from, double radius_sq) {
     COUNT(power_at, call);
-    return narrow(
-        (wide){from.x.low * from.x.low + from.y.low * from.y.low + from.z.low * from.z.low - square,
-               from.x.high * from.x.high + from.y.high * from.y.high + from.z.high * from.z.high -
-                   square});
+    return v_double_to_float((vdouble){from.x.low * from.x.low + from.y.low * from.y.low +
+                                           from.z.low * from.z.low - radius_sq,
+                                       from.x.high * from.x.high + from.y.high * from.y.high +
+                                           from.z.high * from.z.high - radius_sq});
 }
 
-// Fills one approach per shape: where the rays are, and then where they go.
-static inline void approach_origins(struct place origin, const struct prepared *scene,
-                                    struct approach *approach) {
-    COUNT(approach_origins, call);
-    struct wide_vec at = wide_place(origin);
+// Sets the origin of each shape's local ray. `rays` has one element per shape. The directions are
+// set apart, because an origin serves several directions.
+static inline void local_ray_origins(struct point origin, const struct prepared *scene,
+                                     struct local_ray *rays) {
+    COUNT(local_ray_origins, call);
+    struct vec_double at = vec_double_of(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *placed = &scene->placed[i];
-        if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->eval == AT_POINT && !primitive->rotated && !primitive->repeated) {
+            rays[i].origin = place_sub(origin, primitive->position, primitive->position_lo);
             continue;
         }
-        struct wide_vec from = wide_from(at, placed->centre);
-        approach[i].origin.x = coordinate(placed, from, 0);
-        if (placed->way == LINEAR)
+        struct vec_double from = vec_double_sub(at, primitive->centre);
+        rays[i].origin.x = coordinate(primitive, from, 0);
+        if (primitive->eval == LINEAR)
             continue;
-        approach[i].origin.y = coordinate(placed, from, 1);
-        approach[i].origin.z = coordinate(placed, from, 2);
-        if (placed->way == POWER)
-            approach[i].power = power_at(from, placed->radius_sq);
+        rays[i].origin.y = coordinate(primitive, from, 1);
+        rays[i].origin.z = coordinate(primitive, from, 2);
+        if (primitive->eval == POWER)
+            rays[i].power = power_at(from, primitive->radius_sq);
     }
 }
 
-static inline void approach_directions(struct vec direction, const struct prepared *scene,
-                                       struct approach *approach) {
-    COUNT(approach_directions, call);
+// Sets the direction of each shape's local ray. Precondition: local_ray_origins() has set the origins.
+static inline void local_ray_directions(struct vec direction, const struct prepared *scene,
+                                        struct local_ray *rays) {
+    COUNT(local_ray_directions, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *placed = &scene->placed[i];
-        if (placed->way == LINEAR) {
-            COUNT(approach_directions, linear);
-            approach[i].direction.x = vec_dot(vec_set(placed->normal), direction);
+        const struct primitive *primitive = &scene->primitives[i];
+        if (primitive->eval == LINEAR) {
+            COUNT(local_ray_directions, linear);
+            rays[i].direction.x = vec_dot(vec_set(primitive->normal), direction);
             continue;
         }
-        approach[i].direction = turned(placed, direction);
-        if (placed->way == POWER) {
-            COUNT(approach_directions, power);
-            approach[i].slope = set(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
-        }
-    }
-}
-
-// The origins moved by a little along the rays.
-static inline void approach_moved(real by, const struct prepared *scene,
-                                  struct approach *approach) {
-    COUNT(approach_moved, call);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        struct approach *a = &approach[i];
-        COUNT(approach_moved, first);
-        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == LINEAR)
-            continue;
-        COUNT(approach_moved, others);
-        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
-        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == POWER) {
-            COUNT(approach_moved, power);
-            a->power = mul_add(by, by + a->slope, a->power);
+        rays[i].direction = turned(primitive, direction);
+        if (primitive->eval == POWER) {
+            COUNT(local_ray_directions, power);
+            rays[i].slope = v_splat(2.0f) * vec_dot(rays[i].origin, rays[i].direction);
         }
     }
 }
 
-static inline real sdf_sphere(struct vec p, const struct placed *s) {
+// Moves the origins by a small distance `by` along the rays, without leaving the shapes' frames.
+static inline void local_ray_advance(vfloat by, const struct prepared *scene,
+                                     struct local_ray *ray) {
+    COUNT(local_ray_advance, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        struct local_ray *a = &ray[i];
+        COUNT(local_ray_advance, first);
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
+        if (scene->primitives[i].eval == LINEAR)
+            continue;
+        COUNT(local_ray_advance, others);
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
+        if (scene->primitives[i].eval == POWER) {
+            COUNT(local_ray_advance, power);
+            a->power = v_madd(by, by + a->slope, a->power);
+        }
+    }
+}
+
+static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
     COUNT(sdf_sphere, call);
-    return vec_norm(p) - set(s->a);
+    return vec_norm(p) - v_splat(s->sphere.radius);
 }
 
-// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
-static inline real sdf_power(real power, const struct placed *s) {
+// |p| − r as (|p|² − r²)/(|p| + r). For a sphere of a planet's size, |p| − r would cancel to nothing.
+static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
     COUNT(sdf_power, call);
-    return power / (root(most_of(power + set(s->b), set(0.0f))) + set(s->a));
+    return power / (v_sqrt(v_max(power + v_splat(s->sphere.radius_sq), v_splat(0.0f))) +
+                    v_splat(s->sphere.radius));
 }
 
-static inline real sdf_plane(struct vec p, const struct placed *s) {
+static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
     COUNT(sdf_plane, call);
-    return vec_dot(p, vec_set(s->size)) - set(s->a);
+    return vec_dot(p, vec_set(s->plane.normal)) - v_splat(s->plane.offset);
 }
 
-static inline real sdf_box(struct vec p, const struct placed *s) {
+static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
     COUNT(sdf_box, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    struct vec outside = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->box.half_size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->box.half_size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->box.half_size[2]);
+    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
 }
 
-static inline real sdf_rounded_box(struct vec p, const struct placed *s) {
+static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
     COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - set(s->a);
+    return sdf_box(p, s) - v_splat(s->box.rounding);
 }
 
-static inline real sdf_torus(struct vec p, const struct placed *s) {
+static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
     COUNT(sdf_torus, call);
-    real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
-    return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
+    vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->torus.major_radius);
+    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->torus.minor_radius);
 }
 
-static inline real sdf_cone(struct vec p, const struct placed *s) {
+static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
     COUNT(sdf_cone, call);
-    real zero = set(0.0f), one = set(1.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1]));
-    real along = least_of(most_of(across * set(-s->per_slope_sq), zero), one);
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    mask inside = both(side_x, cap_y); // only the sign bit counts
-    real square =
-        least_of(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    return negate_where(inside, root(square));
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    // (x, y): from the top rim.
+    vfloat x = radius - v_splat(s->cone.top_radius), y = p.y - v_splat(s->cone.half_height);
+    vfloat rim =
+        v_select(v_cmp_lt(p.y, zero), v_splat(s->cone.bottom_radius), v_splat(s->cone.top_radius));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->cone.half_height);
+    vfloat across = v_madd(x, v_splat(s->cone.side[0]), y * v_splat(s->cone.side[1]));
+    vfloat along = v_min(v_max(across * v_splat(-s->cone.inv_side_sq), zero), one);
+    vfloat side_x = v_madd(v_splat(s->cone.side[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->cone.side[1]), along, y);
+    vmask inside = v_both_negative(side_x, cap_y);
+    vfloat square =
+        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    return v_negate_where(inside, v_sqrt(square));
 }
 
-static inline real sdf_octahedron(struct vec point, const struct placed *s) {
+static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
     COUNT(sdf_octahedron, call);
-    real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
-    real zero = set(0.0f), radius = set(s->a);
-    real m = x + y + z - radius, third = m * set(1.0f / 3.0f);
-    mask over_yz = less(x, third), over_zx = less(y, third), over_xy = less(z, third);
-    real face = m * set(0.57735026918962576451f); // 1/√3
-    mask edges = either(over_yz, either(over_zx, over_xy));
-    if (bits(edges) == 0)
+    vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
+    vfloat zero = v_splat(0.0f), radius = v_splat(s->octahedron.radius);
+    vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
+    vmask over_yz = v_cmp_lt(x, third), over_zx = v_cmp_lt(y, third), over_xy = v_cmp_lt(z, third);
+    vfloat face = m * v_splat(0.57735026918962576451f); // 1/√3
+    vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
+    if (!v_any(edges))
         return face;
     COUNT(sdf_octahedron, edges);
-    real a = choose(over_yz, x, choose(over_zx, y, z));
-    real b = choose(over_yz, y, choose(over_zx, z, x));
-    real c = choose(over_yz, z, choose(over_zx, x, y));
-    real k = least_of(most_of(set(0.5f) * (c - b + radius), zero), radius);
-    real beside = b - radius + k, above = c - k;
-    real edge = root(mul_add(a, a, mul_add(beside, beside, above * above)));
-    return choose(edges, edge, face);
+    vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
+    vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
+    vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
+    vfloat k = v_min(v_max(v_splat(0.5f) * (c - b + radius), zero), radius);
+    vfloat beside = b - radius + k, above = c - k;
+    vfloat edge = v_sqrt(v_madd(a, a, v_madd(beside, beside, above * above)));
+    return v_select(edges, edge, face);
 }
 
-// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
-// have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their
+// values (the paper's Fig. 5). Lanes of `done` may return anything.
+static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
     COUNT(sdf_mandelbulb, call);
-    real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
-    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
-    // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), escaped = either(done, far);
-    for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - count_of(escaped));
+    vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
+    // |w|² grows to |p|^16, which overflows from |p| = 256. From |p| = 32 a single iteration escapes,
+    // and the estimate is r·ln(r)/3 to float precision.
+    vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
+    for (int i = 0; i < s->mandelbulb.iterations; i++) {
+        ACTIVE(LANES - v_count(escaped));
         COUNT(sdf_mandelbulb, iteration);
-        real x2 = x * x, y2 = y * y, z2 = z * z;
-        real k3 = x2 + z2, k4 = k3 - y2;
-        real per_k3 = both(set(1.0f) / k3, greater(k3, set(1e-36f))); // 0 on the axis
-        real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
-        real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
-        real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
-        x = mul_add(k2_sin4, cos4, p.x);      // p.x + k2·sin8
-        z = mul_add(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
-        y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
-        real slope =
-            mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
-        real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(escaped, m, grown);
-        dz = choose(escaped, dz, slope);
-        escaped = either(escaped, greater(m, set(s->bailout)));
-        if (bits(escaped) == (1 << LANES) - 1)
+        vfloat x2 = x * x, y2 = y * y, z2 = z * z;
+        vfloat k3 = x2 + z2, k4 = k3 - y2;
+        vfloat inv_k3 = v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3);
+        vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
+        vfloat cos2 = (x2 - z2) * inv_k3, sin2 = v_splat(2.0f) * (x * z) * inv_k3;
+        vfloat cos4 = v_nmadd(sin2 + sin2, sin2, v_splat(1.0f)), sin4 = (sin2 + sin2) * cos2;
+        vfloat k2 = v_splat(8.0f) * y * k4 * k1 * v_sqrt(k3), k2_sin4 = k2 * (sin4 + sin4);
+        x = v_madd(k2_sin4, cos4, p.x);      // p.x + k2·sin8
+        z = v_madd(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
+        y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, p.y));
+        // Last, because the next steps do not wait for its root.
+        vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), dz, v_splat(1.0f));
+        vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
+        m = v_select(escaped, m, grown);
+        dz = v_select(escaped, dz, slope);
+        escaped = v_or(escaped, v_cmp_gt(m, v_splat(s->mandelbulb.bailout)));
+        if (v_all(escaped))
             break;
     }
-    ACTIVE(LANES - __builtin_popcount((unsigned)bits(done) | (unsigned)bits(far)));
+    ACTIVE(LANES - v_count(v_or(done, far)));
     COUNT(sdf_mandelbulb, estimate);
-    real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
-    if (bits(far)) {
-        ACTIVE(__builtin_popcount((unsigned)bits(far) & ~(unsigned)bits(done)));
+    // The division does not depend on the logarithm, so both run at once.
+    vfloat distance = v_splat(0.25f) * v_sqrt(m) / dz * log_of(m);
+    if (v_any(far)) {
+        ACTIVE(v_count(v_andnot(done, far)));
         COUNT(sdf_mandelbulb, far);
-        real r = root(vec_dot(p, p));
-        distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
+        vfloat r = v_sqrt(vec_dot(p, p));
+        distance = v_select(far, r * log_of(r) * v_splat(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - count_of(done));
-    return both(distance, greater(m, set(0.0f))); // √m·ln m → 0 at the centre
+    ACTIVE(LANES - v_count(done));
+    return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated.
-__attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask done) {
-    switch (placed->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed, done);
+// The shape's distance at a point of its frame. Precondition: p lies in the central cell if the
+// shape is repeated.
+__attribute__((always_inline)) static inline vfloat
+distance_at(struct vec p, const struct primitive *primitive, vmask done) {
+    switch (primitive->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, primitive);
+    case SHAPE_BOX: return sdf_box(p, primitive);
+    case SHAPE_TORUS: return sdf_torus(p, primitive);
+    case SHAPE_CONE: return sdf_cone(p, primitive);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, primitive);
+    case SHAPE_PLANE: return sdf_plane(p, primitive);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, primitive);
+    default: return sdf_mandelbulb(p, primitive, done);
     }
 }
 
-// Distance to one shape at distance t along the rays.
-__attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
+// The distance to one shape at distance t along the rays.
+__attribute__((always_inline)) static inline vfloat
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *primitive,
+                  vmask done) {
     COUNT(distance_to_shape, call);
-    if (placed->way != AT_POINT) {
-        if (placed->way == POWER) {
+    if (primitive->eval != AT_POINT) {
+        if (primitive->eval == POWER) {
             COUNT(distance_to_shape, power);
-            return sdf_power(mul_add(t, t + a->slope, a->power), placed);
+            return sdf_power(v_madd(t, t + a->slope, a->power), primitive);
         }
         COUNT(distance_to_shape, linear);
-        return mul_add(t, a->direction.x, a->origin.x);
+        return v_madd(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (placed->repeated)
-        p = vec_wrapped(placed, p);
-    return distance_at(p, placed, done);
+    if (primitive->repeated)
+        p = vec_wrapped(primitive, p);
+    return distance_at(p, primitive, done);
 }
 
-// Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
-// may hold anything. Inlined by force: the march keeps its state in registers.
-__attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
-                                                      const struct prepared *scene, mask done,
-                                                      real *nearest) {
+// Returns the distance to the nearest shape at distance t along the rays. Unless `nearest` is NULL,
+// it gets the index of that shape, the first of equals. Lanes of `done` may return anything.
+// Always inlined, so that the march keeps its state in registers.
+__attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *rays, vfloat t,
+                                                        const struct prepared *scene, vmask done,
+                                                        vfloat *nearest) {
     COUNT(sdf, call);
-    real least = set(INFINITY);
+    vfloat closest = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
-        if (nearest) { // known where it is inlined
+        vfloat distance = distance_to_shape(&rays[i], t, &scene->primitives[i], done);
+        if (nearest) { // a constant after inlining
             COUNT(sdf, which);
-            *nearest = choose(less(distance, least), set(scene->placed[i].index), *nearest);
+            *nearest = v_select(v_cmp_lt(distance, closest), v_splat(scene->primitives[i].index),
+                                *nearest);
         }
-        least = least_of(distance, least);
+        closest = v_min(distance, closest);
     }
-    return least;
+    return closest;
 }
 
 #endif

@@ -1,16 +1,16 @@
-// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shading of hits: normals, light (B. T. Phong, "Illumination for computer generated pictures",
+// CACM 18 (1975)), mirrors by recursion, fog.
 #include "trace.h"
 
-// Materials of eight hits, gathered.
-struct surfaces {
+// The materials of eight hits.
+struct surface {
     struct vec color;
-    real reflectivity, shininess;
+    vfloat reflectivity, shininess;
 };
 
-static struct surfaces gather(real shape, mask found, const struct model *model) {
+static struct surface gather_surface(vfloat shape, vmask found, const struct model *model) {
     float id[LANES], values[5][LANES];
-    _mm256_storeu_ps(id, choose(found, shape, set(0.0f)));
+    _mm256_storeu_ps(id, v_select(found, shape, v_splat(0.0f)));
     for (int lane = 0; lane < LANES; lane++) {
         const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
         for (int i = 0; i < 3; i++)
@@ -18,301 +18,323 @@ static struct surfaces gather(real shape, mask found, const struct model *model)
         values[3][lane] = (float)m->reflectivity;
         values[4][lane] = (float)m->shininess;
     }
-    return (struct surfaces){
+    return (struct surface){
         {_mm256_loadu_ps(values[0]), _mm256_loadu_ps(values[1]), _mm256_loadu_ps(values[2])},
         _mm256_loadu_ps(values[3]),
         _mm256_loadu_ps(values[4])};
 }
 
-// Normals. The scene asks for forward differences of its distance over normal_step; in float they
-// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
-// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
-// step of an edge, the shape's difference stands; and where another shape is within reach of the
-// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
-// Gradients are in the world's axes in the end, and need not be of unit length.
-static struct vec box_gradient(struct vec p, const struct placed *s) {
+// Normals. By the scene's definition a normal is the forward difference of the scene's distance over
+// normal_step. In float that difference has noise in its third digit: an ulp of the point over 1e-4.
+// Three sources serve instead:
+// - the closed-form gradient of the shape, where it agrees with the difference within that noise;
+// - the difference of the shape's distance, elsewhere: within a step of an edge, on a Mandelbulb;
+// - the difference of the scene's distance, where another shape is within reach of the step.
+// The X_gradient functions work in the shape's axes. Their results need not be of unit length.
+static struct vec box_gradient(struct vec p, const struct primitive *s) {
     COUNT(box_gradient, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    real most = most_of(x, most_of(y, z));
-    // Outside: away from the nearest point. Inside: along the axis of the nearest face.
-    mask outside = greater(most, zero), on_x = not_less(x, most), on_y = not_less(y, most);
-    real one = set(1.0f);
-    struct vec face = {both(on_x, one), both(but_not(on_x, on_y), one),
-                       but_not(either(on_x, on_y), one)};
-    struct vec away = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    struct vec g = vec_choose(outside, away, face);
-    return (struct vec){with_sign_of(p.x, g.x), with_sign_of(p.y, g.y), with_sign_of(p.z, g.z)};
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->box.half_size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->box.half_size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->box.half_size[2]);
+    vfloat most = v_max(x, v_max(y, z));
+    // Outside, the gradient points away from the nearest point of the box. Inside, it follows the axis
+    // of the nearest face.
+    vmask outside = v_cmp_gt(most, zero), on_x = v_cmp_ge(x, most), on_y = v_cmp_ge(y, most);
+    vfloat one = v_splat(1.0f);
+    struct vec face = {v_select_or_zero(on_x, one), v_select_or_zero(v_andnot(on_x, on_y), one),
+                       v_zero_where(v_or(on_x, on_y), one)};
+    struct vec away = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    struct vec g = vec_select(outside, away, face);
+    return (struct vec){v_copysign(g.x, p.x), v_copysign(g.y, p.y), v_copysign(g.z, p.z)};
 }
 
-static struct vec torus_gradient(struct vec p, const struct placed *s) {
+static struct vec torus_gradient(struct vec p, const struct primitive *s) {
     COUNT(torus_gradient, call);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real outward = set(1.0f) - set(s->a) / most_of(radius, set(1e-30f));
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat outward =
+        v_splat(1.0f) - v_splat(s->torus.major_radius) / v_max(radius, v_splat(1e-30f));
     return (struct vec){p.x * outward, p.y, p.z * outward};
 }
 
-static struct vec cone_gradient(struct vec p, const struct placed *s) {
+static struct vec cone_gradient(struct vec p, const struct primitive *s) {
     COUNT(cone_gradient, call);
-    real zero = set(0.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c);
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1])) * set(-s->per_slope_sq);
-    real along = least_of(most_of(across, zero), set(1.0f));
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
-    mask beside = both(greater(across, zero), less(across, set(1.0f)));
-    real out = choose(beside, set(s->slope[1]), side_x),
-         up = choose(beside, set(-s->slope[0]), side_y);
-    mask cap = less(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    real cap_up = choose(greater(cap_x, zero), cap_y, set(1.0f)); // over the cap: straight up
-    out = choose(cap, cap_x, out);
-    up = choose(cap, with_sign_of(p.y, cap_up), up);
-    real per_radius = out / most_of(radius, set(1e-30f));
+    vfloat zero = v_splat(0.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat x = radius - v_splat(s->cone.top_radius), y = p.y - v_splat(s->cone.half_height);
+    vfloat rim =
+        v_select(v_cmp_lt(p.y, zero), v_splat(s->cone.bottom_radius), v_splat(s->cone.top_radius));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->cone.half_height);
+    vfloat across = v_madd(x, v_splat(s->cone.side[0]), y * v_splat(s->cone.side[1])) *
+                    v_splat(-s->cone.inv_side_sq);
+    vfloat along = v_min(v_max(across, zero), v_splat(1.0f));
+    vfloat side_x = v_madd(v_splat(s->cone.side[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->cone.side[1]), along, y);
+    // Beside the side, its own normal: the vector to the nearest point is noise on the surface.
+    vmask beside = v_and(v_cmp_gt(across, zero), v_cmp_lt(across, v_splat(1.0f)));
+    vfloat out = v_select(beside, v_splat(s->cone.side[1]), side_x),
+           up = v_select(beside, v_splat(-s->cone.side[0]), side_y);
+    vmask cap =
+        v_cmp_lt(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    vfloat cap_up =
+        v_select(v_cmp_gt(cap_x, zero), cap_y, v_splat(1.0f)); // over the cap: straight up
+    out = v_select(cap, cap_x, out);
+    up = v_select(cap, v_copysign(cap_up, p.y), up);
+    vfloat per_radius = out / v_max(radius, v_splat(1e-30f));
     return (struct vec){p.x * per_radius, up, p.z * per_radius};
 }
 
 static struct vec octahedron_gradient(struct vec p) {
     COUNT(octahedron_gradient, call);
-    real one = set(1.0f);
-    return (struct vec){with_sign_of(p.x, one), with_sign_of(p.y, one), with_sign_of(p.z, one)};
+    vfloat one = v_splat(1.0f);
+    return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
 }
 
-// The hit in the frame of one shape, and moved there by `step` along an axis of the world (a column
-// of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct placed *placed, const struct approach *approach, float step,
-                           int axis) {
-    COUNT(moved_in, call);
-    struct vec p = approach->origin;
+// The hit in the frame of one shape, moved by `step` along an axis of the world, which is a column of
+// the shape's matrix. Axis −1: not moved.
+static struct vec moved_point(const struct primitive *primitive, const struct local_ray *ray,
+                              float step, int axis) {
+    COUNT(moved_point, call);
+    struct vec p = ray->origin;
     if (axis < 0)
         return p;
-    COUNT(moved_in, moved);
-    COUNT(moved_in, scalar);
-    p = (struct vec){p.x + set(step * placed->turn[0][axis]),
-                     p.y + set(step * placed->turn[1][axis]),
-                     p.z + set(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
+    COUNT(moved_point, moved);
+    COUNT(moved_point, scalar);
+    p = (struct vec){p.x + v_splat(step * primitive->rotation[0][axis]),
+                     p.y + v_splat(step * primitive->rotation[1][axis]),
+                     p.z + v_splat(step * primitive->rotation[2][axis])};
+    return primitive->repeated ? vec_wrapped(primitive, p) : p;
 }
 
-static real moved_power(const struct placed *placed, const struct approach *approach, float step,
-                        int axis) {
+// The power of the moved hit with respect to a sphere.
+static vfloat moved_power(const struct primitive *primitive, const struct local_ray *ray,
+                          float step, int axis) {
     if (axis < 0)
-        return approach->power;
+        return ray->power;
     COUNT(moved_power, moved);
-    struct vec column = {set(placed->turn[0][axis]), set(placed->turn[1][axis]),
-                         set(placed->turn[2][axis])};
-    return mul_add(set(step), mul_add(set(2.0f), vec_dot(approach->origin, column), set(step)),
-                   approach->power);
+    struct vec column = {v_splat(primitive->rotation[0][axis]),
+                         v_splat(primitive->rotation[1][axis]),
+                         v_splat(primitive->rotation[2][axis])};
+    return v_madd(v_splat(step), v_madd(v_splat(2.0f), vec_dot(ray->origin, column), v_splat(step)),
+                  ray->power);
 }
 
-static real moved_distance(const struct placed *placed, const struct approach *approach, mask done,
-                           float step, int axis) {
+// The shape's distance at the moved hit.
+static vfloat moved_distance(const struct primitive *primitive, const struct local_ray *ray,
+                             vmask done, float step, int axis) {
     COUNT(moved_distance, call);
-    if (placed->way == POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == LINEAR) {
+    if (primitive->eval == POWER)
+        return sdf_power(moved_power(primitive, ray, step, axis), primitive);
+    if (primitive->eval == LINEAR) {
         if (axis < 0)
-            return approach->origin.x;
+            return ray->origin.x;
         COUNT(moved_distance, moved);
-        return mul_add(set(placed->normal[axis]), set(step), approach->origin.x);
+        return v_madd(v_splat(primitive->normal[axis]), v_splat(step), ray->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+    return distance_at(moved_point(primitive, ray, step, axis), primitive, done);
 }
 
-static struct vec difference(const struct placed *placed, const struct approach *approach,
-                             mask done, float step) {
+// Forward differences of one shape's distance.
+static struct vec difference(const struct primitive *primitive, const struct local_ray *ray,
+                             vmask done, float step) {
     COUNT(difference, call);
-    real f[4];
+    vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
+        f[axis + 1] = moved_distance(primitive, ray, done, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-// Of the whole scene, as in the other phases.
-static struct vec scene_difference(mask done, float step, const struct world *world) {
-    ACTIVE(LANES - count_of(done));
+// Forward differences of the scene's distance, as in the other phases.
+static struct vec scene_difference(vmask done, float step, const struct world *world) {
+    ACTIVE(LANES - v_count(done));
     COUNT(scene_difference, call);
-    real f[4];
+    vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
-        f[axis + 1] = set(INFINITY);
+        f[axis + 1] = v_splat(INFINITY);
         for (int i = 0; i < world->scene->model.shape_count; i++) {
             COUNT(scene_difference, shape);
-            f[axis + 1] = least_of(
-                moved_distance(&world->scene->placed[i], &world->approach[i], done, step, axis),
-                f[axis + 1]);
+            f[axis + 1] = v_min(moved_distance(&world->scene->primitives[i], &world->local_rays[i],
+                                               done, step, axis),
+                                f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-struct nearness near_hit(mask found, const struct world *world) {
+struct nearest_shape near_hit(vmask found, const struct world *world) {
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
     const struct prepared *scene = world->scene;
-    real least = set(INFINITY), second = least, shape = set(-1.0f);
+    vfloat closest = v_splat(INFINITY), second = closest, shape = v_splat(-1.0f);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(near_hit, shape);
-        const struct placed *placed = &scene->placed[i];
-        real distance = moved_distance(placed, &world->approach[i], not_in(found), 0, -1);
-        shape = choose(less(distance, least), set(placed->index), shape); // the first of equals
-        second = least_of(second, most_of(distance, least));
-        least = least_of(distance, least);
+        const struct primitive *primitive = &scene->primitives[i];
+        vfloat distance = moved_distance(primitive, &world->local_rays[i], v_not(found), 0, -1);
+        shape = v_select(v_cmp_lt(distance, closest), v_splat(primitive->index),
+                         shape); // the first of equals
+        second = v_min(second, v_max(distance, closest));
+        closest = v_min(distance, closest);
     }
     float step = (float)scene->model.march.normal_step;
-    return (struct nearness){least, choose(found, shape, set(-1.0f)),
-                             both(found, less(second, least + set(2.0f * step)))};
+    return (struct nearest_shape){closest, v_select(found, shape, v_splat(-1.0f)),
+                                  v_and(found, v_cmp_lt(second, closest + v_splat(2.0f * step)))};
 }
 
-// `contact`: hits near another shape, whose difference is the scene's.
-static struct vec gradient_of(int shape, mask found, mask contact, float step,
+// The gradient of the distance at the hits on one shape, in world axes. In `contact`, another shape is
+// near and the difference of the scene decides.
+static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct world *world) {
-    ACTIVE(count_of(found));
+    ACTIVE(v_count(found));
     COUNT(gradient_of, call);
-    const struct placed *placed = &world->scene->placed[shape];
-    const struct approach *approach = &world->approach[shape];
-    mask near = both(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1);
-    if (placed->way == LINEAR) // it has a height alone
-        p.y = p.z = set(0.0f);
+    const struct primitive *primitive = &world->scene->primitives[shape];
+    const struct local_ray *ray = &world->local_rays[shape];
+    vmask near = v_and(found, contact);
+    struct vec p = moved_point(primitive, ray, 0, -1);
+    if (primitive->eval == LINEAR) // its local ray has one coordinate
+        p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
-    if (placed->way != LINEAR && bits(but_not(contact, found)))
-        rounded = difference(placed, approach, not_in(found), step);
-    if (bits(near))
-        rounded = vec_choose(near, scene_difference(not_in(near), step, world), rounded);
-    ACTIVE(count_of(found)); // what was called has set its own
-    switch (placed->type) {
+    if (primitive->eval != LINEAR && v_any(v_andnot(contact, found)))
+        rounded = difference(primitive, ray, v_not(found), step);
+    if (v_any(near))
+        rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
+    ACTIVE(v_count(found)); // again, because the calls above have set their own
+    switch (primitive->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
-    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
+    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, primitive); break;
+    case SHAPE_TORUS: exact = torus_gradient(p, primitive); break;
+    case SHAPE_CONE: exact = cone_gradient(p, primitive); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(placed->size); break;
+    case SHAPE_PLANE: exact = vec_set(primitive->plane.normal); break;
     default: return rounded;
     }
     COUNT(gradient_of, closed);
     COUNT(gradient_of, scalar);
-    exact = turned_back(placed, exact);
-    exact = vec_scale(exact, set(1.0f) / vec_norm(exact));
-    rounded = vec_scale(rounded, set(1.0f / step));
-    struct vec apart = vec_along(rounded, exact, set(-1.0f));
-    real size = most_of(absolute(p.x), most_of(absolute(p.y), absolute(p.z)));
-    real noise = mul_add(size, set(0x1p-20f / step), set(1e-3f)); // 16 half ulps, and curvature
-    mask edge = both(greater(vec_dot(apart, apart), noise * noise), less(noise, set(0.5f)));
-    if (placed->way == LINEAR) // its own difference is the closed form
-        edge = both(edge, near);
-    return vec_choose(edge, rounded, exact);
+    exact = turned_back(primitive, exact);
+    exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
+    rounded = vec_scale(rounded, v_splat(1.0f / step));
+    struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
+    vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));
+    vfloat noise =
+        v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
+    vmask edge =
+        v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
+    if (primitive->eval == LINEAR) // the plane's own difference is the closed form
+        edge = v_and(edge, near);
+    return vec_select(edge, rounded, exact);
 }
 
-// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
-// difference instead, which at an edge or through a thin plate is no slope to divide by.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct world *world, real *slope) {
+// Evaluates one gradient for each shape that the packet hits.
+struct vec normal_at(struct vec direction, vmask found, const struct nearest_shape *near,
+                     const struct world *world, vfloat *slope) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)world->scene->model.march.normal_step;
     _mm256_storeu_ps(id, near->shape);
-    struct vec gradient = {set(0.0f), set(0.0f), set(0.0f)};
-    for (int rest = bits(found); rest;) {
-        ACTIVE(count_of(found));
+    struct vec gradient = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    for (unsigned lanes = v_mask_bits(found); lanes;) {
+        ACTIVE(v_count(found));
         COUNT(normal_at, shape);
-        int i = (int)id[__builtin_ctz((unsigned)rest)];
-        mask same = both(found, not_less(set(0.5f), absolute(near->shape - set((float)i))));
-        gradient = vec_choose(same, gradient_of(i, same, near->contact, step, world), gradient);
-        rest &= ~bits(same);
+        int i = (int)id[__builtin_ctz(lanes)];
+        vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
+        gradient = vec_select(same, gradient_of(i, same, near->contact, step, world), gradient);
+        lanes &= ~v_mask_bits(same);
     }
-    ACTIVE(count_of(found));
-    real length = vec_norm(gradient);
-    real along = vec_dot(direction, gradient);
-    *slope = choose(less(absolute(length - set(1.0f)), set(1e-4f)), absolute(along), set(1e30f));
-    mask away = greater(along, set(0.0f));
-    struct vec n = vec_scale(gradient, negate_where(away, set(1.0f) / length));
-    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
-    mask clear = both(greater(length, set(1e-18f)), less(length, set(1e18f)));
-    n = vec_choose(clear, n, vec_scale(direction, set(-1.0f)));
-    return (struct vec){both(found, n.x), both(found, n.y), both(found, n.z)};
+    ACTIVE(v_count(found));
+    vfloat length = vec_norm(gradient);
+    vfloat along = vec_dot(direction, gradient);
+    *slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
+                      v_splat(1e30f));
+    vmask backfacing = v_cmp_gt(along, v_splat(0.0f));
+    struct vec n = vec_scale(gradient, v_negate_where(backfacing, v_splat(1.0f) / length));
+    // Where the gradient vanishes, as at a centre, the normal points back along the ray. The square of
+    // 1e-18 is still a normal float.
+    vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
+    n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
+    return (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
+                        v_select_or_zero(found, n.z)};
 }
 
-static struct vec from_to(struct place from, const double to[3]) {
+// to − from, exact to an ulp of the difference.
+static struct vec vec_between(struct point from, const double to[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
         split(to[i], &hi[i], &lo[i]);
-    return vec_scale(place_sub(from, hi, lo), set(-1.0f));
+    return vec_scale(place_sub(from, hi, lo), v_splat(-1.0f));
 }
 
-static struct vec light_at(struct place p, struct vec n, struct vec direction, mask found,
-                           const struct surfaces *surface, const struct world *world) {
+// The light from the hits towards the camera: ambient, diffuse and specular.
+static struct vec light_at(struct point p, struct vec n, struct vec direction, vmask found,
+                           const struct surface *surface, const struct world *world) {
     COUNT(light_at, call);
     COUNT(light_at, scalar);
-    real zero = set(0.0f);
-    struct vec base = surface->color;
-    struct vec to_light = from_to(p, world->view->light_position);
-    real distance = vec_norm(to_light);
-    to_light = vec_scale(to_light, set(1.0f) / distance);
-    real facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
-    mask lit = both(found, both(greater(facing, zero), greater(distance, zero)));
-    struct vec color = vec_scale(base, set(0.01f)); // ambient
-    if (!bits(lit))
+    vfloat zero = v_splat(0.0f);
+    struct vec albedo = surface->color;
+    struct vec to_light = vec_between(p, world->view->light_position);
+    vfloat distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
+    vfloat cos_light = vec_dot(n, to_light);
+    // No shadow ray where the surface faces away, because both terms are zero there, or where the light
+    // lies on the surface and has no direction.
+    vmask lit = v_and(found, v_and(v_cmp_gt(cos_light, zero), v_cmp_gt(distance, zero)));
+    struct vec color = vec_scale(albedo, v_splat(0.01f)); // ambient
+    if (!v_any(lit))
         return color;
-    ACTIVE(count_of(lit));
+    ACTIVE(v_count(lit));
     COUNT(light_at, lit);
-    real reach = shadow(p, to_light, distance, lit, world) / distance;
-    ACTIVE(count_of(lit));
-    // Of the light's direction: minus the paper's R.
-    real shine = vec_dot(vec_reflect(to_light, n), direction);
-    real specular = set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess);
-    specular = both(specular, greater(shine, zero));
+    vfloat attenuation = shadow(p, to_light, distance, lit, world) / distance;
+    ACTIVE(v_count(lit));
+    // The reflection of the direction to the light, which is minus the paper's R.
+    vfloat cos_mirror = vec_dot(vec_reflect(to_light, n), direction);
+    vfloat specular =
+        v_splat(0.2f) * power_of(v_max(cos_mirror, v_splat(1e-30f)), surface->shininess);
+    specular = v_select_or_zero(v_cmp_gt(cos_mirror, zero), specular);
     const double *e = world->view->light_emission;
-    struct vec emission = {set((float)e[0]), set((float)e[1]), set((float)e[2])};
-    struct vec bright = {mul_add(emission.x * mul_add(base.x, facing, specular), reach, color.x),
-                         mul_add(emission.y * mul_add(base.y, facing, specular), reach, color.y),
-                         mul_add(emission.z * mul_add(base.z, facing, specular), reach, color.z)};
-    return vec_choose(lit, bright, color);
+    struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
+    struct vec lit_color = {
+        v_madd(emission.x * v_madd(albedo.x, cos_light, specular), attenuation, color.x),
+        v_madd(emission.y * v_madd(albedo.y, cos_light, specular), attenuation, color.y),
+        v_madd(emission.z * v_madd(albedo.z, cos_light, specular), attenuation, color.z)};
+    return vec_select(lit, lit_color, color);
 }
 
-void trace(struct place origin, struct vec direction, mask active, int bounce,
+void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result) {
-    ACTIVE(count_of(active));
+    ACTIVE(v_count(active));
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
-    struct vec background = {set((float)b[0]), set((float)b[1]), set((float)b[2])};
+    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
     *result = (struct shaded){.color = background};
     ray_march(origin, direction, active, world, &result->hit);
-    mask found = result->hit.found;
-    if (!bits(found))
+    vmask found = result->hit.found;
+    if (!v_any(found))
         return;
-    ACTIVE(count_of(found));
-    struct place p = result->hit.point;
+    ACTIVE(v_count(found));
+    struct point p = result->hit.point;
     struct vec n = result->hit.normal;
-    struct surfaces surface = gather(result->hit.shape, found, model);
+    struct surface surface = gather_surface(result->hit.shape, found, model);
     struct vec color = light_at(p, n, direction, found, &surface, world);
-    ACTIVE(count_of(found));
+    ACTIVE(v_count(found));
     if (model->features.mirrors && bounce < model->march.max_bounces) {
         COUNT(trace, mirrors);
-        // One reflective ray makes the call; the others are masked out of it and of its colour.
-        mask mirror = both(found, greater(surface.reflectivity, set(0.0f)));
-        if (bits(mirror)) {
-            ACTIVE(count_of(mirror));
+        // One ray on a mirror is enough for the call. The other lanes are inactive in it.
+        vmask mirror = v_and(found, v_cmp_gt(surface.reflectivity, v_splat(0.0f)));
+        if (v_any(mirror)) {
+            ACTIVE(v_count(mirror));
             COUNT(trace, mirrored);
-            struct place start = place_at(p, n, set((float)model->march.surface_offset), set(0.0f));
-            struct shaded seen;
-            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
-            real share = both(mirror, surface.reflectivity * set(0.1f));
-            color = vec_along(color, vec_choose(mirror, seen.color, color), share);
+            struct point start =
+                place_at(p, n, v_splat((float)model->march.surface_offset), v_splat(0.0f));
+            struct shaded reflected;
+            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &reflected);
+            vfloat share = v_select_or_zero(mirror, surface.reflectivity * v_splat(0.1f));
+            color = vec_along(color, vec_select(mirror, reflected.color, color), share);
         }
     }
-    ACTIVE(count_of(found));
+    ACTIVE(v_count(found));
     if (model->features.fog) {
         COUNT(trace, fog);
-        real far_sq = vec_dot(p.hi, p.hi);
-        color = vec_scale(color, exp_of(set((float)-model->fog) * far_sq * root(far_sq)));
+        vfloat far_sq = vec_dot(p.hi, p.hi);
+        color = vec_scale(color, exp_of(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
     }
-    result->color = vec_choose(found, color, background);
+    result->color = vec_select(found, color, background);
 }

@@ -1,4 +1,4 @@
-// What render.c, march.c and shade.c call of each other.
+// What render.c, march.c and shade.c call of each other. A packet is eight rays.
 #ifndef OPT4_TRACE_H
 #define OPT4_TRACE_H
 
@@ -7,16 +7,16 @@
 struct world {
     const struct prepared *scene;
     const struct view *view;
-    struct approach *approach; // one per shape: of the rays being marched now
+    struct local_ray *local_rays; // one per shape: those of the packet under way
 };
 
 struct hit {
-    mask found;
-    real t; // distance along the ray
-    struct place point;
-    struct vec normal; // towards the ray; 0 where not found
-    real shape;        // a whole number; −1 where not found
-    real evals;        // evaluations of the scene's distance
+    vmask found;
+    vfloat t; // distance along the ray
+    struct point point;
+    struct vec normal; // towards the ray's origin; 0 where not found
+    vfloat shape;      // an integer; −1 where not found
+    vfloat evals;      // evaluations of the scene's distance
 };
 
 struct shaded {
@@ -24,23 +24,37 @@ struct shaded {
     struct hit hit;
 };
 
-// Only lanes of `active` are marched, shaded and written; the others may hold anything.
-void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
-               struct hit *hit);
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world);
-// What a hit's place says, once it is the origin of world->approach: more exactly than the march,
-// which has rounded origin and direction in the frames of all shapes.
-struct nearness {
-    real distance, shape; // of the nearest
-    mask contact;         // another shape is within two normal steps of it
+// The shapes near a hit.
+struct nearest_shape {
+    vfloat distance, shape; // of the nearest one
+    vmask contact;          // another shape is within two normal steps of it
 };
 
-struct nearness near_hit(mask found, const struct world *world);
-// Of hits that are the origins of world->approach, and the slope there.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct world *world, real *slope);
-void trace(struct place origin, struct vec direction, mask active, int bounce,
+// Marches a packet to its first hits and finds their normals. Afterwards the hits are the origins of
+// world->local_rays. Only lanes of `active` are valid in `hit`.
+void ray_march(struct point origin, struct vec direction, vmask active, const struct world *world,
+               struct hit *hit);
+
+// Returns the light that reaches each point, by the scene's kind of shadows: 0 in shadow, 1 lit, and
+// between them in the penumbra of a soft shadow. `distance` is the light's. Precondition: the points
+// are the origins of world->local_rays. Only lanes of `active` are valid.
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct world *world);
+
+// Returns the nearest shape of each hit. Precondition: the hits are the origins of world->local_rays.
+// It is more exact than the march, whose origins and directions are rounded in each shape's frame.
+struct nearest_shape near_hit(vmask found, const struct world *world);
+
+// Returns the unit normals of the hits, on the side of the incoming ray, and 0 in other lanes. `slope`
+// gets how fast the distance falls along the ray where the gradient has a closed form, else 1e30:
+// a difference quotient at an edge or through a thin plate is no slope to divide by. Precondition: the
+// hits are the origins of world->local_rays.
+struct vec normal_at(struct vec direction, vmask found, const struct nearest_shape *near,
+                     const struct world *world, vfloat *slope);
+
+// Traces a packet and its reflections, up to the scene's number of bounces, and shades its hits. Only
+// lanes of `active` are valid in `result`.
+void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
 
 #endif

@@ -1,5 +1,5 @@
-// Persistent workers that sleep on a condition variable between frames and draw tiles from one
-// atomic counter. Which worker draws which tile differs from frame to frame; what is in it does not.
+// Persistent workers: they sleep on a condition variable between frames and take tiles from one atomic
+// counter. Which worker draws a tile differs from frame to frame; its pixels do not.
 #include "threads.h"
 
 #include <pthread.h>
@@ -12,28 +12,29 @@
 #include <string.h>
 
 struct worker {
-    struct team *team;
-    void *own; // NULL: memory was short
+    struct workers *workers;
+    void *scratch; // NULL: memory was short
     pthread_t thread;
-    int cpu;   // to be pinned to; −1: not known which there are
-    int error; // of pinning
+    int cpu;   // the CPU to pin it to; −1: the CPUs are unknown
+    int error; // from pinning, 0: pinned
 };
 
-struct team {
-    // Hot: everyone writes it at every tile.
-    alignas(APART) atomic_int next;
-    // Cold: a few times a frame, under the lock.
-    alignas(APART) pthread_mutex_t lock;
+struct workers {
+    // Hot: every worker writes it at every tile.
+    alignas(WORKERS_APART) atomic_int next;
+    // Cold: written a few times a frame, under the lock.
+    alignas(WORKERS_APART) pthread_mutex_t lock;
     pthread_cond_t begin, rest;
     const void *job;
     int tiles;
     int ready;           // workers that have started
     int busy;            // workers that have joined the frame and not yet left it
     unsigned long frame; // its number: each worker joins it once
-    bool open;           // it may be joined
-    bool ending, stated; // that a thread is not pinned
-    int count;           // workers, the caller as the first
-    size_t own_size;
+    bool open;           // workers may join the frame
+    bool ending;         // workers shall end
+    bool stated;         // an unpinned thread has been reported
+    int count;           // workers, the caller is the first
+    size_t scratch_size;
     struct worker worker[];
 };
 
@@ -44,8 +45,8 @@ static int pin(int cpu) {
     return pthread_setaffinity_np(pthread_self(), sizeof one, &one);
 }
 
-// The CPUs that this process may use by turns, the caller's own first.
-static void assign_cpus(struct team *team) {
+// Assigns the CPUs that this process may use to the workers in turn, the caller's own CPU first.
+static void assign_cpus(struct workers *workers) {
     cpu_set_t allowed;
     int cpus[CPU_SETSIZE], count = 0, first = 0, here = sched_getcpu();
     int error = pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed);
@@ -54,150 +55,154 @@ static void assign_cpus(struct team *team) {
             first = cpu == here ? count : first;
             cpus[count++] = cpu;
         }
-    for (int i = 0; i < team->count; i++) {
-        team->worker[i].cpu = error ? -1 : cpus[(first + i) % count];
-        team->worker[i].error = error;
+    for (int i = 0; i < workers->count; i++) {
+        workers->worker[i].cpu = error ? -1 : cpus[(first + i) % count];
+        workers->worker[i].error = error;
     }
 }
 
-// By the thread that will use it, once it is where it stays: memory is near the core that touches
-// it first.
-static void *own_memory(size_t size) {
-    size_t whole = (size / APART + 1) * APART;
-    void *own = aligned_alloc(APART, whole);
-    return own ? memset(own, 0, whole) : NULL;
+// Called by the thread that will use the memory, after pinning: Linux places a page near the core that
+// touches it first.
+static void *scratch_memory(size_t size) {
+    size_t whole = (size / WORKERS_APART + 1) * WORKERS_APART;
+    void *scratch = aligned_alloc(WORKERS_APART, whole);
+    return scratch ? memset(scratch, 0, whole) : NULL;
 }
 
-static void draw_tiles(struct team *team, void *own) {
-    // The lock has published what a tile needs; the counter only has to count.
-    for (int tile;
-         (tile = atomic_fetch_add_explicit(&team->next, 1, memory_order_relaxed)) < team->tiles;)
-        render_tile(team->job, tile, own);
+static void draw_tiles(struct workers *workers, void *scratch) {
+    // The lock has published the job, so the counter needs no memory order.
+    for (int tile; (tile = atomic_fetch_add_explicit(&workers->next, 1, memory_order_relaxed)) <
+                   workers->tiles;)
+        render_tile(workers->job, tile, scratch);
 }
 
+// A worker's thread: waits for a frame, draws tiles, and waits again.
 static void *live(void *argument) {
     struct worker *self = argument;
-    struct team *team = self->team;
+    struct workers *workers = self->workers;
     if (self->cpu >= 0)
         self->error = pin(self->cpu);
-    self->own = own_memory(team->own_size);
-    pthread_mutex_lock(&team->lock);
-    team->ready++;
-    pthread_cond_signal(&team->rest);
+    self->scratch = scratch_memory(workers->scratch_size);
+    pthread_mutex_lock(&workers->lock);
+    workers->ready++;
+    pthread_cond_signal(&workers->rest);
     for (unsigned long seen = 0;;) {
-        while (!team->ending && (!team->open || team->frame == seen))
-            pthread_cond_wait(&team->begin, &team->lock);
-        if (team->ending)
+        while (!workers->ending && (!workers->open || workers->frame == seen))
+            pthread_cond_wait(&workers->begin, &workers->lock);
+        if (workers->ending)
             break;
-        seen = team->frame;
-        team->busy++;
-        pthread_mutex_unlock(&team->lock);
-        draw_tiles(team, self->own);
-        pthread_mutex_lock(&team->lock);
-        if (--team->busy == 0)
-            pthread_cond_signal(&team->rest);
+        seen = workers->frame;
+        workers->busy++;
+        pthread_mutex_unlock(&workers->lock);
+        draw_tiles(workers, self->scratch);
+        pthread_mutex_lock(&workers->lock);
+        if (--workers->busy == 0)
+            pthread_cond_signal(&workers->rest);
     }
-    pthread_mutex_unlock(&team->lock);
-    free(self->own);
+    pthread_mutex_unlock(&workers->lock);
+    free(self->scratch);
     return NULL;
 }
 
-// Starts all but the caller and waits until they sleep. Fewer than asked for do the whole work.
-static void start_workers(struct team *team) {
-    int wanted = team->count, started = 1, error = 0;
+// Starts all workers but the caller and waits until they sleep. If fewer threads start than requested,
+// these do the whole work.
+static void start_workers(struct workers *workers) {
+    int wanted = workers->count, started = 1, error = 0;
     for (; started < wanted && !error; started += !error)
-        error = pthread_create(&team->worker[started].thread, NULL, live, &team->worker[started]);
-    pthread_mutex_lock(&team->lock);
-    team->count = started;
-    while (team->ready < started - 1)
-        pthread_cond_wait(&team->rest, &team->lock);
-    pthread_mutex_unlock(&team->lock);
+        error =
+            pthread_create(&workers->worker[started].thread, NULL, live, &workers->worker[started]);
+    pthread_mutex_lock(&workers->lock);
+    workers->count = started;
+    while (workers->ready < started - 1)
+        pthread_cond_wait(&workers->rest, &workers->lock);
+    pthread_mutex_unlock(&workers->lock);
     if (error)
         fprintf(stderr,
                 "opt5_threads: %d of %d threads could be had (%s); they do the whole work\n",
                 started, wanted, strerror(error));
 }
 
-static void state_unpinned(struct team *team, int failed, int error) {
-    if (failed > 0 && !team->stated)
+static void state_unpinned(struct workers *workers, int failed, int error) {
+    if (failed > 0 && !workers->stated)
         fprintf(stderr,
                 "opt5_threads: %d of %d threads cannot be pinned (%s); they go on unpinned\n",
-                failed, team->count, strerror(error));
-    team->stated = team->stated || failed > 0;
+                failed, workers->count, strerror(error));
+    workers->stated = workers->stated || failed > 0;
 }
 
-struct team *team_start(int threads, size_t own_size) {
-    size_t size = sizeof(struct team) + (size_t)threads * sizeof(struct worker);
-    struct team *team = aligned_alloc(APART, (size + APART - 1) / APART * APART);
-    if (!team)
+struct workers *workers_start(int threads, size_t scratch_size) {
+    size_t size = sizeof(struct workers) + (size_t)threads * sizeof(struct worker);
+    struct workers *workers =
+        aligned_alloc(WORKERS_APART, (size + WORKERS_APART - 1) / WORKERS_APART * WORKERS_APART);
+    if (!workers)
         return NULL;
-    memset(team, 0, size);
-    pthread_mutex_init(&team->lock, NULL); // these three cannot fail here: glibc's never do
-    pthread_cond_init(&team->begin, NULL);
-    pthread_cond_init(&team->rest, NULL);
-    team->count = threads;
-    team->own_size = own_size;
+    memset(workers, 0, size);
+    pthread_mutex_init(&workers->lock, NULL); // these three cannot fail here: glibc's never do
+    pthread_cond_init(&workers->begin, NULL);
+    pthread_cond_init(&workers->rest, NULL);
+    workers->count = threads;
+    workers->scratch_size = scratch_size;
     for (int i = 0; i < threads; i++)
-        team->worker[i].team = team;
-    team->worker[0].own = own_memory(own_size);
+        workers->worker[i].workers = workers;
+    workers->worker[0].scratch = scratch_memory(scratch_size);
     if (threads > 1) {
-        assign_cpus(team);
-        start_workers(team);
+        assign_cpus(workers);
+        start_workers(workers);
     }
     int failed = 0, error = 0;
-    for (int i = 1; i < team->count; i++)
-        if (team->worker[i].error) {
+    for (int i = 1; i < workers->count; i++)
+        if (workers->worker[i].error) {
             failed++;
-            error = team->worker[i].error;
+            error = workers->worker[i].error;
         }
-    state_unpinned(team, failed, error);
-    for (int i = 0; i < team->count; i++)
-        if (!team->worker[i].own) {
-            team_end(team);
+    state_unpinned(workers, failed, error);
+    for (int i = 0; i < workers->count; i++)
+        if (!workers->worker[i].scratch) {
+            workers_end(workers);
             return NULL;
         }
-    return team;
+    return workers;
 }
 
-void team_run(struct team *team, const void *job, int tiles) {
-    struct worker *self = &team->worker[0];
-    pthread_mutex_lock(&team->lock);
-    team->job = job;
-    team->tiles = tiles;
-    atomic_store_explicit(&team->next, 0, memory_order_relaxed);
-    team->frame++;
-    team->open = true;
-    pthread_cond_broadcast(&team->begin);
-    pthread_mutex_unlock(&team->lock);
-    // The caller is pinned for the frame only: afterwards it is its owner's again.
+void workers_run(struct workers *workers, const void *job, int tiles) {
+    struct worker *self = &workers->worker[0];
+    pthread_mutex_lock(&workers->lock);
+    workers->job = job;
+    workers->tiles = tiles;
+    atomic_store_explicit(&workers->next, 0, memory_order_relaxed);
+    workers->frame++;
+    workers->open = true;
+    pthread_cond_broadcast(&workers->begin);
+    pthread_mutex_unlock(&workers->lock);
+    // The caller is pinned for the frame only: its thread belongs to the program.
     cpu_set_t before;
     bool pinned = false;
-    if (team->count > 1 && self->cpu >= 0 &&
+    if (workers->count > 1 && self->cpu >= 0 &&
         pthread_getaffinity_np(pthread_self(), sizeof before, &before) == 0) {
         int error = pin(self->cpu);
         pinned = error == 0;
-        state_unpinned(team, !pinned, error);
+        state_unpinned(workers, !pinned, error);
     }
-    draw_tiles(team, self->own);
+    draw_tiles(workers, self->scratch);
     if (pinned)
         pthread_setaffinity_np(pthread_self(), sizeof before, &before);
-    pthread_mutex_lock(&team->lock);
-    team->open = false; // who has not woken by now need not
-    while (team->busy > 0)
-        pthread_cond_wait(&team->rest, &team->lock);
-    pthread_mutex_unlock(&team->lock);
+    pthread_mutex_lock(&workers->lock);
+    workers->open = false; // a worker that has not woken yet need not
+    while (workers->busy > 0)
+        pthread_cond_wait(&workers->rest, &workers->lock);
+    pthread_mutex_unlock(&workers->lock);
 }
 
-void team_end(struct team *team) {
-    pthread_mutex_lock(&team->lock);
-    team->ending = true;
-    pthread_cond_broadcast(&team->begin);
-    pthread_mutex_unlock(&team->lock);
-    for (int i = 1; i < team->count; i++)
-        pthread_join(team->worker[i].thread, NULL);
-    free(team->worker[0].own);
-    pthread_cond_destroy(&team->rest);
-    pthread_cond_destroy(&team->begin);
-    pthread_mutex_destroy(&team->lock);
-    free(team);
+void workers_end(struct workers *workers) {
+    pthread_mutex_lock(&workers->lock);
+    workers->ending = true;
+    pthread_cond_broadcast(&workers->begin);
+    pthread_mutex_unlock(&workers->lock);
+    for (int i = 1; i < workers->count; i++)
+        pthread_join(workers->worker[i].thread, NULL);
+    free(workers->worker[0].scratch);
+    pthread_cond_destroy(&workers->rest);
+    pthread_cond_destroy(&workers->begin);
+    pthread_mutex_destroy(&workers->lock);
+    free(workers);
 }

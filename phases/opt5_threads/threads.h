@@ -1,26 +1,29 @@
-// A team of workers that stays from phase_prepare to phase_release: the caller and threads − 1 more,
-// each on a core of its own as long as there are enough, asleep between frames.
+// Workers that live from phase_prepare to phase_release: the caller and threads − 1 more threads. Each
+// is pinned to a core of its own, as long as there are enough. Between frames they sleep.
 #ifndef OPT5_THREADS_THREADS_H
 #define OPT5_THREADS_THREADS_H
 
 #include <stddef.h>
 
-// Two cache lines: L2's prefetcher fetches them in pairs, which is false sharing once more.
-enum { APART = 128 };
+// Two cache lines. The L2 prefetcher fetches lines in pairs, so that neighbours would share falsely.
+enum { WORKERS_APART = 128 };
 
-struct team;
+struct workers;
 
-// render.c's: one tile of a job; `own` is the worker's and nobody else's. Called by its name: what
-// counts calls sees who calls whom.
-void render_tile(const void *job, int tile, void *own);
+// Draws one tile of a job; defined in render.c. `scratch` is memory that only this worker uses. The
+// workers call it by name, not by a pointer, so that a profile shows who calls whom.
+void render_tile(const void *job, int tile, void *scratch);
 
-// Each worker gets `own_size` bytes of its own. NULL when memory is short. A worker that cannot be
-// started or pinned is stated on standard error; the others do its share, or it runs unpinned.
-struct team *team_start(int threads, size_t own_size);
+// Returns the workers, or NULL when memory is short. Each has `scratch_size` bytes of scratch memory,
+// zeroed. A worker that cannot be started or pinned is reported on standard error: the others do its
+// share, or it runs unpinned.
+struct workers *workers_start(int threads, size_t scratch_size);
 
-// Tiles 0 … tiles − 1, each once, by whoever is free; returns when all are done.
-void team_run(struct team *team, const void *job, int tiles);
+// Draws the tiles 0 ... tiles − 1, each once, and returns when all are done. A free worker takes the
+// next tile, so that tiles of unequal cost keep all cores busy.
+void workers_run(struct workers *workers, const void *job, int tiles);
 
-void team_end(struct team *team);
+// Ends the threads and frees their memory.
+void workers_end(struct workers *workers);
 
 #endif

@@ -12,7 +12,7 @@ BASE = "baseline"
 # What a function is for, in all phases: its name, or with * how that begins; the first that fits counts.
 TERMS = {
     "into the shape's frame": """
-        apply_transform rotate_point approach* wrap* turned* distance_to_shape coordinate vec_wrapped
+        apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate vec_wrapped
         stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
     """,
     "vector library": """
@@ -203,7 +203,7 @@ def readings(declared: Iterable[Row]) -> list[Row]:
         if steps := functions.get("sdf_mandelbulb", {}).get("parts", {}).get("step"):
             per_lane = {(c.function, c.part): c.per_lane for c in declared_costs}
             keys = [("sdf_mandelbulb", "step"), ("sdf_mandelbulb", "off_axis")]
-            keys += [("vec_add", "call"), ("vec_dot", "call")]  # what a step calls
+            keys += [("vec_dot", "call")]  # what a step calls
             step = sum(sum(per_lane[key].values()) - per_lane[key]["compare"] for key in keys)
             bulbs = functions["sdf_mandelbulb"]["calls"]
             shapes = registry.find_scene(one["scene"]).data["shapes"]

@@ -16,7 +16,7 @@
 
 enum { STRIDE = 997 };
 
-typedef real (*phase_function)(real);
+typedef vfloat (*phase_function)(vfloat);
 typedef V (*bench_function)(V);
 
 static __m256 floats_from(uint32_t bits) {

@@ -26,8 +26,8 @@ static double ulps(float got, double exact) {
 typedef double (*exact_function)(double);
 
 // The largest error over the floats whose bits are first, first + stride, … up to last.
-static double largest_error(real (*f)(real), exact_function exact, uint32_t first, uint32_t last,
-                            uint32_t stride) {
+static double largest_error(vfloat (*f)(vfloat), exact_function exact, uint32_t first,
+                            uint32_t last, uint32_t stride) {
     double largest = 0;
     for (uint64_t i = first; i <= last; i += (uint64_t)LANES * stride) {
         float in[LANES], out[LANES];
@@ -67,7 +67,7 @@ static void test_exp(void **state) {
     assert_true(positive <= 1.5);
 }
 
-static float lane0(real a) {
+static float lane0(vfloat a) {
     return _mm256_cvtss_f32(a);
 }
 
@@ -76,14 +76,14 @@ static void test_ends(void **state) {
     // What a renderer may feed them: never NaN or infinity out of finite arguments.
     const float inputs[] = {0.0f, 1e-45f, 1e-38f, 3.4e38f, -1e30f, 1e30f};
     for (size_t i = 0; i < sizeof inputs / sizeof *inputs; i++) {
-        assert_true(isfinite(lane0(exp_of(set(inputs[i])))));
+        assert_true(isfinite(lane0(exp_of(v_splat(inputs[i])))));
         if (inputs[i] >= 0)
-            assert_true(isfinite(lane0(log_of(set(inputs[i])))));
+            assert_true(isfinite(lane0(log_of(v_splat(inputs[i])))));
     }
-    assert_true(lane0(exp_of(set(0.0f))) == 1.0f);
-    assert_true(lane0(log_of(set(1.0f))) == 0.0f);
-    assert_true(lane0(power_of(set(0.0f), set(15.0f))) < 1e-30f);
-    assert_true(fabs(lane0(power_of(set(0.5f), set(15.0f))) * 32768.0 - 1) < 1e-5);
+    assert_true(lane0(exp_of(v_splat(0.0f))) == 1.0f);
+    assert_true(lane0(log_of(v_splat(1.0f))) == 0.0f);
+    assert_true(lane0(power_of(v_splat(0.0f), v_splat(15.0f))) < 1e-30f);
+    assert_true(fabs(lane0(power_of(v_splat(0.5f), v_splat(15.0f))) * 32768.0 - 1) < 1e-5);
 }
 
 // place_at keeps what float drops: the end point of origin + (t + dt)·direction to 2^-44 of its
@@ -100,9 +100,10 @@ static void test_place(void **state) {
         }
         float origin = 50 * v[0], lo = origin * 0x1p-25f * v[1], t = 40 * fabsf(v[2]);
         float direction = v[3], dt = 1e-6f * t * v[4];
-        struct place from = {{set(origin), set(0.0f), set(0.0f)}, {set(lo), set(0.0f), set(0.0f)}};
-        struct vec along = {set(direction), set(0.0f), set(0.0f)};
-        struct place p = place_at(from, along, set(t), set(dt));
+        struct point from = {{v_splat(origin), v_splat(0.0f), v_splat(0.0f)},
+                             {v_splat(lo), v_splat(0.0f), v_splat(0.0f)}};
+        struct vec along = {v_splat(direction), v_splat(0.0f), v_splat(0.0f)};
+        struct point p = place_at(from, along, v_splat(t), v_splat(dt));
         double exact = (double)origin + lo + ((double)t + dt) * direction;
         double scale = fmax(fabs((double)origin), fabs((double)t * direction));
         double error = fabs((double)lane0(p.hi.x) + lane0(p.lo.x) - exact) / scale;
