@@ -12,8 +12,8 @@ BASE = "baseline"
 # What a function is for, in all phases: its name, or with * how that begins; the first that fits counts.
 TERMS = {
     "into the shape's frame": """
-        apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate vec_wrapped
-        stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
+        apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate
+        vec_wrapped stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
     """,
     "vector library": """
         vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses
@@ -30,7 +30,8 @@ TERMS = {
         near_hit
     """,
     "light and colour": """
-        bring_light direct_light light_* lit_color color_* power power_of v_pow shade shade_packet surface_* stage_*
+        bring_light direct_light light_* lit_color color_* power power_of v_pow shade shade_packet
+        surface_* stage_*
         all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature
         graze grazed material_seen
     """,
