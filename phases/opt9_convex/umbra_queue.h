@@ -19,6 +19,7 @@ static void waiting(float field[][QUEUE_ROOM], int first, int count, struct rays
     r->on_plane = r->some = r->many = no_lane();
     r->first = set(INFINITY);
     r->cosine = set(1.0f);
+    r->floor = false;
 }
 
 static void add_lane(int i, float lit, struct desk *desk) {
