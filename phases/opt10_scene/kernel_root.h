@@ -1,9 +1,10 @@
 // The root of a generated kernel: common/phase_info.py puts what this includes in its place and into the program,
 // sources.c puts scene_kernel.h where it belongs.
 #define SCENE_KERNEL 1
-#include "kernel.h"
+#include "kernel_known.h"
 
 #include "desk.h"
+#include "kernel.h"
 
 #include "bulb.c"
 #include "casters.c"

@@ -75,3 +75,10 @@ static bool within_a_bulb(const struct prepared *prepared, const struct view *vi
 bool set_eyes(const struct prepared *prepared, const struct view *view) {
     return set_each(prepared, view) && !within_a_bulb(prepared, view);
 }
+
+// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+int tile_height(const struct prepared *prepared, int height) {
+    if (prepared->known.bulbs)
+        return height > 256 ? 128 : 64;
+    return prepared->tree.levels ? 64 : 8;
+}

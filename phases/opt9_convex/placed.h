@@ -108,6 +108,8 @@ void place_free(struct prepared *prepared);
 void place_all(struct prepared *prepared, const struct model *model);
 // A frame's eyes (eyes.c). Whether it can be had without marching camera rays.
 bool set_eyes(const struct prepared *prepared, const struct view *view);
+// Of the tiles of a frame that is so high.
+int tile_height(const struct prepared *prepared, int height);
 
 // The camera as a shape sees it.
 struct eye {

@@ -64,18 +64,11 @@ void render_tile(const void *data, int tile, void *own) {
         lanes8_tile(&job->job, tile, own);
 }
 
-// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
-static int tile_height(const struct prepared *prepared, const struct frame *frame) {
-    if (prepared->known.bulbs)
-        return frame->height > 256 ? 128 : 64;
-    return prepared->tree.levels ? 64 : 8;
-}
-
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {
-        {prepared, view, frame, prepared->eyes, tile_height(prepared, frame),
+        {prepared, view, frame, prepared->eyes, tile_height(prepared, frame->height),
          prepared->solids && set_eyes(prepared, view)},
         kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
