@@ -26,6 +26,10 @@ from pathlib import Path
 from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts"))
+
+from study import patches  # noqa: E402  (standard library only, in scripts/)
+
 RESULTS = ROOT / "build" / "test-results"
 JOBS = str(len(os.sched_getaffinity(0)))
 # One more than there are cores: many tests start processes that pin themselves to a core, others wait. With
@@ -149,9 +153,15 @@ def c_tally(source: Path, compiler: str) -> Tally:
 
 
 def phases_with(file: str) -> list[str]:
-    """Names of the phases that have that file, the longest first: no core waits for the last of them."""
-    folders = [path.parent for path in (ROOT / "phases").glob(f"*/{file}")]
-    sizes = {folder.name: sum(path.stat().st_size for path in folder.glob("*.[ch]")) for folder in folders}
+    """Names of the phases with that file, the longest first: no core waits for the last of them.
+
+    Of a derived phase the parent's files count, too.
+    """
+    sizes = {}
+    for folder in (path.parent for path in ROOT.glob("phases/*/phase.json")):
+        tree = patches.files(folder.name, ROOT)
+        if file in tree or (folder / file).exists():
+            sizes[folder.name] = sum(path.stat().st_size for path in tree.values())
     return sorted(sizes, key=lambda name: (-sizes[name], name))
 
 

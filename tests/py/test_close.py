@@ -1,4 +1,4 @@
-"""The polynomials of opt8_streams, opt9_convex and opt10_scene in place of the Mandelbulb's first
+"""The polynomials of opt8_streams and opt9_convex (opt10_scene derives from it) in place of the Mandelbulb's first
 iteration (close.h), against the map by angles; and a camera within its bounding sphere, against baseline.
 """
 
@@ -16,7 +16,7 @@ from study import images, registry
 from study.build import build
 from study.registry import ROOT
 
-PHASES = ("opt8_streams", "opt9_convex", "opt10_scene")  # each with its own copy
+PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
 TERMS = 6
 
 

@@ -22,10 +22,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from conformance.feature_scenes import CELLS, FLOOR, ROOM, SIZES, TURNED, scene, shape
-from study import build, images, registry, run, store
+from study import build, images, patches, registry, run, store
 from study.registry import ROOT
 
-DECLARED = {name: p for name, p in registry.phases().items() if (p.path / "costs.def").exists()}
+DECLARED = {name: p for name, p in registry.phases().items() if p.file("costs.def").exists()}
 SCALAR = [name for name, phase in DECLARED.items() if phase.lanes == 1 and phase.family == "ladder"]
 CLASSES = ("add", "mul", "fma", "div", "sqrt", "rsqrt", "minmax", "compare", "call")
 MACHINE = dict(zip(CLASSES, (1, 1, 2, 1, 1, 1, 1, 0, 0), strict=True))
@@ -307,7 +307,7 @@ def operations(code: str, names: dict[str, Any]) -> dict[str, int]:
 
 
 def cost(phase: str, function: str, part: str) -> dict[str, int]:
-    text = (ROOT / "phases" / phase / "costs.def").read_text()
+    text = DECLARED[phase].file("costs.def").read_text()
     (numbers,) = re.findall(rf"^COST\({function}, {part},\s*1,([\d, ]+)\)", text, re.MULTILINE)
     return dict(zip(CLASSES, map(int, numbers.split(",")), strict=True))
 
@@ -392,7 +392,7 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
 def test_the_timing_build_has_none_of_it(tmp_path, phase):
     with_it, without = tmp_path / "with", tmp_path / "without"
     for folder in (with_it, without):
-        shutil.copytree(DECLARED[phase].path, folder / phase)
+        patches.write(phase, folder / phase)
     stripped = 0
     for path in (without / phase).glob("*.[ch]"):
         text, times = strip(path.read_text())

@@ -486,14 +486,14 @@ def test_table1_against_the_paper_and_by_hand():
 
 
 @pytest.mark.parametrize(
-    "phase", sorted(p for p in registry.phases() if (ROOT / "phases" / p / "costs.def").exists())
+    "phase", sorted(p.name for p in registry.phases().values() if p.file("costs.def").exists())
 )
 def test_costs_def_reads_as_the_compiler_reads_it(phase):
     """Parts and their paper FLOPs by Python, against a picture's by the counting build."""
     beside = registry.find_phase(phase).family == registry.SYSTEMS  # not every one of them draws a torus
     scene = registry.find_scene("two_spheres" if beside else "trio")
     made = flops.declared(Spec(phase, phase), scene, 12)
-    declared = {(c.function, c.part): c for c in costs.read(ROOT / "phases" / phase / "costs.def")}
+    declared = {(c.function, c.part): c for c in costs.read(registry.find_phase(phase).file("costs.def"))}
     lanes = registry.variant_here(registry.find_phase(phase))["lanes"]
     parts = {(f, p): n for f, one in made["by_function"].items() for p, n in one["parts"].items()}
     assert parts.keys() == declared.keys()
