@@ -12,7 +12,7 @@
 #define IS_CROWD(scene) false
 #define INLINE __attribute__((always_inline)) static inline
 #define SHARED static
-#define CROWD_SHARED INLINE
+#define KNOWN_SHARED INLINE
 enum { CASTS = 4, REFILL_CASTS = 1 };
 
 static inline bool is_up(const float a[3]) {

@@ -7,13 +7,16 @@
 #include "kernel.h"
 
 #include "bulb.c"
+#include "cast.c"
 #include "casters.c"
 #include "cells.c"
 #include "clear.c"
 #include "color.c"
 #include "convex.c"
+#include "layers.c"
 #include "seen.c"
 #include "umbra.c"
+#include "umbra_bulbs.c"
 
 static int kernel_tiles(const struct job *job) {
     return convex_tiles(job);

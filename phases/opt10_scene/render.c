@@ -117,7 +117,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     const struct kept *kept = (const struct kept *)prepared; // its first member
     struct frame_job job = {
         {prepared, view, frame, prepared->eyes, tile_height(prepared, frame->height),
-         prepared->solids && set_eyes(prepared, view)},
+         prepared->solids && set_eyes(prepared, view, kept->sixteen)},
         NULL,
         kept->sixteen};
     if (job.job.solids)

@@ -153,28 +153,37 @@ static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
 
 typedef float rows_of[BEAM_RAYS + LANES];
 
+// Some of a packet's reals, one behind the other: offset and number of those that a ray takes with it (beam.h).
+enum { MARCH_AT = offsetof(struct walk, march) + offsetof(struct march, t) };
+enum { RAYS_AT = offsetof(struct walk, rays) + offsetof(struct rays, point) };
+enum { OWN_AT = offsetof(struct walk, from) };
+
 // Loops of constant ends, so that they are unrolled: no branch for each row.
-static inline void pack_rows(packing first, const real *from, int rows, rows_of *to, int at) {
+static inline void pack_rows(packing first, const struct walk *w, size_t from, int rows,
+                             rows_of *to, int at) {
+    const real *row = (const real *)((const char *)w + from);
     for (int k = 0; k < rows; k++)
-        pack_by(first, from[k], &to[k][at]);
+        pack_by(first, row[k], &to[k][at]);
 }
 
 static void pack_walk(mask those, const struct walk *w, rows_of *to, int at) {
     packing first = packing_of(those);
-    pack_rows(first, &w->march.t, MARCH_REALS, to, at);
-    pack_rows(first, &w->rays.point.x, RAY_REALS, to + MARCH_REALS, at);
-    pack_rows(first, &w->from.x, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
+    pack_rows(first, w, MARCH_AT, MARCH_REALS, to, at);
+    pack_rows(first, w, RAYS_AT, RAY_REALS, to + MARCH_REALS, at);
+    pack_rows(first, w, OWN_AT, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
 }
 
-static inline void load_rows(mask active, real *to, int rows, rows_of *from, int at) {
+static inline void load_rows(mask active, struct walk *w, size_t to, int rows, rows_of *from,
+                             int at) {
+    real *row = (real *)((char *)w + to);
     for (int k = 0; k < rows; k++)
-        to[k] = keep(active, load(&from[k][at]));
+        row[k] = keep(active, load(&from[k][at]));
 }
 
 static void load_walk(mask active, struct walk *w, rows_of *from, int at) {
-    load_rows(active, &w->march.t, MARCH_REALS, from, at);
-    load_rows(active, &w->rays.point.x, RAY_REALS, from + MARCH_REALS, at);
-    load_rows(active, &w->from.x, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
+    load_rows(active, w, MARCH_AT, MARCH_REALS, from, at);
+    load_rows(active, w, RAYS_AT, RAY_REALS, from + MARCH_REALS, at);
+    load_rows(active, w, OWN_AT, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
 }
 
 // Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out. Whether

@@ -3,7 +3,7 @@
 // `narrow_part`), lean = v·l + q·R, need = |v|² − R², v from the ray's origin to the centre; `rest` = lean² − narrow·need.
 #include "cells.h"
 
-CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+KNOWN_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
                                 const struct convex *work, struct near *near) {
     COUNT(look_at_plane, call);
     COUNT(look_at_plane, scalar);
@@ -26,7 +26,7 @@ CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
     }
 }
 
-CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
+KNOWN_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     COUNT(enter_on_the_way, call);
     mask own = same_shape(r->shape, i);
     struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
@@ -85,7 +85,7 @@ INLINE void look_at_cells(const struct placed *s, int i, struct rays *r, const s
     cells_on_the_way(s, i, r, &work->scene->model.march);
 }
 
-CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
+KNOWN_SHARED void see_along(const struct rays *r, int i, struct near *near,
                             const struct convex *work) {
     COUNT(see_along, call);
     const struct known *scene = KNOWN(work->scene);

@@ -183,12 +183,12 @@ INLINE real slant_at(struct vec at, struct vec d, const struct placed *s, const 
     return keep(flat, cosine);
 }
 
-CROWD_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+KNOWN_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
                                 const struct convex *work, struct near *near);
 // Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
-CROWD_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
+KNOWN_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
 // A shape's own view of the rays.
-CROWD_SHARED void see_along(const struct rays *r, int i, struct near *near,
+KNOWN_SHARED void see_along(const struct rays *r, int i, struct near *near,
                             const struct convex *work);
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
 SHARED void choose_shapes(struct rays *r, struct near *nears, struct shapes *casters,

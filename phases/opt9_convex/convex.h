@@ -114,6 +114,10 @@ struct near {
     real wakes;                   // where t + the nearest distance is less, so is that one
 };
 
+_Static_assert(offsetof(struct near, origin) == 0 &&
+                   offsetof(struct near, direction) == 3 * sizeof(real),
+               "one behind the other");
+
 struct convex {
     const struct prepared *scene;
     const struct view *view;

@@ -1,4 +1,4 @@
-// What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (layers.h): of each shape that is
+// What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (layers.c): of each shape that is
 // repeated alike, ray by ray, or of one that all of them are proved to meet, at once.
 #ifndef OPT9_COPIES_H
 #define OPT9_COPIES_H

@@ -62,18 +62,19 @@ static bool set_each(const struct prepared *prepared, const struct view *view) {
 // A camera within a Mandelbulb sees what its march leaves there: normals from estimates of -0.2, where 14 bits of one
 // are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). march.c has all bits. That a nearer
 // shape is no other one is set_eyes' to say, before.
-static bool within_a_bulb(const struct prepared *prepared, const struct view *view) {
+static bool within_a_bulb(const struct prepared *prepared, const struct view *view, bool sixteen) {
     if (!prepared->known.bulbs)
         return false;
     double distance;
     int nearest;
-    if (!phase_distances(prepared, 1, view->position, &distance, &nearest))
+    if (!(sixteen ? lanes16_distances : lanes8_distances)(prepared, 1, view->position, &distance,
+                                                          &nearest))
         return true; // no memory to ask by: a march is always right
     return !(distance > prepared->model.march.hit_distance);
 }
 
-bool set_eyes(const struct prepared *prepared, const struct view *view) {
-    return set_each(prepared, view) && !within_a_bulb(prepared, view);
+bool set_eyes(const struct prepared *prepared, const struct view *view, bool sixteen) {
+    return set_each(prepared, view) && !within_a_bulb(prepared, view, sixteen);
 }
 
 // Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).

@@ -9,10 +9,10 @@
 // The scene as `const struct known *`.
 #define KNOWN(scene) (&(scene)->known)
 #define IS_CROWD(scene) ((scene)->tree.levels > 0)
-// Functions with code of their own for each shape; called from another file; and those of them that a crowd calls, too.
+// Functions with code of their own for each shape; functions that another file calls; and those that are both.
 #define INLINE static inline
 #define SHARED
-#define CROWD_SHARED
+#define KNOWN_SHARED
 // A shininess that all shapes have, a whole number, or 0; whether all shapes look alike.
 enum { WHOLE_SHININESS = 0, ONE_MATERIAL = 0 };
 // Packets of shadow rays that are marched by turns, and whether one that is over makes room for the next at once (umbra.c).

@@ -106,8 +106,8 @@ bool place_room(struct prepared *prepared, int shape_count);
 void place_free(struct prepared *prepared);
 // All but `eyes`, in arrays that are there.
 void place_all(struct prepared *prepared, const struct model *model);
-// A frame's eyes (eyes.c). Whether it can be had without marching camera rays.
-bool set_eyes(const struct prepared *prepared, const struct view *view);
+// A frame's eyes (eyes.c). Whether it can be had without marching camera rays. sixteen: lanes, not eight.
+bool set_eyes(const struct prepared *prepared, const struct view *view, bool sixteen);
 // Of the tiles of a frame that is so high.
 int tile_height(const struct prepared *prepared, int height);
 

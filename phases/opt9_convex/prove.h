@@ -3,15 +3,13 @@
 #ifndef OPT9_PROVE_H
 #define OPT9_PROVE_H
 
+#include "layers.h"
 #include "walk.h"
 
 enum {
-    ACROSS = TILE_WIDTH / BLOCK_WIDTH,
-    DOWN = TILE_HEIGHT / BLOCK_HEIGHT,
-    BLOCKS = ACROSS * DOWN,
     BUNDLE_HEIGHT = 4, // and as wide as a block
     STACKED = BUNDLE_HEIGHT / BLOCK_HEIGHT,
-    BUNDLES = ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT,
+    BUNDLES = ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT
 };
 _Static_assert(BUNDLES % LANES == 0, "whole registers");
 

@@ -1,7 +1,7 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "umbra_bulbs.h"
+#include "umbra_queue.h"
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
@@ -35,7 +35,7 @@ __attribute__((always_inline)) static inline real nearest(struct near *nears,
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
-// these steps is done, with the terms that it has: it is not dark (umbra_bulbs.h asks).
+// these steps is done, with the terms that it has: it is not dark (umbra_bulbs.c asks).
 #define STEEP 0.5f
 static inline void leap(const struct rays *r, struct march *m, const struct known *scene,
                         real start, real strength, real hit_distance) {
@@ -198,7 +198,7 @@ static void end_cast(const struct cast *c, struct desk *desk) {
 
 // CASTS packets by turns: one step waits for several roots in a row, and the CPU works on the other packets meanwhile. If
 // REFILL_CASTS, the next packet takes the place of one that is over; else all end, and bring their light in the queue's order.
-static void cast_packets(const struct convex *work) {
+void cast_packets(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct prepared *scene = work->scene;
     real strength = set((float)KNOWN(scene)->model.shadow_strength),
@@ -236,17 +236,5 @@ static void cast_packets(const struct convex *work) {
             if (cast[k].first >= 0)
                 end_cast(&cast[k], desk);
     }
-}
-
-void cast_shadows(const struct convex *work) {
-    if (KNOWN(work->scene)->bulbs) {
-        cast_streams(work);
-        return;
-    }
-    if (IS_CROWD(work->scene)) {
-        cast_crowd(work);
-        return;
-    }
-    cast_packets(work);
-    work->desk->shadows = 0;
+    desk->shadows = 0;
 }

@@ -1,5 +1,5 @@
-"""The polynomials of opt8_streams and opt9_convex (opt10_scene derives from it) in place of the Mandelbulb's first
-iteration (close.h), against the map by angles; and a camera within its bounding sphere, against baseline.
+"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration (close.h;
+opt10_scene has opt9_convex's), against the map by angles; and a camera within its bounding sphere.
 """
 
 from __future__ import annotations

@@ -1,11 +1,16 @@
 // Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
 // bulb.c, and rays on which no later term can come below what they have leave for packets of their own.
-#ifndef OPT9_UMBRA_BULBS_H
-#define OPT9_UMBRA_BULBS_H
-
 #include "umbra_queue.h"
 
 #include <string.h>
+
+static void add_lane(int i, float lit, struct desk *desk) {
+    COUNT(add_lane, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int pixel = (int)field[S_PIXEL][i];
+    for (int k = 0; k < 3; k++)
+        desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
+}
 
 INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
                        const struct known *scene, real *h) {
@@ -97,10 +102,12 @@ static unsigned move_rays(struct pool *to, unsigned there, const struct pool *fr
     int a = __builtin_popcount(there), b = __builtin_popcount(here);
     there = first_bits(there, a < b ? a : b);
     here = first_bits(here, a < b ? a : b);
-    move_lanes((float *)&to->march.t, there, (const float *)&from->march.t, here, MARCH_REALS);
+    size_t march = offsetof(struct pool, march) + offsetof(struct march, t);
+    move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
+               here, MARCH_REALS);
     for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
-        float *row = (float *)&to->nears[k].origin;
-        const float *old = (const float *)&from->nears[k].origin;
+        float *row = (float *)&to->nears[k]; // its origin, and the direction behind it
+        const float *old = (const float *)&from->nears[k];
         bool linear = KNOWN(scene)->placed[k].way == LINEAR;
         move_lanes(row, there, old, here, linear ? 1 : 6);
         if (linear)
@@ -296,7 +303,7 @@ static inline int step_all(struct march *m, struct pool *pool, int steps,
     return ended;
 }
 
-static void cast_streams(const struct convex *work) {
+void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
     const struct known_model *model = &KNOWN(work->scene)->model;
     struct pool all[POOLS] = {0};
@@ -330,5 +337,3 @@ static void cast_streams(const struct convex *work) {
         see_off(&pools, work);
     desk->shadows = 0;
 }
-
-#endif
