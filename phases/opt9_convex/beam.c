@@ -58,8 +58,7 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
     for (int i = 0; i < count; i++) {
         int shape = (int)desk->shadow[S_SHAPE][i];
         bool linear = scene->placed[shape].way == LINEAR;
-        desk->code[i] =
-            (unsigned short)(linear ? desk->code[i] | BEHIND : scene->more[shape].rank);
+        desk->code[i] = (unsigned short)(linear ? desk->code[i] | BEHIND : scene->more[shape].rank);
         desk->order[0][i] = (unsigned short)i;
     }
     sort_by(desk->code, 0, count, desk->order[0], desk->order[1]);
@@ -301,7 +300,8 @@ static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct
     w->local_to = turned(s, w->rays.to_light);
     see_along(&w->rays, w->solid, &l->near, work);
     l->solid = s;
-    l->alone = set(scene->more[w->solid].alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+    l->alone = set(scene->more[w->solid].alone * (1 - 1e-5f) -
+                   1e-6f * (float)scene->model.march.bounds_radius);
     l->still = stands_still(w);
     l->done = w->march.done;
     l->told = begun && s->convex && scene->plane_count == 0;

@@ -259,7 +259,7 @@ INLINE void meet_bundles(int first, struct grid *grid, const struct mesh *mesh,
 }
 
 KNOWN_SHARED void meet_layers(int first, const struct mesh *mesh, const struct job *job,
-                               struct sight *sights) {
+                              struct sight *sights) {
     if (KNOWN(job->prepared)->placed[first].leader != first ||
         !REPEATED(&KNOWN(job->prepared)->placed[first]))
         return;

@@ -247,21 +247,20 @@ static void find_alike(struct placed *placed, int first, int count) {
 static struct known known_of(const struct model *model) {
     const struct features *features = &model->features;
     const double *background = model->background;
-    return (struct known){
-        .model = {.shape_count = model->shape_count,
-                  .shadows = model->shadows,
-                  .shadow_strength = model->shadow_strength,
-                  .fog = model->fog,
-                  .background = {background[0], background[1], background[2]},
-                  .features = {features->rotation, features->repetition, features->mirrors,
-                               features->fog},
-                  .march = {.bounds_radius = model->march.bounds_radius,
-                            .normal_step = model->march.normal_step,
-                            .surface_offset = model->march.surface_offset,
-                            .max_bounces = model->march.max_bounces}},
-        .plane = -1,
-        .bulbs = model->features.count[SHAPE_MANDELBULB],
-        .lit_slope = lit_slope(model->shadow_strength)};
+    return (struct known){.model = {.shape_count = model->shape_count,
+                                    .shadows = model->shadows,
+                                    .shadow_strength = model->shadow_strength,
+                                    .fog = model->fog,
+                                    .background = {background[0], background[1], background[2]},
+                                    .features = {features->rotation, features->repetition,
+                                                 features->mirrors, features->fog},
+                                    .march = {.bounds_radius = model->march.bounds_radius,
+                                              .normal_step = model->march.normal_step,
+                                              .surface_offset = model->march.surface_offset,
+                                              .max_bounces = model->march.max_bounces}},
+                          .plane = -1,
+                          .bulbs = model->features.count[SHAPE_MANDELBULB],
+                          .lit_slope = lit_slope(model->shadow_strength)};
 }
 
 void place_all(struct prepared *prepared, const struct model *model) {
@@ -280,13 +279,11 @@ void place_all(struct prepared *prepared, const struct model *model) {
         if (p->way == LINEAR)
             prepared->planes[prepared->plane_count++] = i;
         known->repeats = known->repeats || p->repeated;
-        if ((p->repeated &&
-             (known->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
+        if ((p->repeated && (known->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
             p->way == POWER ||
             // of two Mandelbulbs each one's estimate is a part of the other's steps
-            (p->type == SHAPE_MANDELBULB &&
-             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
-              known->bulbs > 1)))
+            (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
+                                             model->shadows == SHADOWS_HARD || known->bulbs > 1)))
             prepared->solids = false;
     }
     for (int i = 0; i < model->shape_count && known->repeats; i++)
@@ -302,8 +299,7 @@ bool place_room(struct prepared *prepared, int shape_count) {
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
     return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
-           prepared->leaves &&
-           (shape_count < CROWD || tree_reserve(&prepared->tree, shape_count));
+           prepared->leaves && (shape_count < CROWD || tree_reserve(&prepared->tree, shape_count));
 }
 
 void place_free(struct prepared *prepared) {

@@ -67,10 +67,10 @@ void render_tile(const void *data, int tile, void *own) {
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct kept *kept = (const struct kept *)prepared; // its first member
-    struct frame_job job = {
-        {prepared, view, frame, prepared->eyes, tile_height(prepared, frame->height),
-         prepared->solids && set_eyes(prepared, view, kept->sixteen)},
-        kept->sixteen};
+    struct frame_job job = {{prepared, view, frame, prepared->eyes,
+                             tile_height(prepared, frame->height),
+                             prepared->solids && set_eyes(prepared, view, kept->sixteen)},
+                            kept->sixteen};
     team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;
 }

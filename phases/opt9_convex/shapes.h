@@ -6,7 +6,8 @@
 
 // A set of shapes.
 struct shapes {
-    int count, *index; // of a crowd there is room for LANES more than the scene has shapes (list_those)
+    int count,
+        *index; // of a crowd there is room for LANES more than the scene has shapes (list_those)
 };
 
 static inline void give_room(struct shapes *set, int *room) {

@@ -232,9 +232,9 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
     for (int k = 0; k < scene->plane_count; k++) {
         int i = scene->planes[k];
         COUNT(crowd_clears, plane);
-        mask here = plane_clears(height_over(&scene->placed[i], point),
-                                 vec_dot(vec_set(scene->placed[i].normal), to_light), q,
-                                 &scene->known);
+        mask here =
+            plane_clears(height_over(&scene->placed[i], point),
+                         vec_dot(vec_set(scene->placed[i].normal), to_light), q, &scene->known);
         clear = both(clear, either(same_shape(shape, i), here));
     }
     float id[LANES];
@@ -245,7 +245,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
         COUNT(crowd_clears, shape);
         rest &= ~bits(same);
         if (scene->placed[i].way != LINEAR)
-            clear = but_not(but_not(bulges(&scene->placed[i], local, facing, &scene->known), same), clear);
+            clear = but_not(but_not(bulges(&scene->placed[i], local, facing, &scene->known), same),
+                            clear);
     }
     if (!any(clear) || q >= 0.99f)
         return no_lane();
