@@ -74,7 +74,7 @@ static void write_shape(FILE *to, const struct placed *p) {
     fputs("},\n", to);
 }
 
-static void write_model(FILE *to, const struct model *m) {
+static void write_model(FILE *to, const struct known_model *m) {
     fprintf(
         to,
         "    .model = {.shape_count = %d, .shadows = %d, .shadow_strength = %a, .fog = %a,\n"
@@ -122,6 +122,7 @@ static bool one_material(const struct prepared *p) {
 char *generate_scene(const struct prepared *p) {
     char *text = NULL;
     size_t size = 0;
+    const struct known *k = &p->known;
     FILE *to = open_memstream(&text, &size);
     if (!to)
         return NULL;
@@ -129,7 +130,7 @@ char *generate_scene(const struct prepared *p) {
         to,
         "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
         p->model.shape_count, p->model.shape_count);
-    fprintf(to, "#define WHOLE_SHININESS %d\n#define ONE_MATERIAL %d\n", whole_shininess(p),
+    fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
             one_material(p));
     if (p->model.shape_count <= MOST_UNROLLED)
         write_each(to, p->model.shape_count);
@@ -138,13 +139,12 @@ char *generate_scene(const struct prepared *p) {
     fputs("static const struct placed scene_shapes[] = {\n", to);
     for (int i = 0; i < p->model.shape_count; i++)
         write_shape(to, &p->placed[i]);
-    fputs("};\nstatic const struct prepared scene_known = {\n", to);
-    write_model(to, &p->model);
+    fputs("};\nstatic const struct known scene_known = {\n", to);
+    write_model(to, &k->model);
     fprintf(
         to,
-        "    .placed = (struct placed *)scene_shapes, .solids = true, .repeats = %d, .plane = %d, "
-        ".bulbs = %d, .lit_slope = %af};\n#define KNOWN(scene) (&scene_known)\n",
-        p->repeats, p->plane, p->bulbs, (double)p->lit_slope);
+        "    .placed = scene_shapes, .repeats = %d, .plane = %d, .bulbs = %d, .lit_slope = %af};\n",
+        k->repeats, k->plane, k->bulbs, (double)k->lit_slope);
     bool sound = !ferror(to);
     if (fclose(to) != 0 || !sound) {
         free(text);

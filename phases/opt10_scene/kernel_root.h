@@ -1,18 +1,22 @@
 // The root of a generated kernel: common/build/phase_info.py puts what this includes in its place and into the program,
 // sources.c puts scene_kernel.h where it belongs.
 #define SCENE_KERNEL 1
-#include "kernel.h"
+#include "kernel_known.h"
 
 #include "desk.h"
+#include "kernel.h"
 
 #include "bulb.c"
+#include "cast.c"
 #include "casters.c"
 #include "cells.c"
 #include "clear.c"
 #include "color.c"
 #include "convex.c"
+#include "layers.c"
 #include "seen.c"
 #include "umbra.c"
+#include "umbra_bulbs.c"
 
 static int kernel_tiles(const struct job *job) {
     return convex_tiles(job);

@@ -153,7 +153,8 @@ void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
     facts->compiler = facts->generated ? loaded->kernel->compiler : NULL;
     const char *asked = getenv("STEPWISE_CC"); // who asks for none needs no word
     if (!facts->generated && !(asked && strcmp(asked, "none") == 0))
-        fprintf(stderr, "opt10_scene: no kernel for this scene (%s); opt9_convex's run instead\n",
+        fprintf(stderr,
+                "opt10_scene: no kernel for this scene (%s); its general code runs instead\n",
                 loaded->reason);
 }
 

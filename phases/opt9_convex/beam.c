@@ -2,6 +2,8 @@
 #include "beam.h"
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
+// The rays of so narrow a box are in one cell of it: the cells' number over the width must be a float.
+#define NO_WIDTH 1e-30f
 // Steps in a vicinity, or out of a solid, until it is asked which rays have ended.
 enum { LOOK = 6 };
 _Static_assert(LOOK >= 2, "sets_out: no term behind the second is the least");
@@ -39,9 +41,12 @@ static void code_places(struct desk *desk, int count) {
             least = x[i] < least ? x[i] : least;
             most = x[i] > most ? x[i] : most;
         }
-        float per = most > least ? ((1 << PLACE_BITS) - 0.5f) / (most - least) : 0.0f;
-        for (int i = 0; i < count; i++)
-            desk->code[i] |= (unsigned short)(apart((unsigned)((x[i] - least) * per)) << k);
+        float per = most - least > NO_WIDTH ? ((1 << PLACE_BITS) - 0.5f) / (most - least) : 0.0f;
+        for (int i = 0; i < count; i++) {
+            float place = (x[i] - least) * per;
+            unsigned cell = place > 0 ? (unsigned)place : 0; // 0 of what is no number
+            desk->code[i] |= (unsigned short)(apart(cell) << k);
+        }
     }
 }
 
@@ -51,8 +56,9 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
     if (scene->plane_count)
         code_places(desk, count);
     for (int i = 0; i < count; i++) {
-        const struct placed *s = &scene->placed[(int)desk->shadow[S_SHAPE][i]];
-        desk->code[i] = (unsigned short)(s->way == LINEAR ? desk->code[i] | BEHIND : s->rank);
+        int shape = (int)desk->shadow[S_SHAPE][i];
+        bool linear = scene->placed[shape].way == LINEAR;
+        desk->code[i] = (unsigned short)(linear ? desk->code[i] | BEHIND : scene->more[shape].rank);
         desk->order[0][i] = (unsigned short)i;
     }
     sort_by(desk->code, 0, count, desk->order[0], desk->order[1]);
@@ -146,28 +152,37 @@ static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
 
 typedef float rows_of[BEAM_RAYS + LANES];
 
+// Some of a packet's reals, one behind the other: offset and number of those that a ray takes with it (beam.h).
+enum { MARCH_AT = offsetof(struct walk, march) + offsetof(struct march, t) };
+enum { RAYS_AT = offsetof(struct walk, rays) + offsetof(struct rays, point) };
+enum { OWN_AT = offsetof(struct walk, from) };
+
 // Loops of constant ends, so that they are unrolled: no branch for each row.
-static inline void pack_rows(packing first, const real *from, int rows, rows_of *to, int at) {
+static inline void pack_rows(packing first, const struct walk *w, size_t from, int rows,
+                             rows_of *to, int at) {
+    const real *row = (const real *)((const char *)w + from);
     for (int k = 0; k < rows; k++)
-        pack_by(first, from[k], &to[k][at]);
+        pack_by(first, row[k], &to[k][at]);
 }
 
 static void pack_walk(mask those, const struct walk *w, rows_of *to, int at) {
     packing first = packing_of(those);
-    pack_rows(first, &w->march.t, MARCH_REALS, to, at);
-    pack_rows(first, &w->rays.point.x, RAY_REALS, to + MARCH_REALS, at);
-    pack_rows(first, &w->from.x, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
+    pack_rows(first, w, MARCH_AT, MARCH_REALS, to, at);
+    pack_rows(first, w, RAYS_AT, RAY_REALS, to + MARCH_REALS, at);
+    pack_rows(first, w, OWN_AT, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
 }
 
-static inline void load_rows(mask active, real *to, int rows, rows_of *from, int at) {
+static inline void load_rows(mask active, struct walk *w, size_t to, int rows, rows_of *from,
+                             int at) {
+    real *row = (real *)((char *)w + to);
     for (int k = 0; k < rows; k++)
-        to[k] = keep(active, load(&from[k][at]));
+        row[k] = keep(active, load(&from[k][at]));
 }
 
 static void load_walk(mask active, struct walk *w, rows_of *from, int at) {
-    load_rows(active, &w->march.t, MARCH_REALS, from, at);
-    load_rows(active, &w->rays.point.x, RAY_REALS, from + MARCH_REALS, at);
-    load_rows(active, &w->from.x, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
+    load_rows(active, w, MARCH_AT, MARCH_REALS, from, at);
+    load_rows(active, w, RAYS_AT, RAY_REALS, from + MARCH_REALS, at);
+    load_rows(active, w, OWN_AT, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
 }
 
 // Into as few packets as hold them: those that are marched first, then those that wait. What has ended is left out. Whether
@@ -285,7 +300,8 @@ static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct
     w->local_to = turned(s, w->rays.to_light);
     see_along(&w->rays, w->solid, &l->near, work);
     l->solid = s;
-    l->alone = set(s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius);
+    l->alone = set(scene->more[w->solid].alone * (1 - 1e-5f) -
+                   1e-6f * (float)scene->model.march.bounds_radius);
     l->still = stands_still(w);
     l->done = w->march.done;
     l->told = begun && s->convex && scene->plane_count == 0;
@@ -400,7 +416,7 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
     w->waits = no_lane();
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     w->until = set(work->scene->tree.spacing);
-    w->asked = set(work->scene->lit_slope);
+    w->asked = set(KNOWN(work->scene)->lit_slope);
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = desk->order[0][first + i];
@@ -413,7 +429,7 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
 }
 
 static void begin_walk(struct walk *w, const struct convex *work) {
-    begin(&w->rays, work->desk->near, work->desk->casters, work, &w->march);
+    begin(&w->rays, work->desk->near, &work->desk->casters[0], work, &w->march);
 }
 
 // In the order of the queue, whatever the packets were.
@@ -528,7 +544,7 @@ static int beam_end(const struct desk *desk, int first) {
 }
 
 void cast_crowd(const struct convex *work) {
-    work->desk->ahead = work->desk->casters;
+    work->desk->ahead = work->desk->casters[0].index;
     crowd_sort(work->desk, work->scene);
     for (int first = 0, end; first < work->desk->shadows; first = end) {
         end = beam_end(work->desk, first);

@@ -11,7 +11,7 @@ enum { BEAM = 8, BEAM_RAYS = BEAM * LANES };
 struct walk {
     struct march march;
     struct rays rays;
-    struct vec from; // where they start, from the beam's place; OWN_REALS from here on
+    struct vec from; // where they start, from the beam's place
     struct vec
         local_to; // to the light, in the frame of the solid that they are from, once they set out
     real until, asked; // where what is in the way ends, of the cones of slope `asked`
@@ -23,7 +23,13 @@ struct walk {
     int recent; // which of the vicinity was the nearest to one of them
     int solid;  // that they all are from, −1: from planes
 };
+// What moves with a ray to another packet: so many reals from march.t, from rays.point and from `from` on.
 enum { RAY_REALS = 11, OWN_REALS = 9, WALK_REALS = MARCH_REALS + RAY_REALS + OWN_REALS };
+_Static_assert(offsetof(struct rays, shape) ==
+                       offsetof(struct rays, point) + (RAY_REALS - 1) * sizeof(real) &&
+                   offsetof(struct walk, ray) ==
+                       offsetof(struct walk, from) + (OWN_REALS - 1) * sizeof(real),
+               "one behind the other");
 
 // A shape of a vicinity.
 struct close_by {

@@ -1,7 +1,7 @@
 // Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
 // it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
-// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other shapes"); rays that
-// miss the bounding sphere take none.
+// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other
+// shapes"); rays that miss the bounding sphere take none.
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface close.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
 #include "close.h"
@@ -258,11 +258,11 @@ int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wid
     ACTIVE(count_of(ray->active));
     COUNT(gather_bulb, call);
     real height = set(INFINITY), slope = set(0.0f);
-    if (scene->plane >= 0) {
+    if (KNOWN(scene)->plane >= 0) {
         COUNT(gather_bulb, plane);
-        const struct placed *plane = &scene->placed[scene->plane];
+        const struct placed *plane = &KNOWN(scene)->placed[KNOWN(scene)->plane];
         height = height_over(plane, ray->origin);
-        slope = vec_dot(vec_set(plane->normal), ray->direction);
+        slope = dot_with(plane->normal, ray->direction);
     }
     // `before`, the way to where the ray is nearest to the centre, is taken off: the rest is of the shape's size.
     wide way = wide_product(o, d), back = {half_set(0.0) - way.low, half_set(0.0) - way.high};
@@ -322,20 +322,21 @@ static struct wide_vec widened(struct vec v) {
     return (struct wide_vec){wide_sum(v.x, zero), wide_sum(v.y, zero), wide_sum(v.z, zero)};
 }
 
+INLINE void meet_bulb(int i, const struct stage *stage, int packets, const struct convex *work) {
+    const struct placed *s = &KNOWN(work->scene)->placed[i];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    int count = 0;
+    for (int k = 0; k < packets; k++)
+        count = gather_bulb(count, s, widened(in_frame(s, stage[k].ray.origin)),
+                            widened(turned(s, stage[k].ray.direction)), &stage[k].ray,
+                            stage[k].hit.t, k * LANES, work->scene, work->desk);
+    march_bulb(s, count, &work->scene->model.march, work->desk);
+}
+
 void meet_bulbs(struct stage *stage, int packets, const struct convex *work) {
-    const struct prepared *scene = work->scene;
     clear_met(work->desk, packets * LANES);
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        if (s->type != SHAPE_MANDELBULB)
-            continue;
-        int count = 0;
-        for (int k = 0; k < packets; k++)
-            count = gather_bulb(count, s, widened(in_frame(s, stage[k].ray.origin)),
-                                widened(turned(s, stage[k].ray.direction)), &stage[k].ray,
-                                stage[k].hit.t, k * LANES, scene, work->desk);
-        march_bulb(s, count, &scene->model.march, work->desk);
-    }
+    EACH_SHAPE(work->scene, meet_bulb, stage, packets, work);
     for (int k = 0; k < packets; k++)
         take_bulb(&stage[k], k * LANES, work->desk);
 }

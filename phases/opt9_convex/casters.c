@@ -3,17 +3,16 @@
 // `narrow_part`), lean = v·l + q·R, need = |v|² − R², v from the ray's origin to the centre; `rest` = lean² − narrow·need.
 #include "cells.h"
 
-void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
-                   struct near *near) {
+KNOWN_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+                                const struct convex *work, struct near *near) {
     COUNT(look_at_plane, call);
     COUNT(look_at_plane, scalar);
-    float q = work->scene->lit_slope;
+    float q = KNOWN(work->scene)->lit_slope;
     mask own = same_shape(r->shape, i);
-    real height = drop(own, height_over(s, r->point)),
-         slope = vec_dot(vec_set(s->normal), r->to_light);
+    real height = drop(own, height_over(s, r->point)), slope = dot_with(s->normal, r->to_light);
     near->origin.x = height;
     near->direction.x = slope;
-    mask clear = either(own, plane_clears(height, slope, q, work->scene));
+    mask clear = either(own, plane_clears(height, slope, q, KNOWN(work->scene)));
     r->end = choose(clear, r->end, set(INFINITY));
     near->from = height / most_of(set(1.0f) - slope, set(1e-6f));
     r->alone = choose(own, r->alone, least_of(r->alone, near->from));
@@ -27,7 +26,7 @@ void look_at_plane(const struct placed *s, int i, struct rays *r, const struct c
     }
 }
 
-void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
+KNOWN_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     COUNT(enter_on_the_way, call);
     mask own = same_shape(r->shape, i);
     struct vec at, o = vec_choose(own, r->local, in_frame(s, r->point)), d = turned(s, r->to_light);
@@ -41,20 +40,18 @@ void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met) {
     }
 }
 
-static void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work,
+INLINE void look_at_solid(const struct placed *s, int i, struct rays *r, const struct convex *work,
                           struct near *near) {
     COUNT(look_at_solid, call);
     COUNT(look_at_solid, scalar);
-    float q = slope_to(s, work->scene->lit_slope);
+    float q = slope_to(s, KNOWN(work->scene)->lit_slope);
     bool bulb = s->type == SHAPE_MANDELBULB;
     real zero = set(0.0f);
     mask own = same_shape(r->shape, i);
     struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
-    mask own_bulge = both(own, bulges(s, r->local, r->facing, work->scene));
+    mask own_bulge = both(own, bulges(s, r->local, r->facing, KNOWN(work->scene)));
     mask met = but_not(either(cone_misses(c, q), own_bulge), r->active);
     r->end = choose(met, most_of(cone_leaves(c, q), r->end), r->end);
-    r->many = either(r->many, s->convex ? both(r->some, met) : met);
-    r->some = either(r->some, met);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     real towards = c.along + set(s->bound);
     real from = choose(greater(towards, zero), c.need / most_of(towards + towards, set(1e-20f)),
@@ -81,25 +78,34 @@ static void look_at_solid(const struct placed *s, int i, struct rays *r, const s
 }
 
 // A copy may be the nearest anywhere, and bring the term of any step below 1.
-static void look_at_cells(const struct placed *s, int i, struct rays *r, const struct convex *work,
+INLINE void look_at_cells(const struct placed *s, int i, struct rays *r, const struct convex *work,
                           struct near *near) {
     near->from = r->alone = set(0.0f);
     r->end = set(INFINITY);
     cells_on_the_way(s, i, r, &work->scene->model.march);
 }
 
-void see_along(const struct rays *r, int i, struct near *near, const struct convex *work) {
+KNOWN_SHARED void see_along(const struct rays *r, int i, struct near *near,
+                            const struct convex *work) {
     COUNT(see_along, call);
-    const struct placed *s = &work->scene->placed[i];
+    const struct known *scene = KNOWN(work->scene);
+    const struct placed *s = &scene->placed[i];
     near->wakes = set(-INFINITY);
     if (s->way == LINEAR)
         return;
+    if (r->floor) {
+        COUNT(see_along, floor);
+        near->origin = in_frame(s, r->point);
+        near->direction = turned(s, r->to_light);
+        near->power = false;
+        return;
+    }
     COUNT(see_along, solid);
     mask own = same_shape(r->shape, i);
     near->origin = vec_choose(own, r->local, in_frame(s, r->point));
     near->direction = turned(s, r->to_light);
     near->power =
-        s->type == SHAPE_SPHERE && any(both(own, r->active)) && !s->repeated && !work->scene->bulbs;
+        s->type == SHAPE_SPHERE && any(both(own, r->active)) && !REPEATED(s) && !scene->bulbs;
     if (near->power) {
         COUNT(see_along, power);
         near->constant = drop(own, vec_dot(near->origin, near->origin) - set(s->bound_sq));
@@ -107,32 +113,77 @@ void see_along(const struct rays *r, int i, struct near *near, const struct conv
     }
 }
 
-int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work) {
-    const struct prepared *scene = work->scene;
-    ACTIVE(count_of(r->active));
+// Of rays that all come from one plane, so that no solid is their own.
+INLINE void look_from_plane(const struct placed *s, struct rays *r, const struct known *scene,
+                            struct near *near) {
+    COUNT(look_from_plane, call);
+    COUNT(look_from_plane, scalar);
+    float q = scene->lit_slope;
+    real zero = set(0.0f);
+    struct cone c = cone_to(to_centre(s, r->point), r->to_light, s, q);
+    mask met = but_not(cone_misses(c, q), r->active);
+    // The march is at most at height facing·t: a cone once more, of that slope.
+    real lean = mul_add(r->facing, set(s->bound), c.along);
+    real narrow_part = neg_mul_add(r->facing, r->facing, set(1.0f));
+    real rest = mul_sub(lean, lean, narrow_part * c.need);
+    real from = c.need / (lean + root(most_of(rest, zero)));
+    from = choose(both(greater(lean, zero), not_less(rest, zero)), from, set(INFINITY));
+    near->from = most_of(from, zero);
+    r->alone = least_of(r->alone, near->from);
+    if (!any(met))
+        return;
+    COUNT(look_from_plane, met);
+    r->many = either(r->many, s->convex ? both(r->some, met) : met);
+    r->some = either(r->some, met);
+    r->end = choose(met, most_of(cone_leaves(c, q), r->end), r->end);
+    struct vec at, d = turned(s, r->to_light);
+    real t;
+    mask behind, in = enter(in_frame(s, r->point), d, s, met, &t, &at, &behind);
+    in = both(in, less(t, r->first));
+    if (any(in)) {
+        COUNT(look_from_plane, in);
+        r->first = choose(in, t, r->first);
+        r->cosine = choose(in, slant_at(at, d, s, r), r->cosine);
+    }
+}
+
+INLINE void look_from(int i, struct rays *r, const struct known *scene) {
+    if (scene->placed[i].way == LINEAR) {
+        COUNT(choose_shapes, plane);
+        r->on_plane = either(r->on_plane, same_shape(r->shape, i));
+    }
+}
+
+INLINE void look_at(int i, struct rays *r, const struct convex *work, struct near *nears) {
+    const struct placed *s = &KNOWN(work->scene)->placed[i];
+    if (s->way == LINEAR)
+        look_at_plane(s, i, r, work, &nears[i]);
+    else if (REPEATED(s))
+        look_at_cells(s, i, r, work, &nears[i]);
+    else if (r->floor && s->type != SHAPE_MANDELBULB)
+        look_from_plane(s, r, KNOWN(work->scene), &nears[i]);
+    else
+        look_at_solid(s, i, r, work, &nears[i]);
+}
+
+INLINE void choose_shape(int i, struct rays *r, const struct convex *work, struct near *nears,
+                         struct shapes *casters) {
+    const struct known *scene = KNOWN(work->scene);
+    struct near *near = &nears[i];
+    COUNT(choose_shapes, shape);
+    if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
+        return;
+    put_in(casters, i);
+    see_along(r, i, near, work);
+}
+
+void choose_shapes(struct rays *restrict r, struct near *restrict nears,
+                   struct shapes *restrict casters, const struct convex *work) {
+    const struct known *scene = KNOWN(work->scene);
     COUNT(choose_shapes, call);
-    for (int i = 0; i < scene->model.shape_count; i++)
-        if (scene->placed[i].way == LINEAR) {
-            COUNT(choose_shapes, plane);
-            r->on_plane = either(r->on_plane, same_shape(r->shape, i));
-        }
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        if (s->way == LINEAR)
-            look_at_plane(s, i, r, work, &nears[i]);
-        else if (s->repeated)
-            look_at_cells(s, i, r, work, &nears[i]);
-        else
-            look_at_solid(s, i, r, work, &nears[i]);
-    }
-    int count = 0;
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        struct near *near = &nears[i];
-        COUNT(choose_shapes, shape);
-        if (!scene->bulbs && !any(both(r->active, less(near->from, r->end))))
-            continue;
-        casters[count++] = i;
-        see_along(r, i, near, work);
-    }
-    return count;
+    EACH_SHAPE(work->scene, look_from, r, scene);
+    r->floor = !any(but_not(r->on_plane, r->active));
+    EACH_SHAPE(work->scene, look_at, r, work, nears);
+    none_of(casters);
+    EACH_SHAPE(work->scene, choose_shape, r, work, nears, casters);
 }

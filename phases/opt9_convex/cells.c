@@ -33,7 +33,8 @@ static inline struct vec at_copy(const struct placed *s, const struct among *a, 
         beside_copy(a->origin.z, a->rest.z, d.z, from, &w->z, to, s->row[2], s->wide_cell[2])};
 }
 
-mask enter_cells(const struct placed *s, const struct among *among, real *t, struct vec *local) {
+SHARED mask enter_cells(const struct placed *s, const struct among *among, real *t,
+                        struct vec *local) {
     ACTIVE(count_of(among->active));
     COUNT(enter_cells, call);
     struct vec o = among->origin, d = turned(s, among->direction);
@@ -82,8 +83,8 @@ static struct among among_of(const struct placed *s, struct vec *o, struct vec d
     return (struct among){at, none, direction, active, own, end};
 }
 
-mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end, float offset,
-                real *t, struct vec *local) {
+SHARED mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end,
+                       float offset, real *t, struct vec *local) {
     ACTIVE(count_of(ray->active));
     COUNT(meet_cells, call);
     struct vec o = in_frame(s, ray->origin), d = turned(s, ray->direction);
@@ -110,7 +111,8 @@ mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real en
     return either(met, inside);
 }
 
-void cells_on_the_way(const struct placed *s, int i, struct rays *r, const struct limits *limits) {
+SHARED void cells_on_the_way(const struct placed *s, int i, struct rays *r,
+                             const struct limits *limits) {
     ACTIVE(count_of(r->active));
     COUNT(cells_on_the_way, call);
     mask own = same_shape(r->shape, i);
@@ -126,8 +128,8 @@ void cells_on_the_way(const struct placed *s, int i, struct rays *r, const struc
     }
 }
 
-mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
-                 mask active, real reach) {
+SHARED mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
+                        mask active, real reach) {
     ACTIVE(count_of(active));
     COUNT(cells_block, call);
     struct vec o = origin, at;

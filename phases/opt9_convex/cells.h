@@ -5,8 +5,10 @@
 #include "cone.h"
 #include "stage.h"
 
+#define REPEATED(shape) ((shape)->repeated)
+#define REPEATS(scene) (KNOWN(scene)->repeats)
 // Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
-static inline bool is_plain(const struct model *model) {
+static inline bool is_plain(const struct known_model *model) {
     return model->shadows == SHADOWS_NONE &&
            !(model->features.mirrors && model->march.max_bounces > 0);
 }
@@ -30,12 +32,14 @@ static inline real until_bounds(struct vec origin, struct vec direction,
 }
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
-mask enter_cells(const struct placed *s, const struct among *among, real *t, struct vec *local);
+SHARED mask enter_cells(const struct placed *s, const struct among *among, real *t,
+                        struct vec *local);
 // As meet_from(), enter_on_the_way() and what hard shadows ask of a solid.
-mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end, float offset,
-                real *t, struct vec *local);
-void cells_on_the_way(const struct placed *s, int i, struct rays *r, const struct limits *limits);
-mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
-                 mask active, real reach);
+SHARED mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end,
+                       float offset, real *t, struct vec *local);
+SHARED void cells_on_the_way(const struct placed *s, int i, struct rays *r,
+                             const struct limits *limits);
+SHARED mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
+                        mask active, real reach);
 
 #endif

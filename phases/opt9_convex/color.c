@@ -2,6 +2,7 @@
 // ray. Where nothing ever waits: seen.c.
 #include "bounds.h"
 #include "bulb.h"
+#include "cells.h"
 #include "crowd.h"
 #include "light.h"
 #include "occluders.h"
@@ -30,37 +31,34 @@ static struct vec bulb_normal(struct vec p, mask found, const struct placed *s, 
     return vec_scale(n, set(1.0f) / choose(some, size, set(1.0f)));
 }
 
+INLINE void surface_of(int i, const struct found *hit, const struct prepared *scene,
+                       struct surface *all) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    mask same = both(hit->found, same_shape(hit->shape, i));
+    if (!any(same))
+        return;
+    ACTIVE(count_of(hit->found));
+    COUNT(surface_at, shape);
+    struct vec normal = vec_set(s->normal);
+    if (s->type == SHAPE_MANDELBULB)
+        normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
+    else if (s->way != LINEAR)
+        normal = turned_back(s, normal_on(hit->local, s));
+    all->normal = vec_choose(same, normal, all->normal);
+    all->color = vec_choose(same, vec_set(s->color), all->color);
+    all->share = choose(same, set(s->share), all->share);
+    all->shininess = choose(same, set(s->shininess), all->shininess);
+    all->shine_from = choose(same, set(s->shine_from), all->shine_from);
+}
+
 // Once for each shape that the packet hit.
 static void surface_at(const struct found *restrict hit, const struct vec *restrict direction,
                        const struct prepared *scene, struct surface *restrict all) {
     COUNT(surface_at, call);
-    float id[LANES];
-    unload(hit->shape, id);
-    unsigned rest = bits(hit->found);
-    for (bool first = true; rest; first = false) {
-        int i = (int)id[__builtin_ctz(rest)];
-        ACTIVE(count_of(hit->found));
-        COUNT(surface_at, shape);
-        const struct placed *s = &scene->placed[i];
-        mask same = both(hit->found, same_shape(hit->shape, i));
-        rest &= ~bits(same);
-        struct vec normal = vec_set(s->normal);
-        if (s->type == SHAPE_MANDELBULB)
-            normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
-        else if (s->way != LINEAR)
-            normal = turned_back(s, normal_on(hit->local, s));
-        struct surface one = {normal, vec_set(s->color), set(s->share), set(s->shininess),
-                              set(s->shine_from)};
-        if (first) {
-            *all = one;
-            continue;
-        }
-        all->normal = vec_choose(same, one.normal, all->normal);
-        all->color = vec_choose(same, one.color, all->color);
-        all->share = choose(same, one.share, all->share);
-        all->shininess = choose(same, one.shininess, all->shininess);
-        all->shine_from = choose(same, one.shine_from, all->shine_from);
-    }
+    struct vec none = {set(0.0f), set(0.0f), set(0.0f)};
+    all->normal = all->color = none;
+    all->share = all->shininess = all->shine_from = set(0.0f);
+    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, all);
     mask away = greater(vec_dot(all->normal, *direction), set(0.0f));
     all->normal = (struct vec){negate_where(away, all->normal.x), negate_where(away, all->normal.y),
                                negate_where(away, all->normal.z)};
@@ -97,26 +95,39 @@ static void queue_mirror(mask m, const struct ray *ray, struct vec p, struct vec
     pack(m, ray->pixel, &field[M_PIXEL][at]);
     pack(m, ray->bounce + set(1.0f), &field[M_BOUNCE][at]);
     pack(m, hit->shape, &field[M_LEAVES][at]);
-    if (work->scene->repeats)
+    if (REPEATS(work->scene))
         pack_vec(m, hit->local, field + M_LOCAL, at);
     desk->mirrors += count_of(m);
 }
 
-static struct vec grazed(struct vec light, mask grazes, const struct found *hit,
-                         struct vec to_light, real facing, const struct prepared *scene) {
-    COUNT(grazed, call);
-    float id[LANES];
-    unload(hit->shape, id);
-    for (unsigned rest = bits(grazes); rest;) {
-        int i = (int)id[__builtin_ctz(rest)];
-        ACTIVE(count_of(grazes));
-        COUNT(grazed, shape);
-        mask same = both(grazes, same_shape(hit->shape, i));
-        rest &= ~bits(same);
-        real lit = own_shadow(&scene->placed[i], hit->local, to_light, facing, &scene->model);
-        light = vec_choose(same, vec_scale(light, lit), light);
-    }
-    return light;
+INLINE void graze(int i, mask grazes, const struct found *hit, struct vec to_light, real facing,
+                  const struct prepared *scene, struct vec *light) {
+    mask same = both(grazes, same_shape(hit->shape, i));
+    if (!any(same))
+        return;
+    ACTIVE(count_of(grazes));
+    COUNT(graze, call);
+    COUNT(stage_end, grazes);
+    real lit = own_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
+    *light = vec_choose(same, vec_scale(*light, lit), *light);
+}
+
+// Whether the packet's hits are all on the scene's first plane, from above: most packets' are.
+INLINE bool all_on_plane(const struct stage *at, const struct known *scene) {
+    COUNT(all_on_plane, call);
+    if (scene->plane < 0)
+        return false;
+    COUNT(all_on_plane, plane);
+    real slope = dot_with(scene->placed[scene->plane].normal, at->ray.direction);
+    mask on = but_not(greater(slope, set(0.0f)), same_shape(at->hit.shape, scene->plane));
+    return !any(but_not(on, at->hit.found));
+}
+
+INLINE struct surface surface_of_plane(const struct known *scene) {
+    COUNT(surface_of_plane, call);
+    const struct placed *s = &scene->placed[scene->plane];
+    return (struct surface){vec_set(s->normal), vec_set(s->color), set(s->share), set(s->shininess),
+                            set(s->shine_from)};
 }
 
 static inline void stage_surface(struct stage *at, const struct prepared *scene) {
@@ -125,25 +136,44 @@ static inline void stage_surface(struct stage *at, const struct prepared *scene)
     COUNT(stage_surface, call);
     COUNT(stage_surface, scalar);
     at->point = vec_along(ray->origin, ray->direction, at->hit.t);
-    at->hit.found = both(at->hit.found, in_bounds(at, scene));
+    at->hit.found = both(at->hit.found, in_bounds(at, KNOWN(scene)));
     at->lit = no_lane();
-    if (any(at->hit.found))
+    at->flat = false;
+    if (!any(at->hit.found))
+        return;
+    at->flat = all_on_plane(at, KNOWN(scene));
+    if (at->flat)
+        at->surface = surface_of_plane(KNOWN(scene));
+    else
         surface_at(&at->hit, &ray->direction, scene, &at->surface);
+}
+
+// Twice, so that a generated kernel knows the plane's material in the first.
+static inline void light_stage(struct stage *at, const struct convex *work) {
+    COUNT(light_stage, call);
+    const struct known *scene = KNOWN(work->scene);
+    if (at->flat) {
+        struct surface plane = surface_of_plane(scene);
+        stage_light(at, &plane, scene->placed[scene->plane].normal, work);
+    } else
+        stage_light(at, &at->surface, NULL, work);
 }
 
 // In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
 // scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
 static inline bool asked_one_by_one(const struct prepared *scene) {
-    return scene->model.shadows == SHADOWS_SOFT && scene->tree.levels == TREE_LEVELS;
+    return IS_CROWD(scene) && scene->model.shadows == SHADOWS_SOFT &&
+           scene->tree.levels == TREE_LEVELS;
 }
 
 static inline void stage_shadow(struct stage *at, const struct convex *work) {
     COUNT(stage_shadow, call);
-    const struct model *model = &work->scene->model;
+    const struct known_model *model = &KNOWN(work->scene)->model;
     at->open = at->lit;
     if (!any(at->lit))
         return;
-    if (asked_one_by_one(work->scene))
+    // IS_CROWD once more: without optimization too, a kernel must not refer to what is called here.
+    if (IS_CROWD(work->scene) && asked_one_by_one(work->scene))
         at->open = crowd_clears(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
                                 at->lit, work);
     else if (model->shadows == SHADOWS_SOFT)
@@ -162,7 +192,7 @@ static inline void stage_shadow(struct stage *at, const struct convex *work) {
 
 // What reaches the pixels at once; what a shadow or a mirror ray will bring waits.
 static inline void stage_end(struct stage *at, const struct convex *work) {
-    const struct model *model = &work->scene->model;
+    const struct known_model *model = &KNOWN(work->scene)->model;
     real zero = set(0.0f);
     mask open = at->open;
     ACTIVE(count_of(at->hit.found));
@@ -170,12 +200,14 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
     if (model->shadows == SHADOWS_SOFT) {
         COUNT(stage_end, soft);
         mask asked = but_not(open, at->lit);
-        mask grazes = both(open, less(at->facing, set(work->scene->lit_slope)));
+        mask grazes = both(open, less(at->facing, set(KNOWN(work->scene)->lit_slope)));
         if (any(asked))
             queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
-        if (any(grazes))
-            at->light = grazed(at->light, grazes, &at->hit, at->to_light, at->facing, work->scene);
+        if (any(grazes)) {
+            EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
+                     at->facing, work->scene, &at->light);
+        }
     }
     at->color.x = at->color.x + keep(open, at->light.x);
     at->color.y = at->color.y + keep(open, at->light.y);
@@ -194,12 +226,12 @@ static inline void stage_end(struct stage *at, const struct convex *work) {
 
 void color_all(struct stage *stage, int count, const struct convex *work) {
     COUNT(color_all, call);
-    const struct model *model = &work->scene->model;
+    const struct known_model *model = &KNOWN(work->scene)->model;
     for (int i = 0; i < count; i++)
         stage_surface(&stage[i], work->scene);
     for (int i = 0; i < count; i++)
         if (any(stage[i].hit.found))
-            stage_light(&stage[i], work);
+            light_stage(&stage[i], work);
     if (model->shadows != SHADOWS_NONE && !asked_one_by_one(work->scene))
         choose_shading(stage, count, work);
     for (int i = 0; i < count; i++)
@@ -214,7 +246,7 @@ void color_all(struct stage *stage, int count, const struct convex *work) {
         }
 }
 
-void normals_seen(struct sight *seen, const struct prepared *scene) {
+SHARED void normals_seen(struct sight *seen, const struct prepared *scene) {
     if (!any(seen->hit.found))
         return;
     struct surface all;

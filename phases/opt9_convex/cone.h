@@ -10,19 +10,19 @@ struct cone {
     real along, need, lean; // v·l, |v|² − R², v·l + q·R
 };
 
-static inline struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
+INLINE struct cone cone_to(struct vec v, struct vec l, const struct placed *s, float q) {
     real along = vec_dot(v, l);
     return (struct cone){along, vec_dot(v, v) - set(s->bound_sq), along + set(q * s->bound)};
 }
 
-static inline mask cone_misses(struct cone c, float q) {
+INLINE mask cone_misses(struct cone c, float q) {
     real lean = most_of(c.lean, set(0.0f));
     return less(lean * lean, set(1.0f - q * q) * c.need);
 }
 
 // Where those that meet it have left it. Of slope 1 or more none does: with a strength of 1 or less a term may come below 1
 // anywhere.
-static inline real cone_leaves(struct cone c, float q) {
+INLINE real cone_leaves(struct cone c, float q) {
     COUNT(cone_leaves, call);
     if (!(q < 1.0f))
         return set(INFINITY);
@@ -33,13 +33,13 @@ static inline real cone_leaves(struct cone c, float q) {
     return (c.lean + root(most_of(square, set(0.0f)))) / wide;
 }
 
-static inline struct vec to_centre(const struct placed *s, struct vec p) {
+INLINE struct vec to_centre(const struct placed *s, struct vec p) {
     return (struct vec){set(s->position[0]) - p.x, set(s->position[1]) - p.y,
                         set(s->position[2]) - p.z};
 }
 
 // How far a solid reaches in the direction n of its frame: no point p of it has a product p·n above. Of a torus its hull.
-static inline real reach_of(struct vec n, real length, const struct placed *s) {
+INLINE real reach_of(struct vec n, real length, const struct placed *s) {
     COUNT(reach_of, call);
     switch (s->type) {
     case SHAPE_BOX:
@@ -69,7 +69,7 @@ static inline real reach_of(struct vec n, real length, const struct placed *s) {
 // slim, is told by it where its bounding sphere is in the way. The plane leans away from the solid's position, and by 2^-12
 // more than q: so much for rounding. Of a ray through the position `away` is all rounding, and leans anywhere: the position's
 // height over the plane is told by how long it is alone, −to·away = away², which is too little then.
-static inline mask plane_between(struct vec to, struct vec l, const struct placed *s, float q) {
+INLINE mask plane_between(struct vec to, struct vec l, const struct placed *s, float q) {
     COUNT(plane_between, call);
     COUNT(plane_between, scalar);
     float lean = q * (1 + 0x1p-12f);
@@ -86,8 +86,9 @@ static inline mask plane_between(struct vec to, struct vec l, const struct place
 }
 
 // The slope that the cone to a shape needs. None clears a Mandelbulb: its estimate is less than the distance, so that h may
-// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (NOTES.md, 1.) has one.
-static inline float slope_to(const struct placed *s, float q) {
+// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (NOTES.md, 1.)
+// has one.
+INLINE float slope_to(const struct placed *s, float q) {
     return s->type == SHAPE_MANDELBULB ? 1.0f : q;
 }
 
@@ -98,7 +99,7 @@ static inline float slope_to(const struct placed *s, float q) {
 #define SHARP 16.0f
 
 // The least of both, an edge's distance times SHARP, of a point on the surface.
-static inline real flat_within(struct vec p, const struct placed *s) {
+INLINE real flat_within(struct vec p, const struct placed *s) {
     COUNT(flat_within, call);
     switch (s->type) {
     case SHAPE_SPHERE: return set(s->a);
@@ -129,8 +130,8 @@ static inline real flat_within(struct vec p, const struct placed *s) {
 // A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
 // and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
 // first two steps of a march tell the shadow (clear.c), if they are short beside what the shape curves by.
-static inline mask bulges(const struct placed *s, struct vec local, real facing,
-                          const struct prepared *scene) {
+INLINE mask bulges(const struct placed *s, struct vec local, real facing,
+                   const struct known *scene) {
     COUNT(bulges, call);
     if (s->type == SHAPE_MANDELBULB)
         return no_lane();
@@ -151,7 +152,7 @@ static inline mask bulges(const struct placed *s, struct vec local, real facing,
     return both(may, either(not_in(grazes), not_less(flat_within(local, s), set(short_of))));
 }
 
-static inline mask plane_clears(real height, real slope, float q, const struct prepared *scene) {
+INLINE mask plane_clears(real height, real slope, float q, const struct known *scene) {
     real furthest = set(2.0f * (float)scene->model.march.bounds_radius);
     return either(not_less(slope, set(q)),
                   both(greater(height, set(0.0f)),
@@ -166,29 +167,31 @@ struct rays {
     real end;   // behind it no term comes below 1
     real alone; // before it nothing is nearer than the plane that the ray is from
     mask on_plane;
-    mask some, many;    // one shape can be met; not one convex solid alone, of another's rays
+    bool floor;         // all are from one
     real first, cosine; // the first entry into a solid, of those that can be met; 0: not told
     real sharp;         // see slant_at()
+    mask some, many;    // of rays from a plane: one shape can be met; not one convex one alone
 };
 
 // The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
 // them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
 // e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
-static inline real slant_at(struct vec at, struct vec d, const struct placed *s,
-                            const struct rays *r) {
+INLINE real slant_at(struct vec at, struct vec d, const struct placed *s, const struct rays *r) {
     COUNT(slant_at, call);
     real cosine = set(0.0f) - vec_dot(normal_on(at, s), d), rest = set(1.0f) - cosine;
     mask flat = not_less(flat_within(at, s) * cosine * (rest * rest), r->sharp);
     return keep(flat, cosine);
 }
 
-void look_at_plane(const struct placed *s, int i, struct rays *r, const struct convex *work,
-                   struct near *near);
+KNOWN_SHARED void look_at_plane(const struct placed *s, int i, struct rays *r,
+                                const struct convex *work, struct near *near);
 // Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
-void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
+KNOWN_SHARED void enter_on_the_way(const struct placed *s, int i, struct rays *r, mask met);
 // A shape's own view of the rays.
-void see_along(const struct rays *r, int i, struct near *near, const struct convex *work);
-// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays; how many.
-int choose_shapes(struct rays *r, struct near *nears, int *casters, const struct convex *work);
+KNOWN_SHARED void see_along(const struct rays *r, int i, struct near *near,
+                            const struct convex *work);
+// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
+SHARED void choose_shapes(struct rays *r, struct near *nears, struct shapes *casters,
+                          const struct convex *work);
 
 #endif

@@ -25,12 +25,12 @@ static void follow_mirrors(const struct convex *work) {
                                    load(&field[M_LEAVES][first]),
                                    first_lanes(count),
                                    {set(0.0f), set(0.0f), set(0.0f)}};
-            if (work->scene->repeats)
+            if (REPEATS(work->scene))
                 at->ray.local = load_vec(field + M_LOCAL, first);
         }
         for (int i = 0; i < packets; i++)
-            mirror_hit(&stage[i].ray, work, &stage[i].hit);
-        if (work->scene->bulbs)
+            stage[i].hit = mirror_hit(&stage[i].ray, work);
+        if (KNOWN(work->scene)->bulbs)
             meet_bulbs(stage, packets, work);
         color_all(stage, packets, work);
         for (int i = 0; i < packets; i++)
@@ -38,36 +38,37 @@ static void follow_mirrors(const struct convex *work) {
     }
 }
 
-// The shapes that lie across it, at least with their bounding spheres.
-static int shapes_in(const struct window *w, const struct job *job, int *list) {
+// Whether a shape lies across the window, at least with its bounding sphere.
+INLINE void look_across(int i, const struct window *w, const float *sides, const struct job *job,
+                        struct shapes *list) {
+    const struct placed *s = &KNOWN(job->prepared)->placed[i];
+    const float *c = job->eyes[i].centre;
+    if (s->way == LINEAR) { // centre: its normal
+        COUNT(shapes_in, plane);
+        if (plane_in_window(w, c))
+            put_in(list, i);
+        return;
+    }
+    if (REPEATED(s)) { // there may be a copy anywhere
+        put_in(list, i);
+        return;
+    }
+    COUNT(shapes_in, solid);
+    float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
+    if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
+        c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
+        c[1] - w->top * c[2] < r * sides[3])
+        put_in(list, i);
+}
+
+static void shapes_in(const struct window *w, const struct job *job, struct shapes *list) {
     COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
-    int count = 0;
-    for (int i = 0; i < job->prepared->model.shape_count; i++) {
-        const struct placed *s = &job->prepared->placed[i];
-        const float *c = job->prepared->eyes[i].centre;
-        if (s->way == LINEAR) { // centre: its normal
-            COUNT(shapes_in, plane);
-            if (plane_in_window(w, c))
-                list[count++] = i;
-            continue;
-        }
-        if (s->repeated) { // there may be a copy anywhere
-            list[count++] = i;
-            continue;
-        }
-        COUNT(shapes_in, solid);
-        float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
-        if (c[2] > -r && w->left * c[2] - c[0] < r * sides[0] &&
-            c[0] - w->right * c[2] < r * sides[1] && w->bottom * c[2] - c[1] < r * sides[2] &&
-            c[1] - w->top * c[2] < r * sides[3])
-            list[count++] = i;
-    }
-    return count;
+    none_of(list);
+    EACH_SHAPE(job->prepared, look_across, w, sides, job, list);
 }
 
-// Part by part, here and for hits: a mask that was just written, copied as a part of a whole register, is waited for.
 static inline void set_camera_ray(const struct tile *tile, struct vec direction, mask active,
                                   int slot, struct ray *ray) {
     COUNT(set_camera_ray, call);
@@ -90,17 +91,20 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     struct vec d = get_direction(tile, block, job->frame);
     mask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
-    const int *list = desk->list;
-    int count = desk->listed, number = (block.column - tile->left) / BLOCK_WIDTH;
-    if (job->prepared->tree.levels) {
-        list = desk->cut + number * job->prepared->model.shape_count;
-        count = desk->cuts[number];
+    meet_nothing(&at->hit);
+    if (!IS_CROWD(job->prepared)) {
+        EACH_IN(desk->listed, meet, d, active, job->eyes, job->prepared, &at->hit);
+        return;
     }
-    first_hit(d, active, job->prepared->eyes, list, count, job->prepared, &at->hit);
+    int number = (block.column - tile->left) / BLOCK_WIDTH;
+    const int *list = desk->cut + number * job->prepared->model.shape_count;
+    for (int k = 0; k < desk->cuts[number]; k++)
+        meet(list[k], d, active, job->eyes, job->prepared, &at->hit);
 }
 
 // Of a crowd: what each of the row's blocks can meet.
-static void cut_row(const struct tile *tile, int row, const struct job *job, struct desk *desk) {
+static inline void cut_row(const struct tile *tile, int row, const struct job *job,
+                           struct desk *desk) {
     struct frame *frame = job->frame;
     float per = tile->per_height;
     struct window window = {
@@ -108,8 +112,11 @@ static void cut_row(const struct tile *tile, int row, const struct job *job, str
         (float)(2 * tile->right - 1 - frame->width) * per,
         (float)(frame->height + 1 - 2 * lesser(tile->bottom, row + BLOCK_HEIGHT)) * per,
         (float)(frame->height - 1 - 2 * row) * per};
-    crowd_in_row(&window, 2 * BLOCK_WIDTH * per, desk->list, desk->listed, job->prepared,
-                 job->prepared->eyes, desk);
+    crowd_in_row(&window, 2 * BLOCK_WIDTH * per, job, desk);
+}
+
+INLINE void is_single(int i, const struct prepared *scene, bool *some) {
+    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
 }
 
 // What a tile's packets meet where shapes are repeated: first of the others.
@@ -124,6 +131,9 @@ static void look_through(const struct tile *tile, const struct job *job, const s
     mesh.pixel = 2 * per_height;
     COUNT(look_through, call);
     COUNT(look_through, scalar);
+    bool others = false; // plain ones that are not repeated
+    if (is_plain(&KNOWN(job->prepared)->model))
+        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
     struct vec columns[ACROSS];
     ACTIVE(LANES);
     for (int i = 0; i < mesh.across; i++)
@@ -139,17 +149,14 @@ static void look_through(const struct tile *tile, const struct job *job, const s
             at->direction = direction_in(tile, columns[i], up);
             at->active = in_picture(block);
             at->only = -1;
-            first_hit(at->direction, at->active, job->prepared->eyes, desk->list, desk->listed,
-                      job->prepared, &at->hit);
-            if (is_plain(&job->prepared->model))
+            meet_nothing(&at->hit);
+            EACH_IN(desk->listed, meet, at->direction, at->active, job->eyes, job->prepared,
+                    &at->hit);
+            if (others)
                 normals_seen(at, job->prepared);
         }
     }
-    for (int k = 0; k < desk->listed; k++) {
-        const struct placed *s = &job->prepared->placed[desk->list[k]];
-        if (s->repeated && !s->led)
-            meet_layers(desk->list[k], &mesh, job, sights);
-    }
+    EACH_IN(desk->listed, meet_layers, &mesh, job, sights);
 }
 
 // A row of packets that nothing waits for.
@@ -179,25 +186,28 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
     }
 }
 
-static void look_for_bulbs(const struct tile *tile, const struct job *job, struct desk *desk) {
-    clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
-    for (int k = 0; k < desk->listed; k++) {
-        const struct placed *s = &job->prepared->placed[desk->list[k]];
-        if (s->type != SHAPE_MANDELBULB)
-            continue;
-        struct exact_eye eye = exact_eye_of(s, job->view);
-        struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
-        int count = 0, slot = 0;
-        for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
-            for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
-                struct stage at;
-                struct block block = block_at(tile, row, i);
-                look(tile, block, slot, job, desk, &at);
-                count = gather_bulb(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
-                                    at.hit.t, slot, job->prepared, desk);
-            }
-        march_bulb(s, count, &job->prepared->model.march, desk);
-    }
+INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
+                          struct desk *desk) {
+    const struct placed *s = &KNOWN(job->prepared)->placed[shape];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    struct exact_eye eye = exact_eye_of(s, job->view);
+    struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
+    int count = 0, slot = 0;
+    for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
+            struct stage at;
+            struct block block = block_at(tile, row, i);
+            look(tile, block, slot, job, desk, &at);
+            count = gather_bulb(count, s, o, exact_look(tile, block, &eye, job), &at.ray, at.hit.t,
+                                slot, job->prepared, desk);
+        }
+    march_bulb(s, count, &job->prepared->model.march, desk);
+}
+
+int convex_tiles(const struct job *job) {
+    return (job->frame->width + TILE_WIDTH - 1) / TILE_WIDTH *
+           ((job->frame->height + job->tile_height - 1) / job->tile_height);
 }
 
 static inline void set_work(const struct job *job, struct desk *desk, struct convex *work) {
@@ -209,7 +219,7 @@ static inline void set_work(const struct job *job, struct desk *desk, struct con
         work->lamp[k] = (float)(view->light_position[k] - view->position[k]);
     }
     const double *at = view->position;
-    work->inside = (float)(job->prepared->model.march.bounds_radius * (1 - 0x1p-16) -
+    work->inside = (float)(KNOWN(job->prepared)->model.march.bounds_radius * (1 - 0x1p-16) -
                            sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]));
 }
 
@@ -239,8 +249,10 @@ static inline void list_shapes(const struct tile *tile, const struct job *job, s
                             (float)(2 * tile->right - 1 - frame->width) * tile->per_height,
                             (float)(frame->height + 1 - 2 * tile->bottom) * tile->per_height,
                             (float)(frame->height - 1 - 2 * tile->top) * tile->per_height};
-    desk->listed = job->prepared->tree.levels ? crowd_in_window(&window, job, desk, desk->list)
-                                              : shapes_in(&window, job, desk->list);
+    if (IS_CROWD(job->prepared))
+        crowd_in_window(&window, job, desk);
+    else
+        shapes_in(&window, job, &desk->listed);
 }
 
 // A row's packets; how many. sights: where shapes are repeated, what they see.
@@ -248,11 +260,11 @@ static inline int look_row(const struct tile *tile, int row, int pixel, const st
                            const struct job *job, struct desk *desk, struct stage *stage) {
     int count = 0;
     sights += (row - tile->top) / BLOCK_HEIGHT * ACROSS;
-    if (job->prepared->tree.levels)
+    if (IS_CROWD(job->prepared))
         cut_row(tile, row, job, desk);
     for (; tile->left + count * BLOCK_WIDTH < tile->right; count++, pixel += LANES) {
         struct stage *at = &stage[count];
-        if (job->prepared->repeats) {
+        if (REPEATS(job->prepared)) {
             const struct sight *seen = &sights[count];
             set_camera_ray(tile, seen->direction, seen->active, pixel, &at->ray);
             at->hit.found = seen->hit.found;
@@ -262,7 +274,7 @@ static inline int look_row(const struct tile *tile, int row, int pixel, const st
             continue;
         }
         look(tile, block_at(tile, row, count), pixel, job, desk, at);
-        if (job->prepared->bulbs)
+        if (KNOWN(job->prepared)->bulbs)
             take_bulb(at, pixel, desk);
     }
     return count;
@@ -303,15 +315,18 @@ void convex_tile(const struct job *job, int number, struct desk *desk) {
     struct tile tile;
     set_tile(job, number, &tile);
     list_shapes(&tile, job, desk);
-    if (desk->listed == 0) {
-        fill_background(frame, tile.left, tile.right, tile.top, tile.bottom, &job->prepared->model);
+    if (is_empty(&desk->listed)) {
+        fill_background(frame, tile.left, tile.right, tile.top, tile.bottom,
+                        &KNOWN(job->prepared)->model);
         return;
     }
-    if (job->prepared->bulbs)
-        look_for_bulbs(&tile, job, desk);
-    bool plain = job->prepared->repeats && is_plain(&job->prepared->model);
+    if (KNOWN(job->prepared)->bulbs) {
+        clear_met(desk, TILE_WIDTH * BULB_TILE_HEIGHT);
+        EACH_IN(desk->listed, look_for_bulb, &tile, job, desk);
+    }
+    bool plain = REPEATS(job->prepared) && is_plain(&KNOWN(job->prepared)->model);
     struct sight sights[BLOCKS];
-    if (job->prepared->repeats)
+    if (REPEATS(job->prepared))
         look_through(&tile, job, desk, sights);
     struct stage stage[GROUP];
     int across = (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES, pixel = 0;

@@ -79,13 +79,11 @@ struct desk {
         met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    int listed;            // shapes that the tile's camera rays may meet
-    int *cut, cuts[GROUP]; // of a crowd: of those what each block of a row may meet
-    struct near *near;     // of the packets of shadow rays in work, one per shape and packet
-    int *list;
-    int *shading; // shapes that can matter to the light on the group in work
-    int shadings; // how many
-    int *casters; // shapes that the packet may meet
+    struct near *near;            // of the packets of shadow rays in work, one per shape and packet
+    struct shapes listed;         // those that the tile's camera rays may meet
+    int *cut, cuts[GROUP];        // of a crowd: of those what each block of a row may meet
+    struct shapes shading;        // those that can matter to the light on the group in work
+    struct shapes casters[CASTS]; // those that a packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirrored, *vicinity;
     int *ahead, aheads; // solids that the packet of shadow rays in work may meet
@@ -116,6 +114,10 @@ struct near {
     real wakes;                   // where t + the nearest distance is less, so is that one
 };
 
+_Static_assert(offsetof(struct near, origin) == 0 &&
+                   offsetof(struct near, direction) == 3 * sizeof(real),
+               "one behind the other");
+
 struct convex {
     const struct prepared *scene;
     const struct view *view;
@@ -127,27 +129,37 @@ struct convex {
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
 // neither, but for the first two, since it bulges.
-mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
-             real facing, real shape, mask active, const struct convex *work);
+SHARED mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+                    real facing, real shape, mask active, const struct convex *work);
 // The shadow on these: the least of those two terms.
-real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
-                const struct model *model);
+SHARED real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
+                       const struct prepared *scene);
 // Hard shadows: which rays reach the light.
-mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
-                   real distance, mask active, const struct convex *work);
+SHARED mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
+                          real distance, mask active, const struct convex *work);
 // Mandelbulb: where the group's rays that wait on the desk meet it.
-void march_bulb(const struct placed *s, int count, const struct limits *limits, struct desk *desk);
+SHARED void march_bulb(const struct placed *s, int count, const struct limits *limits,
+                       struct desk *desk);
 // Marches all shadow rays that wait, and adds their light.
-void cast_shadows(const struct convex *work);
-void convex_tile(const struct job *job, int tile, struct desk *desk);
+SHARED void cast_shadows(const struct convex *work);
+SHARED int convex_tiles(const struct job *job);
+SHARED void convex_tile(const struct job *job, int tile, struct desk *desk);
 
-static inline struct vec in_frame(const struct placed *s, struct vec p) {
+static inline int lesser(int a, int b) {
+    return a < b ? a : b;
+}
+
+static inline float larger(float a, float b) { // fmaxf is a call
+    return a > b ? a : b;
+}
+
+INLINE struct vec in_frame(const struct placed *s, struct vec p) {
     return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
                                   p.z - set(s->position[2])});
 }
 
-static inline real height_over(const struct placed *s, struct vec p) {
-    return vec_dot(p, vec_set(s->normal)) - set(s->c);
+INLINE real height_over(const struct placed *s, struct vec p) {
+    return dot_with(s->normal, p) - set(s->c);
 }
 
 static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
@@ -187,15 +199,7 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
     }
 }
 
-static inline int lesser(int a, int b) {
-    return a < b ? a : b;
-}
-
-static inline float larger(float a, float b) { // fmaxf is a call
-    return a > b ? a : b;
-}
-
-static inline mask same_shape(real shape, int i) {
+INLINE mask same_shape(real shape, int i) {
     return less(absolute(shape - set((float)i)), set(0.5f));
 }
 

@@ -6,7 +6,7 @@
 #include "prove.h"
 
 static inline struct vec direction_of(int first, const struct grid *grid, int block) {
-    return turned(&grid->scene->placed[first], grid->sights[block].direction);
+    return turned(&KNOWN(grid->scene)->placed[first], grid->sights[block].direction);
 }
 
 // A packet beside a copy.
@@ -21,10 +21,10 @@ static inline bool is_round(const struct placed *s) {
     return s->type == SHAPE_ROUNDED_BOX && s->a > ROUND * s->bound;
 }
 
-static inline void meet_alike(int i, int first, const struct prepared *scene, unsigned away,
-                              struct beside *b, struct found *hit) {
-    const struct placed *s = &scene->placed[i];
-    if (away & bit_of(i, first))
+INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned away,
+                       struct beside *b, struct found *hit) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    if (s->leader != first || (away & bit_of(i, first)))
         return;
     ACTIVE(count_of(b->active));
     COUNT(meet_copy, shape);
@@ -36,7 +36,7 @@ static inline void meet_alike(int i, int first, const struct prepared *scene, un
         COUNT(meet_copy, half);
         half = root(most_of(set(s->bound_sq) - b->square, set(0.0f)));
     }
-    bool plain = is_plain(&scene->model), round = plain && is_round(s);
+    bool plain = is_plain(&KNOWN(scene)->model), round = plain && is_round(s);
     struct vec from_within;
     if (round)
         near = both(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
@@ -68,14 +68,15 @@ static inline void meet_alike(int i, int first, const struct prepared *scene, un
     hit->local = vec_choose(near, plain ? turned_back(s, at) : at, hit->local);
 }
 
-static inline void has_slabs(int i, const struct prepared *scene, bool *slabs) {
-    const struct placed *s = &scene->placed[i];
-    *slabs = *slabs || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX;
+INLINE void has_slabs(int i, int first, const struct prepared *scene, bool *slabs) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    *slabs =
+        *slabs || (s->leader == first && (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX));
 }
 
 // A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
-static inline mask meet_copy(int first, const struct grid *grid, int block, struct vec o,
-                             struct vec rest, unsigned away, mask active) {
+INLINE mask meet_copy(int first, const struct grid *grid, int block, struct vec o, struct vec rest,
+                      unsigned away, mask active) {
     COUNT(meet_copy, call);
     struct beside b;
     b.d = direction_of(first, grid, block);
@@ -87,22 +88,22 @@ static inline mask meet_copy(int first, const struct grid *grid, int block, stru
     b.met = no_lane();
     b.per = b.d;
     bool slabs = false;
-    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
-        has_slabs(i, grid->scene, &slabs);
+    EACH_ALIKE(grid->scene, has_slabs, first, grid->scene, &slabs);
     if (slabs)
         b.per = inverses_of(b.d);
-    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
-        meet_alike(i, first, grid->scene, away, &b, &grid->sights[block].hit);
+    EACH_ALIKE(grid->scene, meet_alike, first, grid->scene, away, &b, &grid->sights[block].hit);
     return b.met;
 }
 
 // A copy that all of a packet's rays meet, on one face or one sphere of it.
-static inline void take_whole(int i, int axis, const struct grid *grid, int block, struct vec o,
-                              struct vec rest) {
-    const struct placed *s = &grid->scene->placed[i];
-    struct sight *at = &grid->sights[block];
-    struct vec d = turned(s, at->direction);
+INLINE void take_whole(int i, int first, int shape, int axis, const struct grid *grid, int block,
+                       struct vec o, struct vec rest) {
     COUNT(take_whole, call);
+    const struct placed *s = &KNOWN(grid->scene)->placed[i];
+    if (i != shape || s->leader != first)
+        return;
+    struct sight *at = &grid->sights[block];
+    struct vec d = direction_of(first, grid, block);
     at->hit.found = at->active;
     at->hit.shape = set(s->index);
     at->only = i;

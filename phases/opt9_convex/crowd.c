@@ -48,7 +48,7 @@ static float farthest(const double a[3]) {
     return (float)sum;
 }
 
-int crowd_in_window(const struct window *w, const struct job *job, struct desk *desk, int *list) {
+void crowd_in_window(const struct window *w, const struct job *job, struct desk *desk) {
     COUNT(crowd_in_window, call);
     const struct prepared *scene = job->prepared;
     const struct view *view = job->view;
@@ -64,18 +64,18 @@ int crowd_in_window(const struct window *w, const struct job *job, struct desk *
                         {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
                          root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
     desk->far = desk->leaf = -1;
-    int count = list_those(&scene->tree, lies_across, &seen, list);
+    int *list = desk->listed.index, count = list_those(&scene->tree, lies_across, &seen, list);
     for (int k = 0; k < count; k++)
         mark(desk, list[k]);
     for (int k = 0; k < scene->plane_count; k++)
         if (plane_in_window(w, job->prepared->eyes[scene->planes[k]].centre))
             mark(desk, scene->planes[k]);
-    return take_marked(desk, scene, list);
+    desk->listed.count = take_marked(desk, scene, list);
 }
 
 // The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
-void crowd_in_row(const struct window *row, float across, const int *list, int count,
-                  const struct prepared *scene, const struct eye *eyes, struct desk *desk) {
+void crowd_in_row(const struct window *row, float across, const struct job *job,
+                  struct desk *desk) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
     ACTIVE(GROUP);
     COUNT(crowd_in_row, call);
@@ -86,10 +86,12 @@ void crowd_in_row(const struct window *row, float across, const int *list, int c
     float bottom = sqrtf(1 + row->bottom * row->bottom), top = sqrtf(1 + row->top * row->top);
     for (int k = 0; k < GROUP; k++)
         desk->cuts[k] = 0;
+    const struct prepared *scene = job->prepared;
+    const int *list = desk->listed.index, count = desk->listed.count;
     for (int k = 0; k < count; k++) {
         int i = list[k];
         const struct placed *s = &scene->placed[i];
-        const float *c = eyes[i].centre;
+        const float *c = job->eyes[i].centre;
         unsigned which = (1u << GROUP) - 1;
         if (s->way != LINEAR) {
             COUNT(crowd_in_row, solid);
@@ -116,12 +118,13 @@ static struct shaft shaft_from(const float centre[3], float radius, const float 
     return shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
 }
 
-int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
-                        const struct convex *work, int *list) {
+void crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+                         const struct convex *work) {
     COUNT(crowd_towards_light, call);
     struct shaft shaft = shaft_from(centre, radius, to_light, q);
-    int count = list_those(&work->scene->tree, in_shaft, &shaft, list);
-    return and_planes(work->scene, list, count);
+    struct shapes *shading = &work->desk->shading;
+    int count = list_those(&work->scene->tree, in_shaft, &shaft, shading->index);
+    shading->count = and_planes(work->scene, shading->index, count);
 }
 
 void crowd_about_beam(const float centre[3], float radius, const float to_light[3], float q,
@@ -203,7 +206,7 @@ static void end_behind_all(struct rays *r, const struct prepared *scene) {
     COUNT(end_behind_all, call);
     COUNT(end_behind_all, scalar);
     const struct tree *tree = &scene->tree;
-    float q = scene->lit_slope;
+    float q = scene->known.lit_slope;
     real wide = set(larger(1.0f - q * q, 1e-6f)), zero = set(0.0f);
     struct vec v = {set(tree->centre[0]) - r->point.x, set(tree->centre[1]) - r->point.y,
                     set(tree->centre[2]) - r->point.z};

@@ -8,24 +8,22 @@
 struct window;
 struct job;
 
-// A `list` has room for LANES more than the scene has shapes (list_those).
-
-// Those that lie across the window, and planes seen through it.
-int crowd_in_window(const struct window *window, const struct job *job, struct desk *desk,
-                    int *list);
-// Of a tile's list those that each block of a row can meet, planes all of them: desk->cut, as many as desk->cuts says. `row`:
+// To desk->listed: those that lie across the window, and planes seen through it.
+void crowd_in_window(const struct window *window, const struct job *job, struct desk *desk);
+// Of those the ones that each block of a row can meet, planes all of them: desk->cut, as many as desk->cuts says. `row`:
 // its window; `across`: how wide that of a block is.
-void crowd_in_row(const struct window *row, float across, const int *list, int count,
-                  const struct prepared *scene, const struct eye *eyes, struct desk *desk);
-// Those that a cone of slope q about a ray can meet, which starts in the ball and goes to_light but for `spread`.
-int crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
-                        const struct convex *work, int *list);
+void crowd_in_row(const struct window *row, float across, const struct job *job, struct desk *desk);
+// To desk->shading: those that a cone of slope q about a ray can meet, which starts in the ball and goes to_light but for
+// `spread`.
+void crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+                         const struct convex *work);
 // The same solids of all rays of a beam: desk->about, if there is room; then desk->ahead of a packet's, without the tree.
 void crowd_about_beam(const float centre[3], float radius, const float to_light[3], float q,
                       const struct convex *work);
 void crowd_about_packet(const float centre[3], float radius, const float to_light[3], float q,
                         const struct convex *work);
-// Those whose bounding spheres any of the rays starts in or meets.
+// Those whose bounding spheres any of the rays starts in or meets; how many. `list` has room for LANES more than the scene has
+// shapes (list_those).
 int crowd_along(struct vec origin, struct vec direction, mask active, const struct convex *work,
                 int *list);
 

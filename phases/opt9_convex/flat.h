@@ -51,7 +51,8 @@ static mask on_flat_faces(struct rays *r, const struct prepared *scene) {
         COUNT(on_flat_faces, scalar);
         real until = flat_until(s, r->local, turned(s, r->to_light));
         // Until then |p − position| + h is no more than |o| + t + facing·t.
-        float alone = s->alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius;
+        float alone =
+            scene->more[i].alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius;
         real room = set(alone) - vec_norm(r->local);
         until = least_of(until, room / (set(1.0f) + r->facing));
         r->alone = choose(own, least_of(until, r->alone), r->alone);

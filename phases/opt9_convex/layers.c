@@ -9,13 +9,6 @@
 // The lanes are bundles in the walk, rays where a copy is asked (copies.h).
 #include "copies.h"
 
-enum {
-    BUNDLE_HEIGHT = 4, // and as wide as a block
-    STACKED = BUNDLE_HEIGHT / BLOCK_HEIGHT,
-    BUNDLES = ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT,
-};
-_Static_assert(BUNDLES % LANES == 0, "whole registers");
-
 // The camera from the middles of the cells that the lanes are in, as two floats.
 static inline real lane_place(const struct grid *grid, int axis, real d, real count, real *rest) {
     COUNT(lane_place, call);
@@ -43,11 +36,11 @@ static inline struct walk walk_from(const struct grid *grid, struct vec d, const
 }
 
 // Each ray by itself, from the camera on. What it has met it does not ask again.
-static inline void walk_alone(int first, const struct grid *grid, int block) {
+INLINE void walk_alone(int first, const struct grid *grid, int block) {
     ACTIVE(count_of(grid->left[block]));
     COUNT(walk_alone, call);
     COUNT(walk_alone, scalar);
-    const struct placed *s = &grid->scene->placed[first];
+    const struct placed *s = &KNOWN(grid->scene)->placed[first];
     const struct sight *at = &grid->sights[block];
     struct vec d = direction_of(first, grid, block);
     struct walk w = walk_from(grid, d, s, least_of(set(2.0f * grid->bounds), at->hit.t));
@@ -84,8 +77,8 @@ static inline mask bundles_next(struct bundles *b, float spread, mask going) {
 }
 
 // The rays of a bundle that go on.
-static inline bool meet_bundle(int first, struct grid *grid, int bundle, struct vec o,
-                               struct vec rest, int shape, int axis, unsigned away) {
+INLINE bool meet_bundle(int first, struct grid *grid, int bundle, struct vec o, struct vec rest,
+                        int shape, int axis, unsigned away) {
     bool on = false, whole = shape >= 0;
     int block = bundle / ACROSS * STACKED * ACROSS + bundle % ACROSS;
     for (int k = 0; k < STACKED; k++) {
@@ -98,7 +91,7 @@ static inline bool meet_bundle(int first, struct grid *grid, int bundle, struct 
             continue;
         ACTIVE(count_of(left));
         if (whole) {
-            take_whole(shape, axis, grid, block, o, rest);
+            EACH_ALIKE(grid->scene, take_whole, first, shape, axis, grid, block, o, rest);
             grid->left[block] = no_lane();
         } else {
             left = but_not(meet_copy(first, grid, block, o, rest, away, left), left);
@@ -109,25 +102,23 @@ static inline bool meet_bundle(int first, struct grid *grid, int bundle, struct 
     return on;
 }
 
-static inline void most_bound(int i, const struct prepared *scene, float *most) {
+INLINE void most_bound(int i, int first, const struct prepared *scene, float *most) {
     COUNT(most_bound, call);
-    const struct placed *s = &scene->placed[i];
-    if (s->bound > *most)
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    if (s->leader == first && s->bound > *most)
         *most = s->bound;
 }
 
 // What bundles meet of the copies in their cells; those that go on.
-static inline mask meet_cells_of(int first, struct grid *grid, const struct bundles *b, int from,
-                                 mask met) {
+INLINE mask meet_cells_of(int first, struct grid *grid, const struct bundles *b, int from,
+                          mask met) {
     ACTIVE(count_of(met));
     COUNT(meet_cells_of, call);
     struct vec d = b->direction, rest, o = lane_places(grid, d, &b->walk, &rest);
     float places[9][LANES], bound = 0;
-    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
-        most_bound(i, grid->scene, &bound);
+    EACH_ALIKE(grid->scene, most_bound, first, grid->scene, &bound);
     struct proof p = nothing_proved(o, d, bound, grid);
-    for (int i = first; i >= 0; i = grid->scene->placed[i].alike)
-        prove(i, first, grid, b, &p);
+    EACH_ALIKE(grid->scene, prove, first, grid, b, &p);
     mask possible = less(least_of(p.lo, p.others), set(INFINITY));
     real shape = choose(less(p.hi, p.others), p.shape, set(-1.0f));
     const real all[9] = {o.x, o.y, o.z, rest.x, rest.y, rest.z, shape, p.axis, p.away};
@@ -139,31 +130,31 @@ static inline mask meet_cells_of(int first, struct grid *grid, const struct bund
         struct vec at = {set(places[0][lane]), set(places[1][lane]), set(places[2][lane])};
         struct vec more = {set(places[3][lane]), set(places[4][lane]), set(places[5][lane])};
         if (!meet_bundle(first, grid, from + lane, at, more,
-                         grid->alone && is_plain(&grid->scene->model) ? (int)places[6][lane] : -1,
+                         grid->alone && is_plain(&KNOWN(grid->scene)->model) ? (int)places[6][lane]
+                                                                             : -1,
                          (int)places[7][lane], (unsigned)places[8][lane]))
             on &= ~(1u << lane);
     }
     return lanes_of(on);
 }
 
-// Whether all that is repeated is so as the shape `first` is.
-static inline bool is_alone(int first, const struct prepared *scene) {
-    for (int i = 0; i < scene->model.shape_count; i++)
-        if (i != first && scene->placed[i].repeated && !scene->placed[i].led)
-            return false;
-    return true;
+// Whether the shape i is repeated otherwise than `first`.
+INLINE void is_other(int i, int first, const struct prepared *scene, bool *alone) {
+    const struct placed *s = &KNOWN(scene)->placed[i];
+    *alone = *alone && !(REPEATED(s) && s->leader != first);
 }
 
 // What the grid is to the tile; the bundles that have rays.
-static inline unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh,
-                                  const struct job *job) {
-    const struct placed *s = &job->prepared->placed[first];
-    const struct eye *eye = &job->prepared->eyes[first];
-    float bounds = (float)job->prepared->model.march.bounds_radius * (1 + 1e-4f);
+INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh,
+                           const struct job *job) {
+    const struct placed *s = &KNOWN(job->prepared)->placed[first];
+    const struct eye *eye = &job->eyes[first];
+    float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
     COUNT(begin_grid, call);
     COUNT(begin_grid, scalar);
     grid->bounds = bounds;
-    grid->alone = is_alone(first, job->prepared);
+    grid->alone = true;
+    EACH_SHAPE(job->prepared, is_other, first, job->prepared, &grid->alone);
     grid->slack = 2e-6f * bounds;
     grid->spread = 1.5f * 1.41422f * mesh->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {
@@ -190,7 +181,7 @@ static inline unsigned begin_grid(int first, struct grid *grid, const struct mes
 }
 
 // How far the rays of some bundles go: to what else they have met, if all have.
-static inline real ends_of(const struct grid *grid, int from, unsigned open) {
+INLINE real ends_of(const struct grid *grid, int from, unsigned open) {
     COUNT(ends_of, call);
     COUNT(ends_of, scalar);
     if (grid->first)
@@ -231,13 +222,13 @@ static inline float together_until(const struct grid *grid, const struct placed 
 }
 
 // The bundles `open` of those from `from` on.
-static inline void meet_bundles(int first, struct grid *grid, const struct mesh *mesh,
-                                const struct job *job, int from, unsigned open) {
+INLINE void meet_bundles(int first, struct grid *grid, const struct mesh *mesh,
+                         const struct job *job, int from, unsigned open) {
     ACTIVE(__builtin_popcount(open));
     COUNT(meet_bundles, call);
     COUNT(meet_bundles, scalar);
-    const struct placed *s = &job->prepared->placed[first];
-    const struct eye *eye = &job->prepared->eyes[first];
+    const struct placed *s = &KNOWN(job->prepared)->placed[first];
+    const struct eye *eye = &job->eyes[first];
     real number = lane_numbers() + set((float)from);
     real row = floor_of(number * set(1.0f / ACROSS)), column = number - row * set(ACROSS);
     real four = set(4.0f * mesh->pixel);
@@ -267,7 +258,11 @@ static inline void meet_bundles(int first, struct grid *grid, const struct mesh 
     }
 }
 
-void meet_layers(int first, const struct mesh *mesh, const struct job *job, struct sight *sights) {
+KNOWN_SHARED void meet_layers(int first, const struct mesh *mesh, const struct job *job,
+                              struct sight *sights) {
+    if (KNOWN(job->prepared)->placed[first].leader != first ||
+        !REPEATED(&KNOWN(job->prepared)->placed[first]))
+        return;
     struct grid grid;
     grid.scene = job->prepared;
     grid.sights = sights;

@@ -17,7 +17,8 @@ struct mesh {
     int across, down;       // blocks in the picture
 };
 
-// What they meet of all shapes that are repeated as the shape `first` is.
-void meet_layers(int first, const struct mesh *mesh, const struct job *job, struct sight *sights);
+// What a tile's packets meet of all shapes that are repeated as the shape `first` is, if it is the first of them.
+KNOWN_SHARED void meet_layers(int first, const struct mesh *mesh, const struct job *job,
+                              struct sight *sights);
 
 #endif

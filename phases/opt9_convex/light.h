@@ -5,10 +5,20 @@
 
 #include "stage.h"
 
+// a to the power of the shininess. One that is known and whole: products in place of a logarithm and an exponential.
+static inline real shine_of(real a, real shininess) {
+    if (!WHOLE_SHININESS)
+        return power_of(a, shininess);
+    real power = set(1.0f);
+    for (int rest = WHOLE_SHININESS; rest; rest >>= 1, a = a * a)
+        if (rest & 1)
+            power = power * a;
+    return power;
+}
+
 // shine: the cosine between the way back and the light's mirror image.
-static inline void bring_light(struct stage *at, real shine, real reach,
-                               const struct convex *work) {
-    const struct surface *surface = &at->surface;
+INLINE void bring_light(struct stage *at, const struct surface *surface, real shine, real reach,
+                        const struct convex *work) {
     COUNT(bring_light, call);
     real specular = set(0.0f);
     const float *e = work->emission;
@@ -17,7 +27,7 @@ static inline void bring_light(struct stage *at, real shine, real reach,
         ACTIVE(count_of(shines));
         COUNT(bring_light, shines);
         specular =
-            keep(shines, set(0.2f) * power_of(most_of(shine, set(1e-30f)), surface->shininess));
+            keep(shines, set(0.2f) * shine_of(most_of(shine, set(1e-30f)), surface->shininess));
     }
     struct vec base = surface->color;
     at->light = (struct vec){set(e[0]) * mul_add(base.x, at->facing, specular) * reach,
@@ -25,10 +35,11 @@ static inline void bring_light(struct stage *at, real shine, real reach,
                              set(e[2]) * mul_add(base.z, at->facing, specular) * reach};
 }
 
-static inline void stage_light(struct stage *at, const struct convex *work) {
-    const struct model *model = &work->scene->model;
+// axis: the plane's normal, which a kernel knows, where all hits are on it.
+INLINE void stage_light(struct stage *at, const struct surface *surface, const float *axis,
+                        const struct convex *work) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
     const struct ray *ray = &at->ray;
-    const struct surface *surface = &at->surface;
     ACTIVE(count_of(at->hit.found));
     COUNT(stage_light, call);
     struct vec p = at->point, n = surface->normal, base = surface->color;
@@ -45,19 +56,19 @@ static inline void stage_light(struct stage *at, const struct convex *work) {
     struct vec l = {set(light[0]) - p.x, set(light[1]) - p.y, set(light[2]) - p.z};
     real square = vec_dot(l, l), per = set(1.0f) / root(square);
     l = vec_scale(l, per);
-    real facing = vec_dot(n, l);
+    real facing = axis ? dot_with(axis, l) : vec_dot(n, l);
     at->lit = both(at->hit.found, both(greater(facing, zero), greater(square, zero)));
     at->facing = facing;
     at->to_light = l;
-    bring_light(at, vec_dot(vec_reflect(l, n), ray->direction), weight * per, work);
+    real shine = vec_dot(axis ? reflected_at(axis, l) : vec_reflect(l, n), ray->direction);
+    bring_light(at, surface, shine, weight * per, work);
 }
 
 // As stage_light(), of camera rays: the way to the light is told from the camera's, not of unit length.
-static inline void light_seen(struct stage *at, const struct convex *work) {
-    const struct model *model = &work->scene->model;
+INLINE void light_seen(struct stage *at, const struct surface *surface, const struct convex *work) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
     ACTIVE(count_of(at->hit.found));
     COUNT(light_seen, call);
-    const struct surface *surface = &at->surface;
     struct vec d = at->ray.direction, n = surface->normal;
     real weight = set(1.0f), zero = set(0.0f), t = at->hit.t;
     if (model->features.fog) {
@@ -75,7 +86,7 @@ static inline void light_seen(struct stage *at, const struct convex *work) {
     along = negate_where(greater(down, zero), along); // n may be that of the other side
     at->facing = along * per;
     at->lit = both(at->hit.found, both(greater(along, zero), greater(square, zero)));
-    bring_light(at, shine * per, weight * per, work);
+    bring_light(at, surface, shine * per, weight * per, work);
 }
 
 #endif

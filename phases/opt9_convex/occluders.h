@@ -4,6 +4,7 @@
 #define OPT9_OCCLUDERS_H
 
 #include "bulb.h"
+#include "cells.h"
 #include "crowd.h"
 #include "stage.h"
 
@@ -66,26 +67,27 @@ static bool ball_clears(const struct ball *ball, const struct placed *s, float q
     return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
+INLINE void shade_from(int i, const struct ball *ball, const struct convex *work) {
+    const struct known *scene = KNOWN(work->scene);
+    const struct placed *s = &scene->placed[i];
+    float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
+    q = slope_to(s, q);
+    if (!ball || s->way == LINEAR || REPEATED(s) || !ball_clears(ball, s, q))
+        put_in(&work->desk->shading, i);
+}
+
 // To desk->shading: those that can shade the group.
 static void choose_shading(const struct stage *stage, int count, const struct convex *work) {
-    const struct prepared *scene = work->scene;
-    struct desk *desk = work->desk;
     struct ball ball;
     bool known = ball_of(stage, count, work->view, &ball);
-    desk->shadings = 0;
-    if (known && scene->tree.levels) {
+    if (IS_CROWD(work->scene) && known) {
+        const struct known *scene = KNOWN(work->scene);
         float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
-        desk->shadings = crowd_towards_light(ball.centre, ball.radius, ball.to_light,
-                                             q + ball.spread, work, desk->shading);
+        crowd_towards_light(ball.centre, ball.radius, ball.to_light, q + ball.spread, work);
         return;
     }
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        float q = scene->model.shadows == SHADOWS_HARD ? HARD_SLOPE : scene->lit_slope;
-        q = slope_to(s, q);
-        if (!known || s->way == LINEAR || s->repeated || !ball_clears(&ball, s, q))
-            desk->shading[desk->shadings++] = i;
-    }
+    none_of(&work->desk->shading);
+    EACH_SHAPE(work->scene, shade_from, known ? &ball : NULL, work);
 }
 
 #endif

@@ -87,7 +87,7 @@ static void store_lines(struct frame *frame, int left, int right, int top, int b
 }
 
 static void show_background(struct frame *frame, int left, int right, int top, int bottom,
-                            const struct model *model) {
+                            const struct known_model *model) {
     float line[3 * TILE_WIDTH];
     for (int i = 0; i < 3 * TILE_WIDTH; i++)
         line[i] = (float)model->background[i % 3];
@@ -100,7 +100,7 @@ static void show_background(struct frame *frame, int left, int right, int top, i
 }
 
 static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
-                            const struct model *model) {
+                            const struct known_model *model) {
     if (frame->shown) {
         show_background(frame, left, right, top, bottom, model);
         return;

@@ -1,6 +1,7 @@
 // A scene's shapes as the kernels want them (placed.h), worked out once: their places, sizes and bounds, what can be had by
 // closed forms, which are repeated alike, the tree of a crowd. No lanes in here.
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "placed.h"
@@ -26,7 +27,8 @@ static void to_floats(const double from[3], float to[3]) {
 }
 
 // See struct placed. A plane that is not repeated has one row.
-static void place_rows(struct placed *p, const struct shape *shape, double turn[3][3]) {
+static void place_rows(struct placed *p, const struct shape *shape, double turn[3][3],
+                       struct placed_more *more) {
     bool linear = p->way == LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
@@ -37,8 +39,8 @@ static void place_rows(struct placed *p, const struct shape *shape, double turn[
         p->centre[i] = shape->position[i];
     }
     if (p->way == POWER) {
-        p->radius_sq = shape->sphere.radius * shape->sphere.radius;
-        p->b = (float)p->radius_sq;
+        more->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)more->radius_sq;
     }
     if (linear) {
         p->offset = shape->plane.offset;
@@ -58,13 +60,13 @@ static enum way way_of(const struct shape *shape, bool repeated, const struct li
     return shape->type == SHAPE_PLANE ? LINEAR : AT_POINT;
 }
 
-static struct placed place_shape(int index, const struct shape *shape,
-                                 const struct limits *limits) {
-    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1};
+static struct placed place_shape(int index, const struct shape *shape, const struct limits *limits,
+                                 struct placed_more *more) {
+    struct placed p = {.type = shape->type, .index = (float)index, .alike = -1, .leader = index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
-        split(shape->position[i], &p.position[i], &p.position_lo[i]);
+        split(shape->position[i], &p.position[i], &more->position_lo[i]);
         to_floats(turn[i], p.turn[i]);
         p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
         p.repeated = p.repeated || shape->repeat[i] > 0.0;
@@ -74,7 +76,7 @@ static struct placed place_shape(int index, const struct shape *shape,
         p.per_cell[i] = (float)p.wide_per_cell[i];
     }
     p.way = way_of(shape, p.repeated, limits);
-    place_rows(&p, shape, turn);
+    place_rows(&p, shape, turn, more);
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
@@ -202,7 +204,7 @@ enum { FEW_STEPS = 256 };
 static void plant(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->tree.levels = 0;
-    if (count < CROWD || !prepared->solids || prepared->repeats || prepared->bulbs ||
+    if (count < CROWD || !prepared->solids || prepared->known.repeats || prepared->known.bulbs ||
         prepared->model.march.max_steps < FEW_STEPS)
         return;
     for (int i = 0; i < count; i++) {
@@ -216,9 +218,9 @@ static void plant(struct prepared *prepared) {
     }
     tree_build(&prepared->tree, prepared->leaves, solids);
     for (int i = 0; i < solids; i++) {
-        struct placed *p = &prepared->placed[prepared->tree.shape[i]];
-        p->alone = tree_gap(&prepared->tree, i);
-        p->rank = i;
+        struct placed_more *more = &prepared->more[prepared->tree.shape[i]];
+        more->alone = tree_gap(&prepared->tree, i);
+        more->rank = i;
     }
 }
 
@@ -235,38 +237,76 @@ static void find_alike(struct placed *placed, int first, int count) {
         last->alike = i;
         last = p;
         p->led = true;
+        p->leader = first;
         for (int k = 0; k < 3; k++)
             s->around[k] = fmaxf(s->around[k], p->box[k]);
     }
 }
 
+// All but what the shapes say.
+static struct known known_of(const struct model *model) {
+    const struct features *features = &model->features;
+    const double *background = model->background;
+    return (struct known){.model = {.shape_count = model->shape_count,
+                                    .shadows = model->shadows,
+                                    .shadow_strength = model->shadow_strength,
+                                    .fog = model->fog,
+                                    .background = {background[0], background[1], background[2]},
+                                    .features = {features->rotation, features->repetition,
+                                                 features->mirrors, features->fog},
+                                    .march = {.bounds_radius = model->march.bounds_radius,
+                                              .normal_step = model->march.normal_step,
+                                              .surface_offset = model->march.surface_offset,
+                                              .max_bounces = model->march.max_bounces}},
+                          .plane = -1,
+                          .bulbs = model->features.count[SHAPE_MANDELBULB],
+                          .lit_slope = lit_slope(model->shadow_strength)};
+}
+
 void place_all(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
     prepared->solids = true;
-    prepared->repeats = false;
-    prepared->plane = -1;
-    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
-    prepared->lit_slope = lit_slope(model->shadow_strength);
+    struct known *known = &prepared->known;
+    *known = known_of(model);
+    known->placed = prepared->placed;
     prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
         struct placed *p = &prepared->placed[i];
-        *p = place_shape(i, &model->shapes[i], &model->march);
+        *p = place_shape(i, &model->shapes[i], &model->march, &prepared->more[i]);
         place_solid(p, &model->shapes[i], model);
-        if (p->way == LINEAR && prepared->plane < 0)
-            prepared->plane = i;
+        if (p->way == LINEAR && known->plane < 0)
+            known->plane = i;
         if (p->way == LINEAR)
             prepared->planes[prepared->plane_count++] = i;
-        prepared->repeats = prepared->repeats || p->repeated;
-        if ((p->repeated &&
-             (prepared->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
+        known->repeats = known->repeats || p->repeated;
+        if ((p->repeated && (known->bulbs || !cells_hold(&model->shapes[i], p, &model->march))) ||
             p->way == POWER ||
             // of two Mandelbulbs each one's estimate is a part of the other's steps
-            (p->type == SHAPE_MANDELBULB &&
-             (model->march.hit_distance > 0.01 || model->shadows == SHADOWS_HARD ||
-              prepared->bulbs > 1)))
+            (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
+                                             model->shadows == SHADOWS_HARD || known->bulbs > 1)))
             prepared->solids = false;
     }
-    for (int i = 0; i < model->shape_count && prepared->repeats; i++)
+    for (int i = 0; i < model->shape_count && known->repeats; i++)
         find_alike(prepared->placed, i, model->shape_count);
     plant(prepared);
+}
+
+bool place_room(struct prepared *prepared, int shape_count) {
+    size_t count = (size_t)shape_count;
+    prepared->placed = calloc(count, sizeof *prepared->placed);
+    prepared->more = calloc(count, sizeof *prepared->more);
+    prepared->eyes = calloc(count, sizeof *prepared->eyes);
+    prepared->planes = calloc(count, sizeof *prepared->planes);
+    prepared->leaves = calloc(count, sizeof *prepared->leaves);
+    return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
+           prepared->leaves && (shape_count < CROWD || tree_reserve(&prepared->tree, shape_count));
+}
+
+void place_free(struct prepared *prepared) {
+    tree_free(&prepared->tree);
+    free(prepared->leaves);
+    free(prepared->planes);
+    free(prepared->eyes);
+    free(prepared->more);
+    free(prepared->placed);
 }

@@ -25,7 +25,7 @@ struct placed {
     enum shape_type type;
     bool turned, repeated;
     float index; // in the scene
-    float position[3], position_lo[3];
+    float position[3];
     float turn[3][3]; // rows: the three rotations as one matrix
     float cell[3], per_cell[3];
     float normal[3];              // plane: in the world's axes
@@ -42,37 +42,74 @@ struct placed {
     // them half of a box about all.
     int alike;
     bool led;
+    int leader; // the first of them; of every other shape itself
     float around[3];
     // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
     // shine_from, its highlight is less than 1e-9 of the light.
     float color[3], share, shininess, shine_from;
     // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
     // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
-    double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
+    double centre[3], row[3][3], offset, wide_cell[3], wide_per_cell[3];
+};
+
+// What only code for every scene reads of a shape.
+struct placed_more {
+    float position_lo[3]; // what `position` lacks
+    double radius_sq;     // POWER
     // Of a crowd's solid: no other's bounding sphere is nearer to its position, and its place in the tree.
     float alone;
     int rank;
 };
 
+// A scene as code that is compiled for it knows it, by constants. A type of its own: what may differ between runs of the
+// same code (max_steps, hit_distance) is not in it, and to read that through KNOWN is an error of the compiler's.
+struct known_limits {
+    double bounds_radius, normal_step, surface_offset;
+    int max_bounces;
+};
+struct known_features {
+    bool rotation, repetition, mirrors, fog;
+};
+struct known_model {
+    int shape_count;
+    enum shadows shadows;
+    double shadow_strength, fog, background[3];
+    struct known_features features;
+    struct known_limits march;
+};
+struct known {
+    struct known_model model;
+    const struct placed *placed; // one per shape
+    bool repeats;                // a shape is repeated
+    int plane;                   // the first that there is, −1: none
+    int bulbs;                   // how many of them are Mandelbulbs
+    float lit_slope;             // see lit_slope() in place.c
+};
+
 struct prepared {
     struct model model;
-    struct placed *placed; // one per shape
-    struct eye *eyes;      // one per shape; of the frame being rendered
-    bool solids;           // convex.c can have it
-    bool repeats;          // a shape is repeated
-    int plane;             // the first that there is, −1: none
-    int bulbs;             // how many of them are Mandelbulbs
-    float lit_slope;       // see lit_slope() in place.c
-    struct tree tree;      // of the solids, if they are a crowd
-    struct leaf *leaves;   // what it is made of
+    struct known known;
+    struct placed *placed;    // one per shape, known.placed
+    struct placed_more *more; // one per shape
+    struct eye *eyes;         // one per shape; of the frame being rendered
+    bool solids;              // convex.c can have it
+    struct tree tree;         // of the solids, if they are a crowd
+    struct leaf *leaves;      // what it is made of
     int *planes, plane_count;
 };
 
 // A scene of this many shapes is a crowd, of two nodes of the tree or more, where plant() in place.c allows it.
 enum { CROWD = 2 * TREE_WIDTH };
 
+// Room for so many shapes, in what is zeroed; false: memory is short. To be freed in any case.
+bool place_room(struct prepared *prepared, int shape_count);
+void place_free(struct prepared *prepared);
 // All but `eyes`, in arrays that are there.
 void place_all(struct prepared *prepared, const struct model *model);
+// A frame's eyes (eyes.c). Whether it can be had without marching camera rays. sixteen: lanes, not eight.
+bool set_eyes(const struct prepared *prepared, const struct view *view, bool sixteen);
+// Of the tiles of a frame that is so high.
+int tile_height(const struct prepared *prepared, int height);
 
 // The camera as a shape sees it.
 struct eye {
@@ -90,8 +127,9 @@ struct job {
     const struct prepared *prepared;
     const struct view *view;
     struct frame *frame;
-    int tile_height; // of convex.c's
-    bool solids;     // every ray by convex.c, none by march.c
+    const struct eye *eyes; // one per shape
+    int tile_height;        // of convex.c's
+    bool solids;            // every ray by convex.c, none by march.c
 };
 
 #define KERNEL(width)                                                                              \

@@ -6,6 +6,13 @@
 #include "layers.h"
 #include "walk.h"
 
+enum {
+    BUNDLE_HEIGHT = 4, // and as wide as a block
+    STACKED = BUNDLE_HEIGHT / BLOCK_HEIGHT,
+    BUNDLES = ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT
+};
+_Static_assert(BUNDLES % LANES == 0, "whole registers");
+
 struct grid {
     const struct prepared *scene;
     double eye[3], size[3];
@@ -35,9 +42,8 @@ struct proof {
     real lo, hi, others, shape, axis, away; // away: what none of them meets
 };
 
-static inline void prove_box(const struct placed *s, const struct bundles *b,
-                             const struct grid *grid, const struct proof *p, real *lo, real *hi,
-                             real *axis) {
+INLINE void prove_box(const struct placed *s, const struct bundles *b, const struct grid *grid,
+                      const struct proof *p, real *lo, real *hi, real *axis) {
     COUNT(prove, box);
     COUNT(prove, box_scalar);
     const struct walk *w = &b->walk;
@@ -67,9 +73,11 @@ static inline void prove_box(const struct placed *s, const struct bundles *b,
     *hi = choose(both(flat, greater(in, apart)), in + apart, set(INFINITY));
 }
 
-static inline void prove(int i, int first, const struct grid *grid, const struct bundles *b,
-                         struct proof *p) {
-    const struct placed *s = &grid->scene->placed[i];
+INLINE void prove(int i, int first, const struct grid *grid, const struct bundles *b,
+                  struct proof *p) {
+    const struct placed *s = &KNOWN(grid->scene)->placed[i];
+    if (s->leader != first)
+        return;
     COUNT(prove, call);
     real none = set(INFINITY), zero = set(0.0f), bound = set(s->bound);
     real over = bound + p->wide, reach = mul_sub(over, over, p->square);

@@ -10,7 +10,7 @@
 #ifndef OPT9_SDF_H
 #define OPT9_SDF_H
 
-#include "placed.h"
+#include "known.h"
 #include "vec.h"
 
 // Rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
@@ -20,7 +20,21 @@ struct approach {
     real power, slope;
 };
 
-static inline struct vec turned(const struct placed *placed, struct vec v) {
+// With a direction that the kernel may know. What is 0 times it would add no more than a sign to a 0.
+static inline real dot_with(const float a[3], struct vec v) {
+    if (is_up(a))
+        return v.y;
+    return vec_dot(vec_set(a), v);
+}
+
+// v mirrored at a plane through 0 with unit normal a.
+INLINE struct vec reflected_at(const float a[3], struct vec v) {
+    if (is_up(a))
+        return (struct vec){v.x, set(0.0f) - v.y, v.z};
+    return vec_reflect(v, vec_set(a));
+}
+
+INLINE struct vec turned(const struct placed *placed, struct vec v) {
     COUNT(turned, call);
     if (!placed->turned)
         return v;
@@ -30,7 +44,7 @@ static inline struct vec turned(const struct placed *placed, struct vec v) {
 }
 
 // Back from the shape's frame: the matrix is orthogonal, so its transpose.
-static inline struct vec turned_back(const struct placed *placed, struct vec v) {
+INLINE struct vec turned_back(const struct placed *placed, struct vec v) {
     COUNT(turned_back, call);
     if (!placed->turned)
         return v;
@@ -84,7 +98,7 @@ static inline void approach_origins(struct place origin, const struct prepared *
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = place_sub(origin, placed->position, placed->position_lo);
+            approach[i].origin = place_sub(origin, placed->position, scene->more[i].position_lo);
             continue;
         }
         struct wide_vec from = wide_from(at, placed->centre);
@@ -94,7 +108,7 @@ static inline void approach_origins(struct place origin, const struct prepared *
         approach[i].origin.y = coordinate(placed, from, 1);
         approach[i].origin.z = coordinate(placed, from, 2);
         if (placed->way == POWER)
-            approach[i].power = power_at(from, placed->radius_sq);
+            approach[i].power = power_at(from, scene->more[i].radius_sq);
     }
 }
 

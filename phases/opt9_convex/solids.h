@@ -7,7 +7,7 @@
 #ifndef OPT9_SOLIDS_H
 #define OPT9_SOLIDS_H
 
-#include "sdf.h"
+#include "torus.h"
 
 static inline real inverse_of(real d) { // of a direction's part: 0 becomes 1e-20
     return set(1.0f) / with_sign_of(d, most_of(absolute(d), set(1e-20f)));
@@ -26,13 +26,13 @@ static inline struct vec inverses_of(struct vec d) {
 
 // What is between two planes at distance `half` from the origin, of rays that are at c and go 1/per. Be they so near that
 // rounding makes both the same: in is no more than out.
-static inline void slab(real c, real per, float half, real *in, real *out) {
+INLINE void slab(real c, real per, float half, real *in, real *out) {
     real middle = c * per, width = set(half) * absolute(per);
     *in = most_of(*in, set(0.0f) - middle - width);
     *out = least_of(*out, width - middle);
 }
 
-static inline mask enter_box(struct vec c, struct vec per, const struct placed *s, real *t) {
+INLINE mask enter_box(struct vec c, struct vec per, const struct placed *s, real *t) {
     COUNT(enter_box, call);
     real out = set(INFINITY);
     *t = set(-INFINITY);
@@ -45,8 +45,8 @@ static inline mask enter_box(struct vec c, struct vec per, const struct placed *
 // From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
 // the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
 // nearer has missed. A flat part is there at once. away (NULL: not asked for): where they enter, from the smaller box.
-static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
-                                     const struct placed *s, mask near, real *t, struct vec *away) {
+INLINE mask enter_rounded_box(struct vec c, struct vec d, struct vec per, const struct placed *s,
+                              mask near, real *t, struct vec *away) {
     COUNT(enter_rounded_box, call);
     COUNT(enter_rounded_box, scalar);
     real zero = set(0.0f), out = set(INFINITY), at = set(-INFINITY);
@@ -88,7 +88,7 @@ static inline mask enter_rounded_box(struct vec c, struct vec d, struct vec per,
     return found;
 }
 
-static inline mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
+INLINE mask enter_octahedron(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_octahedron, call);
     real out = set(INFINITY), sum = c.x + c.y, apart = c.x - c.y, d_sum = d.x + d.y,
          d_apart = d.x - d.y;
@@ -104,7 +104,7 @@ static inline mask enter_octahedron(struct vec c, struct vec d, const struct pla
 
 // Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
 // convex there, so a ray enters it once: through the cap, or at the root where that falls.
-static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
+INLINE mask enter_cone(struct vec c, struct vec d, const struct placed *s, real *t) {
     COUNT(enter_cone, call);
     COUNT(enter_cone, scalar);
     real in = set(-INFINITY), out = set(INFINITY), zero = set(0.0f), ahead = zero;
@@ -140,66 +140,6 @@ static inline mask enter_cone(struct vec c, struct vec d, const struct placed *s
     return met;
 }
 
-// Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
-// radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
-// goes too far, and a ray that no longer comes nearer to it has missed. Of the torus's own distance h no more than 1/radius
-// bends down along a ray: a parabola of 4/3 of that says how far no surface can be, as long as the radius falls by less
-// than a quarter, and where h is small it is Newton's step. Steps of h alone were more than 256 where a ray follows the
-// ring's inner side, and it was lost.
-static inline mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near,
-                               real *t) {
-    COUNT(enter_torus, call);
-    COUNT(enter_torus, scalar);
-    real zero = set(0.0f), bound = set(s->bound), tiny = set(1e-30f);
-    // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for what is rounded.
-    float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
-    real per = set(1.0f) / (with_sign_of(d.y, most_of(absolute(d.y), set(1e-12f))));
-    real width = set(wide * s->b) * absolute(per), middle = c.y * per;
-    real square = most_of(mul_add(d.x, d.x, d.z * d.z), set(1e-12f));
-    real lean = mul_add(c.x, d.x, c.z * d.z), far = mul_add(c.x, c.x, c.z * c.z);
-    real inside = neg_mul_add(square, far - set(outer_sq), lean * lean);
-    real half = root(most_of(inside, zero)), per_square = set(1.0f) / square;
-    real at = most_of(most_of(*t, zero - middle - width), (zero - lean - half) * per_square);
-    real out = least_of(width - middle, (half - lean) * per_square);
-    near = both(near, both(not_less(inside, zero), not_less(out, at)));
-    mask going = near, found = no_lane();
-    if (!any(going))
-        return going;
-    for (int step = 0; step < 256; step++) {
-        ACTIVE(count_of(going));
-        COUNT(enter_torus, step);
-        struct vec p = vec_along(c, d, at);
-        real radius = root(mul_add(p.x, p.x, p.z * p.z)), ring = radius - set(s->a);
-        real tube = root(mul_add(ring, ring, p.y * p.y));
-        mask outer = greater(ring, zero);
-        real h = tube - set(s->b);
-        real hull = choose(outer, h, absolute(p.y) - set(s->b));
-        real per_radius = set(1.0f) / most_of(radius, tiny);
-        real rate = mul_add(p.x, d.x, p.z * d.z) * per_radius;            // of the radius
-        real fall = mul_add(ring, rate, p.y * d.y) / most_of(tube, tiny); // of the torus's distance
-        real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
-        mask reached = both(going, less(absolute(h), set(s->c))), outside = greater(h, zero);
-        real bent = root(most_of(mul_add(fall, fall, h * set(8.0f / 3.0f) * per_radius), zero));
-        // From inside Newton's step back.
-        real below =
-            choose(outside, most_of(bent - fall, set(1e-6f)), most_of(zero - fall, set(0.05f)));
-        real newton = choose(outside, h + h, h) / below;
-        real safe = most_of(h, least_of(newton, radius * set(0.25f)));
-        real hull_step = zero - hull / least_of(hull_fall, set(-1e-6f));
-        real ahead = choose(greater(hull, zero), most_of(safe, hull_step), safe);
-        mask back = but_not(outside, less(fall, zero));
-        at = choose(going, at + choose(back, newton, choose(outside, ahead, h)), at);
-        found = either(found, reached);
-        mask gone =
-            either(both(greater(hull, zero), not_less(hull_fall, zero)), greater(at, bound));
-        going = but_not(either(reached, gone), going);
-        if (!any(going))
-            break;
-    }
-    *t = at;
-    return found;
-}
-
 static inline struct vec known_inverses(struct vec d, const struct vec *known) {
     COUNT(known_inverses, call);
     if (known)
@@ -211,9 +151,8 @@ static inline struct vec known_inverses(struct vec d, const struct vec *known) {
 // Rays that go d, 1/per in parts (of boxes alone; NULL: not known), and are nearest to the shape's position at c, `before` from
 // their origin, within the bounding sphere where `near`; half: how long, half of it (spheres and tori alone). Those that
 // enter it: how far from there. Not for planes.
-static inline mask enter_nearby(struct vec c, struct vec d, real before, real half,
-                                const struct vec *per, const struct placed *s, mask near,
-                                real *in) {
+INLINE mask enter_nearby(struct vec c, struct vec d, real before, real half, const struct vec *per,
+                         const struct placed *s, mask near, real *in) {
     COUNT(enter_nearby, call);
     switch (s->type) {
     case SHAPE_SPHERE:
@@ -234,11 +173,9 @@ static inline mask enter_nearby(struct vec c, struct vec d, real before, real ha
 
 // Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
 // how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
-// convex solid before their origin, which may be inside. Not for planes. Called, it costs spheres40 a fifth more
-// instructions, and gcc 12 calls it since cones much wider than high have a way of their own.
-__attribute__((always_inline)) static inline mask enter(struct vec o, struct vec d,
-                                                        const struct placed *s, mask active,
-                                                        real *t, struct vec *point, mask *behind) {
+// convex solid before their origin, which may be inside. Not for planes.
+INLINE mask enter(struct vec o, struct vec d, const struct placed *s, mask active, real *t,
+                  struct vec *point, mask *behind) {
     ACTIVE(count_of(active));
     COUNT(enter, call);
     real before = set(0.0f) - vec_dot(o, d);
@@ -273,7 +210,7 @@ static inline real per_length(real square, float per) {
     return set(per) * neg_mul_add(square * set(0.5f), set(per * per), set(1.5f));
 }
 
-static inline struct vec normal_on(struct vec p, const struct placed *s) {
+INLINE struct vec normal_on(struct vec p, const struct placed *s) {
     COUNT(normal_on, call);
     real one = set(1.0f);
     switch (s->type) {

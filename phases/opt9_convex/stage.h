@@ -32,11 +32,12 @@ struct stage {
     struct surface surface;
     real weight, facing;
     mask lit, open;
+    bool flat; // all its hits are on the scene's first plane
     // So that no field is read of one packet a multiple of 4 KiB behind where another's was written just before.
     real apart[16];
 };
 
-static inline struct vec background(real weight, const struct model *model) {
+static inline struct vec background(real weight, const struct known_model *model) {
     const double *b = model->background;
     return (struct vec){weight * set((float)b[0]), weight * set((float)b[1]),
                         weight * set((float)b[2])};
@@ -52,21 +53,21 @@ struct sight {
 };
 
 // Of hits on what is not repeated: their normals, as a sight has them.
-void normals_seen(struct sight *seen, const struct prepared *scene);
+SHARED void normals_seen(struct sight *seen, const struct prepared *scene);
 // Its colour, where nothing waits for it.
-void color_seen(const struct sight *seen, struct stage *at, const struct convex *work);
+SHARED void color_seen(const struct sight *seen, struct stage *at, const struct convex *work);
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
-void color_all(struct stage *stage, int count, const struct convex *work);
+SHARED void color_all(struct stage *stage, int count, const struct convex *work);
 
 // Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
 // in its frame; slot: where the first lane's answer is to be.
-int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
-                const struct ray *ray, real end, int slot, const struct prepared *scene,
-                struct desk *desk);
+SHARED int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
+                       const struct ray *ray, real end, int slot, const struct prepared *scene,
+                       struct desk *desk);
 // The answers: what the packet meets there, if before what it has met so far.
-void take_bulb(struct stage *at, int slot, const struct desk *desk);
-void clear_met(struct desk *desk, int slots);
+SHARED void take_bulb(struct stage *at, int slot, const struct desk *desk);
+SHARED void clear_met(struct desk *desk, int slots);
 // All of it for a group of mirror rays.
-void meet_bulbs(struct stage *stage, int packets, const struct convex *work);
+SHARED void meet_bulbs(struct stage *stage, int packets, const struct convex *work);
 
 #endif

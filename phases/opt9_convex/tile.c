@@ -1,8 +1,7 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
 #include "block.h"
-#include "bulb.h"
-#include "convex.h"
+#include "desk.h"
 #include "trace.h"
 
 #include <stdlib.h>
@@ -91,53 +90,30 @@ static void draw_tile(const struct job *job, int tile, struct approach *own) {
     }
 }
 
-// A worker's own is either: approaches to march with, or a desk and what it points to: of the frame before there may be
-// those where a desk's counts are.
-static size_t whole_lines(size_t size) {
-    return (size + 63) / 64 * 64;
+// As many as a Mandelbulb's streams have, if there is one.
+static int nears(const struct model *model) {
+    return model->features.count[SHAPE_MANDELBULB] ? POOLS : NEARS;
 }
 
-// What packets of shadow rays in work know of every shape: two by turns (a crowd's vicinity takes twice the second's room), or
-// as many as a Mandelbulb's streams have.
-static size_t nears(const struct model *model) {
-    return (size_t)model->shape_count * (model->features.count[SHAPE_MANDELBULB] ? POOLS : 3);
-}
-
-// A list of shapes, and room for a row of lanes behind them (list_those).
-static size_t list_size(size_t shapes) {
-    return whole_lines((shapes + LANES) * sizeof(int));
-}
-
+// A worker's own is either: approaches to march with, or a desk and what it points to.
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct approach);
-    size_t desk = whole_lines(sizeof(struct desk)) + nears(model) * sizeof(struct near) +
-                  (6 + GROUP) * list_size(shapes);
+    size_t desk = DESK_SIZE(shapes, nears(model));
     return desk > marching ? desk : marching;
 }
 
 int VARIANT(tiles)(const struct job *job) {
-    int height = job->solids ? job->tile_height : TILE_HEIGHT;
-    return tiles_across(job->frame) * ((job->frame->height + height - 1) / height);
+    if (job->solids)
+        return convex_tiles(job);
+    return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    if (!job->solids) {
+    if (job->solids)
+        convex_tile(job, tile,
+                    desk_at(own, job->prepared->model.shape_count, nears(&job->prepared->model)));
+    else
         draw_tile(job, tile, own);
-        return;
-    }
-    size_t shapes = (size_t)job->prepared->model.shape_count;
-    struct desk *desk = own;
-    char *behind = (char *)own + whole_lines(sizeof *desk);
-    desk->near = (struct near *)behind;
-    behind += nears(&job->prepared->model) * sizeof(struct near);
-    desk->list = (int *)behind;
-    desk->shading = (int *)(behind + list_size(shapes));
-    desk->casters = (int *)(behind + 2 * list_size(shapes));
-    desk->mirrored = (int *)(behind + 4 * list_size(shapes));
-    desk->vicinity = (int *)(behind + 5 * list_size(shapes));
-    desk->cut = (int *)(behind + 6 * list_size(shapes));
-    empty_desk(desk);
-    convex_tile(job, tile, desk);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,

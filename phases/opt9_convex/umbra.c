@@ -1,35 +1,43 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (casters.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "umbra_bulbs.h"
+#include "umbra_queue.h"
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
-__attribute__((always_inline)) static inline real nearest(struct near *nears, const int *casters,
-                                                          int count, real t, mask done,
-                                                          const struct prepared *scene) {
+__attribute__((always_inline)) static inline void
+near_to(int i, struct near *nears, real t, mask done, const struct known *scene, real *least) {
+    struct near *near = &nears[i];
+    if (scene->placed[i].way == LINEAR) { // cheaper than to ask whether it sleeps
+        COUNT(nearest, plane);
+        *least = least_of(*least, mul_add(t, near->direction.x, near->origin.x));
+        return;
+    }
+    COUNT(nearest, shape);
+    mask awake = not_less_in(not_in(done), *least + t, near->wakes);
+    if (!any(not_less_in(awake, t, near->from)))
+        return;
+    COUNT(nearest, awake);
+    real h = distance_along(near, t, &scene->placed[i]);
+    near->wakes = (h + t) * set(1.0f - 0x1p-18f);
+    *least = least_of(*least, h);
+}
+
+__attribute__((always_inline)) static inline real nearest(struct near *nears,
+                                                          const struct shapes *casters, real t,
+                                                          mask done, const struct prepared *scene) {
     ACTIVE(LANES - count_of(done));
     COUNT(nearest, call);
     real least = set(INFINITY);
-    for (int k = 0; k < count; k++) {
-        COUNT(nearest, shape);
-        struct near *near = &nears[casters[k]];
-        mask awake = both(not_less(least + t, near->wakes), not_less(t, near->from));
-        if (!any(but_not(done, awake)))
-            continue;
-        COUNT(nearest, awake);
-        real h = distance_along(near, t, &scene->placed[casters[k]]);
-        near->wakes = (h + t) * set(1.0f - 0x1p-18f);
-        least = least_of(least, h);
-    }
+    EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
     return least;
 }
 
 // From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
 // first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
-// these steps is done, with the terms that it has: it is not dark (umbra_bulbs.h asks).
+// these steps is done, with the terms that it has: it is not dark (umbra_bulbs.c asks).
 #define STEEP 0.5f
-static inline void leap(const struct rays *r, struct march *m, const struct prepared *scene,
+static inline void leap(const struct rays *r, struct march *m, const struct known *scene,
                         real start, real strength, real hit_distance) {
     COUNT(leap, call);
     real one = set(1.0f), zero = set(0.0f), until = least_of(r->alone, r->end) * set(1.0f - 1e-5f);
@@ -73,24 +81,24 @@ static inline void leap(const struct rays *r, struct march *m, const struct prep
     m->done = either(m->done, both(can, left));
 }
 
-// Whether rays miss a Mandelbulb's bounding sphere, of any other shape: yes. A march in there may end at once, lit, where the
-// estimate is below the hit distance, or on its surface: what lies further on tells nothing.
-static mask passes_bulb(const struct placed *s, const struct rays *r) {
+// Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
+// hit distance, or on its surface: what lies further on tells nothing.
+INLINE void passes_bulb(int i, const struct rays *r, const struct known *scene, mask *dark) {
+    const struct placed *s = &scene->placed[i];
     COUNT(passes_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
-        return all_lanes();
+        return;
     COUNT(passes_bulb, bulb);
     struct vec v = to_centre(s, r->point);
     real along = most_of(vec_dot(v, r->to_light), set(0.0f));
-    return less(along * along, vec_dot(v, v) - set(s->bound_sq));
+    *dark = both(*dark, less(along * along, vec_dot(v, v) - set(s->bound_sq)));
 }
 
-void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
-           struct march *m) {
-    const struct model *model = &work->scene->model;
+SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
+                  const struct convex *work, struct march *m) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
     m->nears = nears;
     m->casters = casters;
-    m->count = 0;
     m->previous = set(1e9f);
     m->from = set(0.0f);
     m->divisor = set(1.0f);
@@ -98,13 +106,13 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
     COUNT(begin, call);
     COUNT(begin, scalar);
     r->sharp = set(8 * SHARP * (float)work->scene->model.march.hit_distance);
-    if (work->scene->tree.levels)
+    if (IS_CROWD(work->scene))
         crowd_ahead(r, nears, work);
     else
-        m->count = choose_shapes(r, nears, casters, work);
+        choose_shapes(r, nears, casters, work);
     ACTIVE(count_of(r->active)); // what was called has set its own
-    m->end = work->scene->bulbs ? set(INFINITY)
-                                : r->end; // with a Mandelbulb see behind_all() and over()
+    m->end = KNOWN(work->scene)->bulbs ? set(INFINITY)
+                                       : r->end; // with a Mandelbulb see behind_all() and over()
     float radius = (float)model->march.bounds_radius;
     m->linear = set(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - set(radius * radius * (1.0f + 0x1p-20f));
@@ -113,33 +121,57 @@ void begin(struct rays *r, struct near *nears, int *casters, const struct convex
     // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
     // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended, or before its first step.
     real room = r->first * (set(1.0f) - r->cosine);
-    double least_room = 1e4 * model->march.hit_distance * model->shadow_strength;
-    if (least_room < model->march.surface_offset)
-        least_room = model->march.surface_offset;
-    real offset = set((float)model->march.surface_offset),
-         hit = set((float)model->march.hit_distance);
+    const struct limits *march = &work->scene->model.march;
+    double least_room = 1e4 * march->hit_distance * model->shadow_strength;
+    if (least_room < march->surface_offset)
+        least_room = march->surface_offset;
+    real offset = set((float)model->march.surface_offset), hit = set((float)march->hit_distance);
     mask there = not_less(set(0.0f), mul_add(r->first, r->first + m->linear, m->constant));
     mask dark = both(both(both(r->active, there), greater(room, set((float)least_room))),
                      less(r->first, r->end));
-    float least_cosine =
-        model->march.max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)model->march.max_steps;
+    float least_cosine = march->max_steps < MANY_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark =
         both(dark, both(greater(r->cosine, set(least_cosine)), not_less(r->facing * offset, hit)));
-    for (int i = 0; i < model->shape_count && work->scene->bulbs; i++)
-        dark = both(dark, passes_bulb(&work->scene->placed[i], r));
+    if (KNOWN(work->scene)->bulbs)
+        EACH_SHAPE(work->scene, passes_bulb, r, KNOWN(work->scene), &dark);
     m->done = either(dark, not_in(r->active));
     m->square = drop(dark, set(1.0f));
     real strength = set((float)model->shadow_strength);
     m->t = offset;
-    if (model->march.max_steps >= MANY_STEPS)
-        leap(r, m, work->scene, offset, strength, hit);
+    if (march->max_steps >= MANY_STEPS)
+        leap(r, m, KNOWN(work->scene), offset, strength, hit);
     m->one = no_lane();
-    if (!work->scene->bulbs && !work->scene->repeats) { // copies may come nearer again
+    if (r->floor && !KNOWN(work->scene)->bulbs &&
+        !KNOWN(work->scene)->repeats) { // copies may come nearer again
         ACTIVE(count_of(r->active));
-        COUNT(begin, solids);
-        m->one = but_not(either(r->many, less(r->facing, set(work->scene->lit_slope))),
-                         both(r->on_plane, r->active));
+        COUNT(begin, floor);
+        m->one = but_not(either(r->many, less(r->facing, set(KNOWN(work->scene)->lit_slope))),
+                         r->active);
     }
+}
+
+// A packet that is marched, and how far it is.
+struct cast {
+    struct march march;
+    mask active;
+    int first, steps; // first: of its rays in the queue
+    bool over;
+};
+
+// The next packet of the queue, if there is one; the first ray behind it.
+static int begin_cast(struct cast *c, int slot, int next, const struct convex *work) {
+    struct desk *desk = work->desk;
+    c->over = next >= desk->shadows;
+    c->first = c->over ? -1 : next;
+    if (c->over)
+        return next;
+    struct rays r;
+    waiting(desk->shadow, next, desk->shadows, &r);
+    begin(&r, desk->near + slot * KNOWN(work->scene)->model.shape_count, &desk->casters[slot], work,
+          &c->march);
+    c->active = r.active;
+    c->steps = work->scene->model.march.max_steps;
+    return next + LANES;
 }
 
 // A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
@@ -155,56 +187,54 @@ static inline void end_risen(struct march *m, real from, real before, float q, r
     m->done = either(m->done, less_in(risen, least, now * enough));
 }
 
-static inline void march_on(struct march *m, real strength, real hit, real enough,
-                            const struct prepared *scene) {
-    COUNT(march_on, call);
-    real from = m->from, before = m->previous;
-    step(m, nearest(m->nears, m->casters, m->count, m->t, m->done, scene), strength, hit, 0.0f);
-    end_risen(m, from, before, scene->lit_slope, enough);
-}
-
-static void cast_pair(int first, const struct convex *work) {
-    struct desk *desk = work->desk;
-    const struct model *model = &work->scene->model;
-    float (*field)[QUEUE_ROOM] = desk->shadow;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
-    real enough = strength * strength * set(0.7499f); // ¾, but for rounding
-    struct march a, b;
-    struct rays r;
-    waiting(field, first, desk->shadows, &r);
-    begin(&r, desk->near, desk->casters, work, &a);
-    mask active_a = r.active;
-    waiting(field, first + LANES, desk->shadows, &r);
-    begin(&r, desk->near + model->shape_count, desk->casters + model->shape_count, work, &b);
-    mask active_b = r.active;
+static void end_cast(const struct cast *c, struct desk *desk) {
     ACTIVE(LANES);
-    COUNT(cast_pair, call);
-    for (int i = 0; i < model->march.max_steps; i++) {
-        bool over = all(a.done);
-        if (over && all(b.done))
-            break;
-        if (!over)
-            march_on(&a, strength, hit, enough, work->scene);
-        if (!all(b.done))
-            march_on(&b, strength, hit, enough, work->scene);
-    }
-    add_light(active_a, vec_scale(load_vec(field + S_LIGHT, first), root(a.square / a.divisor)),
-              load(&field[S_PIXEL][first]), desk);
-    add_light(active_b,
-              vec_scale(load_vec(field + S_LIGHT, first + LANES), root(b.square / b.divisor)),
-              load(&field[S_PIXEL][first + LANES]), desk);
+    COUNT(end_cast, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    real lit = root(c->march.square / c->march.divisor);
+    add_light(c->active, vec_scale(load_vec(field + S_LIGHT, c->first), lit),
+              load(&field[S_PIXEL][c->first]), desk);
 }
 
-void cast_shadows(const struct convex *work) {
-    if (work->scene->bulbs) {
-        cast_streams(work);
-        return;
+// CASTS packets by turns: one step waits for several roots in a row, and the CPU works on the other packets meanwhile. If
+// REFILL_CASTS, the next packet takes the place of one that is over; else all end, and bring their light in the queue's order.
+void cast_packets(const struct convex *work) {
+    struct desk *desk = work->desk;
+    const struct prepared *scene = work->scene;
+    real strength = set((float)KNOWN(scene)->model.shadow_strength),
+         hit = set((float)scene->model.march.hit_distance);
+    real enough = strength * strength * set(0.7499f); // ¾, but for rounding
+    COUNT(cast_packets, call);
+    struct cast cast[CASTS];
+    for (int next = 0; next < desk->shadows;) {
+        int live = CASTS;
+        for (int k = 0; k < CASTS; k++) {
+            next = begin_cast(&cast[k], k, next, work);
+            live -= cast[k].over;
+        }
+        while (live > 0)
+            for (int k = 0; k < CASTS; k++) {
+                struct cast *c = &cast[k];
+                if (c->over)
+                    continue;
+                struct march *m = &c->march;
+                if (c->steps-- > 0 && !all(m->done)) {
+                    real from = m->from, before = m->previous;
+                    step(m, nearest(m->nears, m->casters, m->t, m->done, scene), strength, hit,
+                         0.0f);
+                    end_risen(m, from, before, KNOWN(scene)->lit_slope, enough);
+                    continue;
+                }
+                c->over = true;
+                if (REFILL_CASTS) {
+                    end_cast(c, desk);
+                    next = begin_cast(c, k, next, work);
+                }
+                live -= c->over;
+            }
+        for (int k = 0; k < CASTS && !REFILL_CASTS; k++)
+            if (cast[k].first >= 0)
+                end_cast(&cast[k], desk);
     }
-    if (work->scene->tree.levels) {
-        cast_crowd(work);
-        return;
-    }
-    for (int first = 0; first < work->desk->shadows; first += 2 * LANES)
-        cast_pair(first, work);
-    work->desk->shadows = 0;
+    desk->shadows = 0;
 }

@@ -23,24 +23,25 @@ __attribute__((always_inline)) static inline real distance_along(const struct ne
     return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, no_lane());
 }
 
-// One packet's march. Two are marched by turns: the CPU works on one while the other waits for its roots.
+// One packet's march.
 struct march {
     struct near *nears;
-    const int *casters;
-    int count;
+    const struct shapes *casters;
     mask done;
-    real t, from, previous, end; // MARCH_REALS from here on
+    real t, from, previous, end; // lanes that move take MARCH_REALS from here on with them
     real square, divisor;        // least² = square/divisor; no root or quotient until the end
     real linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
     mask one;                    // one convex solid alone can bring a term below 1
 };
-
 enum { MARCH_REALS = 8 };
+_Static_assert(offsetof(struct march, constant) ==
+                   offsetof(struct march, t) + (MARCH_REALS - 1) * sizeof(real),
+               "one behind the other");
 enum { MANY_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
 
 // Where a march begins, and whether it is told dark at once. Of a crowd no casters are listed.
-void begin(struct rays *r, struct near *nears, int *casters, const struct convex *work,
-           struct march *m);
+SHARED void begin(struct rays *r, struct near *nears, struct shapes *casters,
+                  const struct convex *work, struct march *m);
 
 // Which of the rays are on no surface, where the nearest shape is at distance h.
 static inline mask on_none(const struct march *m, real h, real hit_distance) {
@@ -82,7 +83,9 @@ __attribute__((always_inline)) static inline void step(struct march *m, real h, 
     }
     go_on_by(m, h, live);
 }
-// Marches all shadow rays that wait, of a crowd.
+// March all shadow rays that wait and add their light: of a crowd, where there is a Mandelbulb, of any other scene.
 void cast_crowd(const struct convex *work);
+SHARED void cast_streams(const struct convex *work);
+SHARED void cast_packets(const struct convex *work);
 
 #endif

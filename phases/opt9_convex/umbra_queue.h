@@ -1,4 +1,4 @@
-// Shadow rays in their queue: taken out in packets, their light given back lane by lane.
+// Shadow rays in their queue, taken out in packets.
 #ifndef OPT9_UMBRA_QUEUE_H
 #define OPT9_UMBRA_QUEUE_H
 
@@ -19,14 +19,7 @@ static void waiting(float field[][QUEUE_ROOM], int first, int count, struct rays
     r->on_plane = r->some = r->many = no_lane();
     r->first = set(INFINITY);
     r->cosine = set(1.0f);
-}
-
-static void add_lane(int i, float lit, struct desk *desk) {
-    COUNT(add_lane, call);
-    float (*field)[QUEUE_ROOM] = desk->shadow;
-    int pixel = (int)field[S_PIXEL][i];
-    for (int k = 0; k < 3; k++)
-        desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
+    r->floor = false;
 }
 
 #endif

@@ -227,13 +227,14 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
     ACTIVE(count_of(active));
     COUNT(crowd_clears, call);
     const struct prepared *scene = work->scene;
-    float q = scene->lit_slope;
+    float q = scene->known.lit_slope;
     mask clear = active;
     for (int k = 0; k < scene->plane_count; k++) {
         int i = scene->planes[k];
         COUNT(crowd_clears, plane);
-        mask here = plane_clears(height_over(&scene->placed[i], point),
-                                 vec_dot(vec_set(scene->placed[i].normal), to_light), q, scene);
+        mask here =
+            plane_clears(height_over(&scene->placed[i], point),
+                         vec_dot(vec_set(scene->placed[i].normal), to_light), q, &scene->known);
         clear = both(clear, either(same_shape(shape, i), here));
     }
     float id[LANES];
@@ -244,7 +245,8 @@ mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real 
         COUNT(crowd_clears, shape);
         rest &= ~bits(same);
         if (scene->placed[i].way != LINEAR)
-            clear = but_not(but_not(bulges(&scene->placed[i], local, facing, scene), same), clear);
+            clear = but_not(but_not(bulges(&scene->placed[i], local, facing, &scene->known), same),
+                            clear);
     }
     if (!any(clear) || q >= 0.99f)
         return no_lane();

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed
 ALLOWED = 3  # of 960 pixels, on top of opt4's own
 # Of some thousands. 2597: a hit far off had the steps of its packet's slowest ray (march.c, fewest). The
-# others: rays from a plane that leave the bounds were dark beside a Mandelbulb (umbra_bulbs.h, refill).
+# others: rays from a plane that leave the bounds were dark beside a Mandelbulb (umbra_bulbs.c, refill).
 FOUND = (2597, 1045, 1146, 1830, 1872)
 SEEDS = [*range(96), *FOUND]
 if more := os.environ.get("STEPWISE_RANDOM"):

@@ -1,5 +1,5 @@
-"""The polynomials of opt8_streams, opt9_convex and opt10_scene in place of the Mandelbulb's first
-iteration (close.h), against the map by angles; and a camera within its bounding sphere, against baseline.
+"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration (close.h;
+opt10_scene has opt9_convex's), against the map by angles; and a camera within its bounding sphere.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from study import images, registry
 from study.build import build
 from study.registry import ROOT
 
-PHASES = ("opt8_streams", "opt9_convex", "opt10_scene")  # each with its own copy
+PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
 TERMS = 6
 
 

@@ -657,3 +657,27 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
     asked.unlink()
     facts, said, _ = shop.run("two_spheres", STEPWISE_CACHE=str(tmp_path / "new"), STEPWISE_CC=str(broken))
     assert not facts["generated"] and "no space" in said and asked.read_text().split() == ["asked"]
+
+
+@pytest.mark.parametrize(
+    ("read", "compiles"),
+    [
+        ("KNOWN(p)->model.march.bounds_radius", True),
+        ("KNOWN(p)->placed[0].bound", True),
+        ("KNOWN(p)->model.march.max_steps", False),
+        ("KNOWN(p)->model.march.hit_distance", False),
+        ("KNOWN(p)->placed[0].alone", False),
+        ("KNOWN(p)->placed[0].rank", False),
+        ("KNOWN(p)->placed[0].radius_sq", False),
+    ],
+)
+def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: bool, tmp_path: Path) -> None:
+    """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives."""
+    source = tmp_path / "known.c"
+    source.write_text(f'#include "known.h"\ndouble f(const struct prepared *p) {{ return {read}; }}\n')
+    folder = registry.phases()[PHASE].file("known.h").parent
+    include = ["-I", registry.ROOT / "common", "-iquote", folder]
+    done = subprocess.run(
+        ["gcc", "-std=c11", "-fsyntax-only", *include, source], capture_output=True, text=True
+    )
+    assert (done.returncode == 0) == compiles and ("no member" in done.stderr) != compiles, done.stderr

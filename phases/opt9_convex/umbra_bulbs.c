@@ -1,11 +1,34 @@
 // Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
 // bulb.c, and rays on which no later term can come below what they have leave for packets of their own.
-#ifndef OPT9_UMBRA_BULBS_H
-#define OPT9_UMBRA_BULBS_H
-
 #include "umbra_queue.h"
 
 #include <string.h>
+
+static void add_lane(int i, float lit, struct desk *desk) {
+    COUNT(add_lane, call);
+    float (*field)[QUEUE_ROOM] = desk->shadow;
+    int pixel = (int)field[S_PIXEL][i];
+    for (int k = 0; k < 3; k++)
+        desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
+}
+
+INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
+                       const struct known *scene, real *h) {
+    const struct placed *s = &scene->placed[i];
+    COUNT(nearest_bulbs, shape);
+    real own[ABREAST];
+    if (s->type == SHAPE_MANDELBULB) {
+        COUNT(nearest_bulbs, bulb);
+        struct vec p[ABREAST];
+        for (int k = 0; k < ABREAST; k++)
+            p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
+        bulbs(s, p, done, leaving, false, own);
+    } else
+        for (int k = 0; k < ABREAST; k++)
+            own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+    for (int k = 0; k < ABREAST; k++)
+        h[k] = least_of(h[k], own[k]);
+}
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
 __attribute__((always_inline)) static inline void
@@ -16,22 +39,27 @@ nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving,
         h[k] = set(INFINITY);
         done[k] = m[k].done;
     }
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        COUNT(nearest_bulbs, shape);
-        real own[ABREAST];
-        if (s->type == SHAPE_MANDELBULB) {
-            COUNT(nearest_bulbs, bulb);
-            struct vec p[ABREAST];
-            for (int k = 0; k < ABREAST; k++)
-                p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-            bulbs(s, p, done, leaving, false, own);
-        } else
-            for (int k = 0; k < ABREAST; k++)
-                own[k] = distance_along(&m[k].nears[i], m[k].t, s);
-        for (int k = 0; k < ABREAST; k++)
-            h[k] = least_of(h[k], own[k]);
+    EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
+}
+
+INLINE void put_behind(int i, const struct march *m, real q, const struct known *scene,
+                       mask *behind) {
+    const struct placed *s = &scene->placed[i];
+    const struct near *near = &m->nears[i];
+    if (!any(*behind))
+        return;
+    if (s->way == LINEAR) {
+        COUNT(behind_all, plane);
+        *behind = both(*behind, not_less(near->direction.x, q));
+        return;
     }
+    COUNT(behind_all, solid);
+    real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+    struct vec p = vec_along(near->origin, near->direction, m->t);
+    real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
+    mask away = not_less(share * vec_dot(p, near->direction) * per, q);
+    mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
+    *behind = both(*behind, both(away, far));
 }
 
 // Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
@@ -43,22 +71,7 @@ static inline mask behind_all(const struct march *m, float per_strength,
     COUNT(behind_all, scalar);
     real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
     mask behind = not_in(m->done);
-    for (int i = 0; i < scene->model.shape_count && any(behind); i++) {
-        const struct placed *s = &scene->placed[i];
-        const struct near *near = &m->nears[i];
-        if (s->way == LINEAR) {
-            COUNT(behind_all, plane);
-            behind = both(behind, not_less(near->direction.x, q));
-            continue;
-        }
-        COUNT(behind_all, solid);
-        real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
-        struct vec p = vec_along(near->origin, near->direction, m->t);
-        real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
-        mask away = not_less(share * vec_dot(p, near->direction) * per, q);
-        mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
-        behind = both(behind, both(away, far));
-    }
+    EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
     return behind;
 }
 
@@ -89,11 +102,13 @@ static unsigned move_rays(struct pool *to, unsigned there, const struct pool *fr
     int a = __builtin_popcount(there), b = __builtin_popcount(here);
     there = first_bits(there, a < b ? a : b);
     here = first_bits(here, a < b ? a : b);
-    move_lanes((float *)&to->march.t, there, (const float *)&from->march.t, here, MARCH_REALS);
-    for (int k = 0; k < scene->model.shape_count; k++) {
-        float *row = (float *)&to->nears[k].origin;
-        const float *old = (const float *)&from->nears[k].origin;
-        bool linear = scene->placed[k].way == LINEAR;
+    size_t march = offsetof(struct pool, march) + offsetof(struct march, t);
+    move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
+               here, MARCH_REALS);
+    for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
+        float *row = (float *)&to->nears[k]; // its origin, and the direction behind it
+        const float *old = (const float *)&from->nears[k];
+        bool linear = KNOWN(scene)->placed[k].way == LINEAR;
         move_lanes(row, there, old, here, linear ? 1 : 6);
         if (linear)
             move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
@@ -122,7 +137,7 @@ static void answer(const struct pool *from, unsigned which, const struct convex 
     float lit[LANES];
     mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
     COUNT(answer, scalar);
-    float last = LAST * (float)work->scene->model.shadow_strength *
+    float last = LAST * (float)KNOWN(work->scene)->model.shadow_strength *
                  (float)work->scene->model.march.hit_distance;
     real all = root(from->march.square / from->march.divisor);
     unload(choose(dark, least_of(all, set(last) / from->march.t), all), lit);
@@ -131,21 +146,21 @@ static void answer(const struct pool *from, unsigned which, const struct convex 
 }
 
 // Takes rays from `ready`, which is made anew from the queue whenever it is empty.
-static int refill(struct pool *to, struct pool *ready, int next, int steps,
-                  const struct convex *work) {
-    COUNT(refill, call);
+static int refill_shadows(struct pool *to, struct pool *ready, int next, int steps,
+                          const struct convex *work) {
+    COUNT(refill_shadows, call);
     struct desk *desk = work->desk;
     unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
     while (ended) {
         while (!ready->live && next < desk->shadows) {
             struct rays r;
             waiting(desk->shadow, next, desk->shadows, &r);
-            begin(&r, ready->nears, desk->casters, work, &ready->march);
+            begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
             ready->live = bits(r.active) & ~bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)
                 ready->ray[lane] = (float)(next + lane);
             ACTIVE(count_of(r.active));
-            COUNT(refill, packet);
+            COUNT(refill_shadows, packet);
             // Those that have left the bounds; what is dark from the start adds nothing.
             mask left = both(ready->march.done, greater(ready->march.square, set(0.0f)));
             answer(ready, bits(r.active) & bits(left), work);
@@ -173,34 +188,38 @@ struct pools {
 // in packets of such rays: one iteration each. `over`: where a plane is nearer for good, and was at the step before, too,
 // so that the next term is of its distances alone. For good: at 3 and beyond the estimate is above 0.33·|p|·ln|p|, whose slope
 // along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
+INLINE void over_bulb(int i, const struct march *m, const struct known *scene, mask *over) {
+    const struct near *near = &m->nears[i];
+    if (scene->placed[i].type != SHAPE_MANDELBULB)
+        return;
+    if (scene->plane < 0) {
+        *over = no_lane();
+        return;
+    }
+    COUNT(over, plane);
+    const struct near *plane = &m->nears[scene->plane];
+    struct vec p = vec_along(near->origin, near->direction, m->from);
+    real square = vec_dot(p, p), r = root(square), grown = log_of(r);
+    real slope = plane->direction.x, height = mul_add(m->from, slope, plane->origin.x);
+    mask under = less(height, r * grown * set(0.33f));
+    mask stays =
+        not_less(mul_add(grown, set(0.33f), set(0.33f)) * vec_dot(p, near->direction), slope * r);
+    mask beyond = both(greater(square, set(9.0f)), both(under, stays));
+    *over = both(*over, beyond);
+}
+
 static inline mask over(const struct march *m, const struct prepared *scene) {
     COUNT(over, call);
     mask over = all_lanes();
-    for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct placed *s = &scene->placed[i];
-        const struct near *near = &m->nears[i];
-        if (s->type != SHAPE_MANDELBULB)
-            continue;
-        if (scene->plane < 0)
-            return no_lane();
-        COUNT(over, plane);
-        const struct near *plane = &m->nears[scene->plane];
-        struct vec p = vec_along(near->origin, near->direction, m->from);
-        real square = vec_dot(p, p), r = root(square), grown = log_of(r);
-        real slope = plane->direction.x, height = mul_add(m->from, slope, plane->origin.x);
-        mask under = less(height, r * grown * set(0.33f));
-        mask stays = not_less(mul_add(grown, set(0.33f), set(0.33f)) * vec_dot(p, near->direction),
-                              slope * r);
-        mask beyond = both(greater(square, set(9.0f)), both(under, stays));
-        over = both(over, beyond);
-    }
+    EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
     return over;
 }
 
 static void see_off(struct pools *pools, const struct convex *work) {
     COUNT(see_off, call);
-    const struct model *model = &work->scene->model;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
     struct march m[ABREAST];
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
@@ -209,7 +228,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
     }
     for (int i = 1; ended < ABREAST * LANES; i++) {
         COUNT(see_off, step);
-        real oldest = set((float)i - (float)model->march.max_steps);
+        real oldest = set((float)i - (float)work->scene->model.march.max_steps);
         real h[ABREAST];
         nearest_bulbs(m, work->scene, true, h);
         ended = 0;
@@ -229,7 +248,7 @@ static void see_off(struct pools *pools, const struct convex *work) {
     pools->leaving = 0;
 }
 
-static void retire(struct pool *from, struct pools *pools, const struct convex *work) {
+static void retire_shadows(struct pool *from, struct pools *pools, const struct convex *work) {
     unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
     answer(from, ended & ~leaving, work);
     from->live &= ~ended;
@@ -253,11 +272,12 @@ static void retire(struct pool *from, struct pools *pools, const struct convex *
 // One step of each packet. How many lanes have ended.
 static inline int step_all(struct march *m, struct pool *pool, int steps,
                            const struct convex *work) {
-    const struct model *model = &work->scene->model;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    real strength = set((float)model->shadow_strength),
+         hit = set((float)work->scene->model.march.hit_distance);
     COUNT(step_all, call);
     // Rays that old have had their steps.
-    real oldest = set((float)steps - (float)model->march.max_steps);
+    real oldest = set((float)steps - (float)work->scene->model.march.max_steps);
     real h[ABREAST];
     int ended = 0;
     nearest_bulbs(m, work->scene, false, h);
@@ -283,9 +303,9 @@ static inline int step_all(struct march *m, struct pool *pool, int steps,
     return ended;
 }
 
-static void cast_streams(const struct convex *work) {
+void cast_streams(const struct convex *work) {
     struct desk *desk = work->desk;
-    const struct model *model = &work->scene->model;
+    const struct known_model *model = &KNOWN(work->scene)->model;
     struct pool all[POOLS] = {0};
     memset(desk->near, 0, POOLS * (size_t)model->shape_count * sizeof(struct near));
     for (int k = 0; k < POOLS; k++)
@@ -297,7 +317,7 @@ static void cast_streams(const struct convex *work) {
         unsigned live = pools.ready->live;
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
-            next = refill(&pools.work[k], pools.ready, next, steps, work);
+            next = refill_shadows(&pools.work[k], pools.ready, next, steps, work);
             live |= pools.work[k].live;
             m[k] = pools.work[k].march;
             ended += count_of(m[k].done);
@@ -310,12 +330,10 @@ static void cast_streams(const struct convex *work) {
             ended = step_all(m, pools.work, ++steps, work);
         for (int k = 0; k < ABREAST; k++) {
             pools.work[k].march = m[k];
-            retire(&pools.work[k], &pools, work);
+            retire_shadows(&pools.work[k], &pools, work);
         }
     }
     if (pools.leaving > 0)
         see_off(&pools, work);
     desk->shadows = 0;
 }
-
-#endif

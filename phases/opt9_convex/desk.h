@@ -1,12 +1,14 @@
 // A worker's own memory, laid out: its desk, and what that points to.
-#ifndef OPT10_DESK_H
-#define OPT10_DESK_H
+#ifndef OPT9_DESK_H
+#define OPT9_DESK_H
 
 #include "bulb.h"
 #include "convex.h"
 
-enum { LISTS = 4 + GROUP + CASTS };
-_Static_assert((int)POOLS >= (int)CASTS && CASTS >= 3, "room for each packet, and a vicinity");
+// Packets whose shadow rays know something of every shape: those in work; of a crowd one, and behind it its vicinity, which
+// takes the room of two.
+enum { NEARS = CASTS > 3 ? CASTS : 3, LISTS = 4 + GROUP + CASTS };
+_Static_assert((int)POOLS >= (int)NEARS, "a kernel's desk has room for a Mandelbulb's streams");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 // A list of shapes, and room for a row of lanes behind them (list_those).
 #define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
@@ -20,7 +22,6 @@ static inline struct desk *desk_at(void *own, int shape_count, int nears) {
     struct desk *desk = own;
     char *behind = (char *)own + WHOLE_LINES(sizeof *desk);
     desk->near = (struct near *)behind;
-#if !UNROLLED
     behind += (size_t)nears * shapes * sizeof(struct near);
     desk->mirrored = (int *)behind;
     behind += LIST_SIZE(shapes);
@@ -28,13 +29,13 @@ static inline struct desk *desk_at(void *own, int shape_count, int nears) {
     behind += LIST_SIZE(shapes);
     desk->cut = (int *)behind;
     behind += GROUP * LIST_SIZE(shapes);
-    for (size_t i = 0; i < 2 + CASTS; i++, behind += LIST_SIZE(shapes)) {
-        struct shapes *list = i == 0   ? &desk->listed
-                              : i == 1 ? &desk->shading
-                                       : &desk->casters[i - 2];
-        list->index = (int *)behind;
+    give_room(&desk->listed, (int *)behind);
+    behind += LIST_SIZE(shapes);
+    give_room(&desk->shading, (int *)behind);
+    for (int i = 0; i < CASTS; i++) {
+        behind += LIST_SIZE(shapes);
+        give_room(&desk->casters[i], (int *)behind);
     }
-#endif
     empty_desk(desk);
     return desk;
 }
