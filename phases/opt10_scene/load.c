@@ -20,9 +20,9 @@ static uint64_t now_ns(void) {
 // A kernel's whole text: before its source a line of what else tells it from others, its flags and the compiler, by the
 // file it is. To be freed; NULL: memory is short.
 static char *text_of(const char *source, const char *flags, int lanes, const char *compiler) {
-    char real[4096], *text;
+    char vfloat[4096], *text;
     struct stat file = {0};
-    const char *path = realpath(compiler, real) ? real : compiler;
+    const char *path = realpath(compiler, vfloat) ? vfloat : compiler;
     if (stat(path, &file) != 0)
         file.st_size = 0;
     if (asprintf(&text, "// %d lanes; %s; %s: %lld bytes of %lld.%09ld, inode %lld.\n", lanes,

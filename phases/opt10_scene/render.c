@@ -6,7 +6,7 @@
 #include "counting/flops.h"
 #include "driver/variant.h"
 #include "kernel.h"
-#include "threads.h"
+#include "workers/workers.h"
 
 // Of a generated kernel; without a Mandelbulb half as many are a crowd.
 enum { MOST_SHAPES = 64 };
@@ -14,7 +14,7 @@ enum { MOST_SHAPES = 64 };
 // What a tile reads is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
-    struct team *team;
+    struct workers *workers;
     bool sixteen; // lanes, not eight
     struct loaded loaded;
 };
@@ -61,11 +61,11 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 }
 
 // A kernel's tiles may need more of a worker's own memory than the general code's.
-static struct team *start_team(struct kept *kept, const struct model *model, int threads) {
+static struct workers *start_team(struct kept *kept, const struct model *model, int threads) {
     size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
     if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
         own = kept->loaded.kernel->own_size;
-    return team_start(threads, own);
+    return workers_start(threads, own);
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
@@ -76,9 +76,9 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (place_room(&kept->prepared, model->shape_count)) {
         place_all(&kept->prepared, model);
         make_kernel(kept);
-        kept->team = start_team(kept, model, threads);
+        kept->workers = start_team(kept, model, threads);
     }
-    if (!kept->team) {
+    if (!kept->workers) {
         kernel_unload(&kept->loaded);
         place_free(&kept->prepared);
         free(kept);
@@ -89,7 +89,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
-    team_end(kept->team);
+    workers_end(kept->workers);
     kernel_unload(&kept->loaded);
     place_free(prepared);
     free(kept);
@@ -97,12 +97,12 @@ void phase_release(struct prepared *prepared) {
 
 // Apart from what the caller writes on its stack: all workers read it.
 struct frame_job {
-    alignas(APART) struct job job;
+    alignas(WORKERS_APART) struct job job;
     const struct scene_kernel *kernel; // NULL: the general ones
     bool sixteen;
 };
 
-void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *own) {
     const struct frame_job *job = data;
     if (job->kernel)
         job->kernel->tile(&job->job, tile, own);
@@ -122,10 +122,10 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
                             kept->sixteen};
     if (job.job.solids)
         job.kernel = kept->loaded.kernel;
-    team_run(kept->team, &job,
-             job.kernel      ? job.kernel->tiles(&job.job)
-             : kept->sixteen ? lanes16_tiles(&job.job)
-                             : lanes8_tiles(&job.job));
+    workers_run(kept->workers, render_tile, &job,
+                job.kernel      ? job.kernel->tiles(&job.job)
+                : kept->sixteen ? lanes16_tiles(&job.job)
+                                : lanes8_tiles(&job.job));
     return true;
 }
 

@@ -1,5 +1,7 @@
 // Marches of a crowd's shadow rays: sorted by where they are from, then a few packets at a time (beam.h).
 #include "beam.h"
+#include "numerics.h"
+#include "simd/permute.h"
 
 enum { PLACE_BITS = 5, BEHIND = 1 << 15 }; // of each coordinate, in the box of all rays
 // The rays of so narrow a box are in one cell of it: the cells' number over the width must be a float.
@@ -65,50 +67,51 @@ static void crowd_sort(struct desk *desk, const struct prepared *scene) {
     sort_by(desk->code, 8, count, desk->order[1], desk->order[0]);
 }
 
-static struct vec load_vec_from(float field[][QUEUE_ROOM], packing places) {
-    return (struct vec){load_from(field[0], places), load_from(field[1], places),
-                        load_from(field[2], places)};
+static struct vec load_vec_from(float field[][QUEUE_ROOM], vindex places) {
+    return (struct vec){v_gather(field[0], places), v_gather(field[1], places),
+                        v_gather(field[2], places)};
 }
 
 // Rays that have been sorted; in lanes that have none, the packet's first ray.
 static struct rays sorted(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
     COUNT(sorted, call);
-    mask active = first_lanes(count);
-    packing at = places_of(active, order);
+    vmask active = v_mask_first(count);
+    vindex at = v_index_u16(active, order);
     return (struct rays){.active = active,
                          .point = load_vec_from(field + S_POINT, at),
                          .local = load_vec_from(field + S_LOCAL, at),
                          .to_light = load_vec_from(field + S_TO_LIGHT, at),
-                         .facing = load_from(field[S_FACING], at),
-                         .shape = load_from(field[S_SHAPE], at),
-                         .end = set(0.0f),
-                         .alone = set(INFINITY),
-                         .on_plane = no_lane(),
-                         .some = no_lane(),
-                         .many = no_lane(),
-                         .first = set(INFINITY),
-                         .cosine = set(1.0f)};
+                         .facing = v_gather(field[S_FACING], at),
+                         .shape = v_gather(field[S_SHAPE], at),
+                         .end = v_splat(0.0f),
+                         .alone = v_splat(INFINITY),
+                         .on_plane = v_mask_none(),
+                         .some = v_mask_none(),
+                         .many = v_mask_none(),
+                         .first = v_splat(INFINITY),
+                         .cosine = v_splat(1.0f)};
 }
 
 // What is in the way of a ray need not be looked for again until it is behind, or the slope q that the ray's least term so
 // far allows is less. Sets those of a packet's rays that must ask; whether any.
 static bool must_ask(const struct walk *w, struct asking *asking, const struct convex *work) {
     const struct march *m = &w->march;
-    ACTIVE(LANES - count_of(m->done));
+    ACTIVE(LANES - v_count(m->done));
     COUNT(must_ask, call);
     COUNT(must_ask, scalar);
-    real q = root(m->square / m->divisor) *
-             set(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    vfloat q = v_sqrt(m->square / m->divisor) *
+               v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
-    mask asked = but_not(m->done, not_less(m->previous, q * m->from));
-    asked = both(asked, either(not_less(m->t, w->until), less(q, w->asked * set(LESS_SLOPE))));
+    vmask asked = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
+    asked =
+        v_and(asked, v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(LESS_SLOPE))));
     // The ratio of a convex solid's distance to t never falls along a ray from it, and was q or more where that step began; of
     // a ray that has taken none (`from` is 0) nothing is known.
     bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
-    real own =
-        choose(greater(m->from, set(0.0f)), set(convex ? (float)w->solid : -1.0f), set(-1.0f));
+    vfloat own = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
+                          v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
     *asking = (struct asking){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
-    return any(asked);
+    return v_any(asked);
 }
 
 // Of the first packets of a beam, those rays at once: they are from one solid, or from places on planes that follow each other,
@@ -121,7 +124,7 @@ static void look_ahead(struct beam *beam, int packets, const struct convex *work
     int count = 0;
     for (int i = 0; i < packets; i++) {
         struct walk *w = &beam->walk[i];
-        if (all(w->march.done))
+        if (v_all(w->march.done))
             continue;
         of[count] = w;
         count += must_ask(w, &asking[count], work);
@@ -132,21 +135,21 @@ static void look_ahead(struct beam *beam, int packets, const struct convex *work
     for (int i = 0; i < count; i++) {
         struct walk *w = of[i];
         const struct asking *a = &asking[i];
-        ACTIVE(count_of(a->asked));
+        ACTIVE(v_count(a->asked));
         COUNT(look_ahead, packet);
-        w->march.done = either(w->march.done, both(a->asked, less(a->until, set(0.0f))));
-        w->until = choose(a->asked, a->until, w->until);
-        w->asked = choose(a->asked, a->q, w->asked);
+        w->march.done = v_or(w->march.done, v_and(a->asked, v_cmp_lt(a->until, v_splat(0.0f))));
+        w->until = v_select(a->asked, a->until, w->until);
+        w->asked = v_select(a->asked, a->q, w->asked);
     }
 }
 
-static void keep_answers(const struct walk *w, mask done, struct desk *desk) {
-    ACTIVE(count_of(done));
+static void keep_answers(const struct walk *w, vmask done, struct desk *desk) {
+    ACTIVE(v_count(done));
     COUNT(keep_answers, call);
     float ray[LANES], lit[LANES];
-    unload(w->ray, ray);
-    unload(root(w->march.square / w->march.divisor), lit);
-    for (unsigned rest = bits(done); rest; rest &= rest - 1)
+    v_store(w->ray, ray);
+    v_store(v_sqrt(w->march.square / w->march.divisor), lit);
+    for (unsigned rest = v_mask_bits(done); rest; rest &= rest - 1)
         desk->shadow[S_LIT][(int)ray[__builtin_ctz(rest)]] = lit[__builtin_ctz(rest)];
 }
 
@@ -158,28 +161,28 @@ enum { RAYS_AT = offsetof(struct walk, rays) + offsetof(struct rays, point) };
 enum { OWN_AT = offsetof(struct walk, from) };
 
 // Loops of constant ends, so that they are unrolled: no branch for each row.
-static inline void pack_rows(packing first, const struct walk *w, size_t from, int rows,
-                             rows_of *to, int at) {
-    const real *row = (const real *)((const char *)w + from);
+static inline void pack_rows(vindex first, const struct walk *w, size_t from, int rows, rows_of *to,
+                             int at) {
+    const vfloat *row = (const vfloat *)((const char *)w + from);
     for (int k = 0; k < rows; k++)
-        pack_by(first, row[k], &to[k][at]);
+        v_permute_store(first, row[k], &to[k][at]);
 }
 
-static void pack_walk(mask those, const struct walk *w, rows_of *to, int at) {
-    packing first = packing_of(those);
+static void pack_walk(vmask those, const struct walk *w, rows_of *to, int at) {
+    vindex first = v_compress_index(those);
     pack_rows(first, w, MARCH_AT, MARCH_REALS, to, at);
     pack_rows(first, w, RAYS_AT, RAY_REALS, to + MARCH_REALS, at);
     pack_rows(first, w, OWN_AT, OWN_REALS, to + MARCH_REALS + RAY_REALS, at);
 }
 
-static inline void load_rows(mask active, struct walk *w, size_t to, int rows, rows_of *from,
+static inline void load_rows(vmask active, struct walk *w, size_t to, int rows, rows_of *from,
                              int at) {
-    real *row = (real *)((char *)w + to);
+    vfloat *row = (vfloat *)((char *)w + to);
     for (int k = 0; k < rows; k++)
-        row[k] = keep(active, load(&from[k][at]));
+        row[k] = v_select_or_zero(active, v_load(&from[k][at]));
 }
 
-static void load_walk(mask active, struct walk *w, rows_of *from, int at) {
+static void load_walk(vmask active, struct walk *w, rows_of *from, int at) {
     load_rows(active, w, MARCH_AT, MARCH_REALS, from, at);
     load_rows(active, w, RAYS_AT, RAY_REALS, from + MARCH_REALS, at);
     load_rows(active, w, OWN_AT, OWN_REALS, from + MARCH_REALS + RAY_REALS, at);
@@ -191,14 +194,14 @@ static bool close_ranks(struct beam *beam, struct desk *desk) {
     int moving = 0, live = 0, packets = 0, at = 0;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
-        mask ended = both(w->rays.active, w->march.done);
-        if (any(ended))
+        vmask ended = v_and(w->rays.active, w->march.done);
+        if (v_any(ended))
             keep_answers(w, ended, desk);
-        w->rays.active = but_not(ended, w->rays.active);
-        mask here = but_not(w->waits, w->rays.active);
-        live += count_of(w->rays.active);
-        moving += count_of(here);
-        packets = any(here) ? i + 1 : packets;
+        w->rays.active = v_andnot(ended, w->rays.active);
+        vmask here = v_andnot(w->waits, w->rays.active);
+        live += v_count(w->rays.active);
+        moving += v_count(here);
+        packets = v_any(here) ? i + 1 : packets;
     }
     beam->moving = (moving + LANES - 1) / LANES;
     if (beam->moving == packets)
@@ -207,20 +210,20 @@ static bool close_ranks(struct beam *beam, struct desk *desk) {
     for (int wait = 0; wait < 2; wait++)
         for (int i = 0; i < beam->count; i++) {
             struct walk *w = &beam->walk[i];
-            mask those = both(w->rays.active, wait ? w->waits : not_in(w->waits));
-            if (!any(those))
+            vmask those = v_and(w->rays.active, wait ? w->waits : v_not(w->waits));
+            if (!v_any(those))
                 continue;
             pack_walk(those, w, fields, at);
-            at += count_of(those);
+            at += v_count(those);
         }
     beam->count = (live + LANES - 1) / LANES;
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
-        mask active = first_lanes(live - i * LANES); // behind them nothing was written
+        vmask active = v_mask_first(live - i * LANES); // behind them nothing was written
         load_walk(active, w, fields, i * LANES);
         w->rays.active = active;
-        w->waits = not_in(first_lanes(moving - i * LANES));
-        w->march.done = not_in(w->rays.active);
+        w->waits = v_not(v_mask_first(moving - i * LANES));
+        w->march.done = v_not(w->rays.active);
     }
     return true;
 }
@@ -233,11 +236,11 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     look_ahead(beam, beam->count, work);
     for (int i = 0; i < beam->count; i++) {
         struct walk *w = &beam->walk[i];
-        if (all(w->march.done))
+        if (v_all(w->march.done))
             continue;
-        ACTIVE(LANES - count_of(w->march.done));
+        ACTIVE(LANES - v_count(w->march.done));
         COUNT(look_around, packet);
-        float t = least_lane(choose(w->march.done, set(INFINITY), w->march.t));
+        float t = least_lane(v_select(w->march.done, v_splat(INFINITY), w->march.t));
         if (!last || t < rear) {
             last = w;
             rear = t;
@@ -246,28 +249,28 @@ static bool look_around(struct beam *beam, const struct convex *work) {
     if (!last)
         return false;
     const struct march *m = &last->march;
-    ACTIVE(LANES - count_of(m->done));
+    ACTIVE(LANES - v_count(m->done));
     COUNT(look_around, last);
     // Its own shape is no further than t, and no distance grows faster than a ray goes.
-    real h = least_of(m->t, m->previous + m->previous);
-    vicinity_about(beam, last, h, but_not(m->done, not_less(set(rear), m->t)), work);
+    vfloat h = v_min(m->t, m->previous + m->previous);
+    vicinity_about(beam, last, h, v_andnot(m->done, v_cmp_ge(v_splat(rear), m->t)), work);
     close_ranks(beam, work->desk);
     vicinity_below(beam);
     return true;
 }
 
 // One step of all rays but those that stand still. `told`: no term of it can be the least.
-static inline void step_but(struct march *m, mask still, real h, real strength, real hit,
+static inline void step_but(struct march *m, vmask still, vfloat h, vfloat strength, vfloat hit,
                             bool told) {
-    real previous = m->previous, from = m->from;
+    vfloat previous = m->previous, from = m->from;
     m->done = still;
-    ACTIVE(LANES - count_of(still));
+    ACTIVE(LANES - v_count(still));
     if (told)
         go_on_by(m, h, on_none(m, h, hit));
     else
         step(m, h, strength, hit, 0.0f);
-    m->previous = choose(still, previous, m->previous);
-    m->from = choose(still, from, m->from);
+    m->previous = v_select(still, previous, m->previous);
+    m->from = v_select(still, from, m->from);
 }
 
 // Ends those that nothing is in the way of, and brings the others together.
@@ -282,8 +285,8 @@ static void thin_out(struct beam *beam, const struct convex *work) {
 struct leaving {
     struct near near;
     const struct placed *solid;
-    real alone;
-    mask still, done;
+    vfloat alone;
+    vmask still, done;
     bool told; // no term from here on can be the least
 };
 
@@ -292,16 +295,16 @@ struct leaving {
 static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct convex *work) {
     COUNT(sets_out, call);
     const struct prepared *scene = work->scene;
-    if (w->solid < 0 || all(stands_still(w)))
+    if (w->solid < 0 || v_all(stands_still(w)))
         return false;
-    ACTIVE(LANES - count_of(stands_still(w)));
+    ACTIVE(LANES - v_count(stands_still(w)));
     COUNT(sets_out, solid);
     const struct placed *s = &scene->placed[w->solid];
     w->local_to = turned(s, w->rays.to_light);
     see_along(&w->rays, w->solid, &l->near, work);
     l->solid = s;
-    l->alone = set(scene->more[w->solid].alone * (1 - 1e-5f) -
-                   1e-6f * (float)scene->model.march.bounds_radius);
+    l->alone = v_splat(scene->more[w->solid].alone * (1 - 1e-5f) -
+                       1e-6f * (float)scene->model.march.bounds_radius);
     l->still = stands_still(w);
     l->done = w->march.done;
     l->told = begun && s->convex && scene->plane_count == 0;
@@ -309,45 +312,45 @@ static bool sets_out(struct walk *w, struct leaving *l, bool begun, const struct
 }
 
 // The solid's distance, and how far its position is, squared.
-static inline real distance_leaving(const struct leaving *l, real t, real *square) {
+static inline vfloat distance_leaving(const struct leaving *l, vfloat t, vfloat *square) {
     COUNT(distance_leaving, call);
     const struct near *n = &l->near;
     if (n->power) { // a sphere, see distance_along: the root of the square is in it
         COUNT(distance_leaving, power);
-        real power = mul_add(t, t + n->slope, n->constant);
-        *square = most_of(power + set(l->solid->bound_sq), set(0.0f));
-        return power / (root(*square) + set(l->solid->a));
+        vfloat power = v_madd(t, t + n->slope, n->constant);
+        *square = v_max(power + v_splat(l->solid->bound_sq), v_splat(0.0f));
+        return power / (v_sqrt(*square) + v_splat(l->solid->a));
     }
     COUNT(distance_leaving, point);
     struct vec p = vec_along(n->origin, n->direction, t);
     *square = vec_dot(p, p);
-    return distance_at(p, l->solid, no_lane());
+    return distance_at(p, l->solid, v_mask_none());
 }
 
 // One step, if any ray can take it: whether one did.
-static bool leave_on(struct walk *w, struct leaving *l, real strength, real hit,
+static bool leave_on(struct walk *w, struct leaving *l, vfloat strength, vfloat hit,
                      const struct prepared *scene) {
-    ACTIVE(LANES - count_of(l->still));
+    ACTIVE(LANES - v_count(l->still));
     COUNT(leave_on, call);
     struct march *m = &w->march;
-    real square, h = distance_leaving(l, m->t, &square), room = l->alone - h;
-    mask sure = both(greater(room, set(0.0f)), less(square, room * room));
-    mask still = either(l->still, not_in(sure));
-    if (all(still))
+    vfloat square, h = distance_leaving(l, m->t, &square), room = l->alone - h;
+    vmask sure = v_and(v_cmp_gt(room, v_splat(0.0f)), v_cmp_lt(square, room * room));
+    vmask still = v_or(l->still, v_not(sure));
+    if (v_all(still))
         return false;
     for (int k = 0; k < scene->plane_count; k++) {
         COUNT(leave_on, plane);
-        h = least_of(h, height_along(&scene->placed[scene->planes[k]], no_lane(), w));
+        h = v_min(h, height_along(&scene->placed[scene->planes[k]], v_mask_none(), w));
     }
     step_but(m, still, h, strength, hit, l->told);
-    l->done = either(l->done, but_not(still, m->done));
-    l->still = either(still, m->done);
+    l->done = v_or(l->done, v_andnot(still, m->done));
+    l->still = v_or(still, m->done);
     return true;
 }
 
 // So many steps at most, of all packets by turns: a step waits for its root, and for the one before it. Whether any packet
 // took the last of them; rays that cannot go on wait.
-static bool leave_by(struct beam *beam, int steps, bool begun, real strength, real hit,
+static bool leave_by(struct beam *beam, int steps, bool begun, vfloat strength, vfloat hit,
                      const struct convex *work) {
     struct leaving packets[BEAM];
     unsigned out = 0;
@@ -362,7 +365,7 @@ static bool leave_by(struct beam *beam, int steps, bool begun, real strength, re
         }
     for (unsigned rest = out; rest; rest &= rest - 1) {
         int i = __builtin_ctz(rest);
-        beam->walk[i].waits = open >> i & 1 ? packets[i].still : all_lanes();
+        beam->walk[i].waits = open >> i & 1 ? packets[i].still : v_mask_all();
         beam->walk[i].march.done = packets[i].done;
     }
     return open;
@@ -370,7 +373,8 @@ static bool leave_by(struct beam *beam, int steps, bool begun, real strength, re
 
 // Rays that graze a round solid take hundreds of steps to leave it, a few rays of each packet: those that nothing further on
 // can darken any more end before that, and the others are brought together.
-static void leave_solids(struct beam *beam, real strength, real hit, const struct convex *work) {
+static void leave_solids(struct beam *beam, vfloat strength, vfloat hit,
+                         const struct convex *work) {
     int most = work->scene->model.march.max_steps;
     beam->moving = beam->count;
     if (!leave_by(beam, lesser(most, LOOK), false, strength, hit, work))
@@ -381,25 +385,25 @@ static void leave_solids(struct beam *beam, real strength, real hit, const struc
 }
 
 // A step of all rays in the vicinity; whether there are any.
-static bool walk_on(struct beam *beam, real strength, real hit) {
+static bool walk_on(struct beam *beam, vfloat strength, vfloat hit) {
     COUNT(walk_on, call);
     bool moves = false;
     vicinity_nearest(beam);
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
         struct march *m = &w->march;
-        if (all(stands_still(w)))
+        if (v_all(stands_still(w)))
             continue;
-        ACTIVE(LANES - count_of(stands_still(w)));
+        ACTIVE(LANES - v_count(stands_still(w)));
         COUNT(walk_on, step);
         moves = true;
         // What is not in the vicinity could be nearer.
         struct vec off = vec_off(&beam->near, w->at);
-        real room = set(beam->near.within) - w->least;
-        w->waits = either(w->waits, not_in(not_less(room * absolute(room), vec_dot(off, off))));
-        mask still = stands_still(w), done = m->done;
+        vfloat room = v_splat(beam->near.within) - w->least;
+        w->waits = v_or(w->waits, v_not(v_cmp_ge(room * v_abs(room), vec_dot(off, off))));
+        vmask still = stands_still(w), done = m->done;
         step_but(m, still, w->least, strength, hit, false);
-        m->done = either(done, but_not(still, m->done));
+        m->done = v_or(done, v_andnot(still, m->done));
     }
     return moves;
 }
@@ -413,19 +417,19 @@ static void gather_walk(struct walk *w, int first, int end, const struct beam *b
     COUNT(gather_walk, call);
     // What is not set here is before it is read.
     w->rays = sorted(desk->shadow, desk->order[0] + first, left < LANES ? left : LANES);
-    w->waits = no_lane();
+    w->waits = v_mask_none();
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
-    w->until = set(work->scene->tree.spacing);
-    w->asked = set(KNOWN(work->scene)->lit_slope);
+    w->until = v_splat(work->scene->tree.spacing);
+    w->asked = v_splat(KNOWN(work->scene)->lit_slope);
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = desk->order[0][first + i];
-    w->ray = load(ray);
-    int shape = (int)first_of(w->rays.shape);
+    w->ray = v_load(ray);
+    int shape = (int)v_lane0(w->rays.shape);
     w->solid = work->scene->placed[shape].way == LINEAR ? -1 : shape;
     w->local_to = w->rays.to_light;
-    w->from = (struct vec){w->rays.point.x - set(place[0]), w->rays.point.y - set(place[1]),
-                           w->rays.point.z - set(place[2])};
+    w->from = (struct vec){w->rays.point.x - v_splat(place[0]), w->rays.point.y - v_splat(place[1]),
+                           w->rays.point.z - v_splat(place[2])};
 }
 
 static void begin_walk(struct walk *w, const struct convex *work) {
@@ -440,11 +444,11 @@ static void add_answers(int first, int end, struct desk *desk) {
         int left = end - at, count = left < LANES ? left : LANES;
         ACTIVE(count);
         COUNT(add_answers, packet);
-        mask active = first_lanes(count);
-        packing in = places_of(active, order);
-        real lit = load_from(desk->shadow[S_LIT], in);
+        vmask active = v_mask_first(count);
+        vindex in = v_index_u16(active, order);
+        vfloat lit = v_gather(desk->shadow[S_LIT], in);
         add_light(active, vec_scale(load_vec_from(desk->shadow + S_LIGHT, in), lit),
-                  load_from(desk->shadow[S_PIXEL], in), desk);
+                  v_gather(desk->shadow[S_PIXEL], in), desk);
     }
 }
 
@@ -454,33 +458,33 @@ struct bundle {
 };
 
 static struct bundle bundle_about(const struct walk *walk, int packets) {
-    ACTIVE(count_of(walk->rays.active));
+    ACTIVE(v_count(walk->rays.active));
     COUNT(bundle_about, call);
     COUNT(bundle_about, scalar);
     struct vec low = walk->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
-        ACTIVE(count_of(walk[i].rays.active));
+        ACTIVE(v_count(walk[i].rays.active));
         COUNT(bundle_about, box);
         struct vec p = walk[i].rays.point;
-        low = (struct vec){least_of(low.x, p.x), least_of(low.y, p.y), least_of(low.z, p.z)};
-        high = (struct vec){most_of(high.x, p.x), most_of(high.y, p.y), most_of(high.z, p.z)};
+        low = (struct vec){v_min(low.x, p.x), v_min(low.y, p.y), v_min(low.z, p.z)};
+        high = (struct vec){v_max(high.x, p.x), v_max(high.y, p.y), v_max(high.z, p.z)};
     }
     struct vec to = walk->rays.to_light;
     struct bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
                              0.5f * (least_lane(low.y) + most_lane(high.y)),
                              0.5f * (least_lane(low.z) + most_lane(high.z))},
-                            {first_of(to.x), first_of(to.y), first_of(to.z)},
+                            {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
                             0,
                             0};
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
-    real away = set(0.0f), turned = away;
+    vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
-        ACTIVE(count_of(walk[i].rays.active));
+        ACTIVE(v_count(walk[i].rays.active));
         COUNT(bundle_about, packet);
         struct vec p = walk[i].rays.point, l = walk[i].rays.to_light;
         struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
-        away = most_of(away, vec_dot(v, v));
-        turned = most_of(turned, vec_dot(d, d));
+        away = v_max(away, vec_dot(v, v));
+        turned = v_max(turned, vec_dot(d, d));
     }
     bundle.radius = sqrtf(most_lane(away)) * (1 + 1e-4f);
     bundle.spread = sqrtf(most_lane(turned)) * 1.01f + 1e-4f;
@@ -492,7 +496,8 @@ static void cast_beam(int first, int end, const struct convex *work) {
     COUNT(cast_beam, call);
     struct desk *desk = work->desk;
     const struct model *model = &work->scene->model;
-    real strength = set((float)model->shadow_strength), hit = set((float)model->march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength),
+           hit = v_splat((float)model->march.hit_distance);
     struct near *second = desk->near + model->shape_count;
     struct beam beam; // not zeroed: walks begin below
     beam.count = beam.moving = 0;

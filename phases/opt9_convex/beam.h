@@ -3,6 +3,7 @@
 #ifndef OPT9_BEAM_H
 #define OPT9_BEAM_H
 
+#include "numerics.h"
 #include "umbra.h"
 
 enum { BEAM = 8, BEAM_RAYS = BEAM * LANES };
@@ -14,11 +15,11 @@ struct walk {
     struct vec from; // where they start, from the beam's place
     struct vec
         local_to; // to the light, in the frame of the solid that they are from, once they set out
-    real until, asked; // where what is in the way ends, of the cones of slope `asked`
-    real ray;          // which of the queue
-    mask waits;
+    vfloat until, asked; // where what is in the way ends, of the cones of slope `asked`
+    vfloat ray;          // which of the queue
+    vmask waits;
     struct vec at; // where they are, from the beam's place
-    real
+    vfloat
         least; // the nearest shape's distance there; −∞ of those that stand still: nothing is nearer
     int recent; // which of the vicinity was the nearest to one of them
     int solid;  // that they all are from, −1: from planes
@@ -26,9 +27,9 @@ struct walk {
 // What moves with a ray to another packet: so many reals from march.t, from rays.point and from `from` on.
 enum { RAY_REALS = 11, OWN_REALS = 9, WALK_REALS = MARCH_REALS + RAY_REALS + OWN_REALS };
 _Static_assert(offsetof(struct rays, shape) ==
-                       offsetof(struct rays, point) + (RAY_REALS - 1) * sizeof(real) &&
+                       offsetof(struct rays, point) + (RAY_REALS - 1) * sizeof(vfloat) &&
                    offsetof(struct walk, ray) ==
-                       offsetof(struct walk, from) + (OWN_REALS - 1) * sizeof(real),
+                       offsetof(struct walk, from) + (OWN_REALS - 1) * sizeof(vfloat),
                "one behind the other");
 
 // A shape of a vicinity.
@@ -39,7 +40,7 @@ struct close_by {
 
 // What the distances of a packet's rays to a shape are never below further on: rest + slope·t.
 struct below {
-    real rest, slope;
+    vfloat rest, slope;
 };
 
 // All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
@@ -62,19 +63,19 @@ struct beam {
 // From the vicinity's stretch to a place.
 static inline struct vec vec_off(const struct vicinity *v, struct vec at) {
     struct vec to = {at.x - v->start.x, at.y - v->start.y, at.z - v->start.z};
-    real along = least_of(most_of(vec_dot(to, v->along), set(0.0f)), set(v->length));
-    return (struct vec){neg_mul_add(along, v->along.x, to.x), neg_mul_add(along, v->along.y, to.y),
-                        neg_mul_add(along, v->along.z, to.z)};
+    vfloat along = v_min(v_max(vec_dot(to, v->along), v_splat(0.0f)), v_splat(v->length));
+    return (struct vec){v_nmadd(along, v->along.x, to.x), v_nmadd(along, v->along.y, to.y),
+                        v_nmadd(along, v->along.z, to.z)};
 }
 
-static inline real distance_off(const struct vicinity *v, struct vec at) {
+static inline vfloat distance_off(const struct vicinity *v, struct vec at) {
     COUNT(distance_off, call);
     return vec_norm(vec_off(v, at));
 }
 
 // Ahead of one of the lanes in `last` of a packet, where the nearest shape is no further than h.
 // Sets which of the rays wait.
-void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
+void vicinity_about(struct beam *beam, const struct walk *w, vfloat h, vmask last,
                     const struct convex *work);
 // What the rays can know of each shape from afar.
 void vicinity_below(struct beam *beam);
@@ -82,18 +83,18 @@ void vicinity_below(struct beam *beam);
 void vicinity_nearest(struct beam *beam);
 
 // How high the rays of a packet are over a plane, where they are now; those in `own` are from it.
-static inline real height_along(const struct placed *s, mask own, const struct walk *w) {
+static inline vfloat height_along(const struct placed *s, vmask own, const struct walk *w) {
     COUNT(height_along, call);
-    return mul_add(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
-                   drop(own, height_over(s, w->rays.point)));
+    return v_madd(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
+                  v_zero_where(own, height_over(s, w->rays.point)));
 }
 
-static inline float most_lane(real x) {
-    return -least_lane(set(0.0f) - x);
+static inline float most_lane(vfloat x) {
+    return -least_lane(v_splat(0.0f) - x);
 }
 
-static inline mask stands_still(const struct walk *w) {
-    return either(w->march.done, w->waits);
+static inline vmask stands_still(const struct walk *w) {
+    return v_or(w->march.done, w->waits);
 }
 
 #endif

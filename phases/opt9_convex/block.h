@@ -10,9 +10,9 @@ struct block {
 };
 
 static void store_plane(float *plane, int stride, const struct frame *frame, struct block block,
-                        real values) {
+                        vfloat values) {
     float lanes[LANES];
-    unload(values, lanes);
+    v_store(values, lanes);
     for (int row = 0; row < block.down; row++) {
         size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
         for (int i = 0; i < block.across; i++)
@@ -28,9 +28,9 @@ static inline void show_samples(const struct frame *frame, int row, int column, 
 
 static inline void show_block(const struct frame *frame, struct block block, struct vec color) {
     float lanes[3][LANES], line[3 * BLOCK_WIDTH];
-    unload(color.x, lanes[0]);
-    unload(color.y, lanes[1]);
-    unload(color.z, lanes[2]);
+    v_store(color.x, lanes[0]);
+    v_store(color.y, lanes[1]);
+    v_store(color.z, lanes[2]);
     for (int row = 0; row < block.down; row++) {
         for (int i = 0; i < 3 * block.across; i++)
             line[i] = lanes[i % 3][row * BLOCK_WIDTH + i / 3];

@@ -11,13 +11,13 @@ static double dot3(const double a[3], const double b[3]) {
 // Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
 // plane's t, which is one of them. parts: origin, direction, t, shape.
 // Where there is one caller gcc inlines it, as it should: else 1.6 % more instructions a frame of scene0's kernel.
-static mask in_bounds_nearly(const real parts[8], mask asked, const struct known *scene) {
+static vmask in_bounds_nearly(const vfloat parts[8], vmask asked, const struct known *scene) {
     double radius = scene->model.march.bounds_radius;
     float lanes[8][LANES];
     for (int i = 0; i < 8; i++)
-        unload(parts[i], lanes[i]);
+        v_store(parts[i], lanes[i]);
     unsigned in = 0;
-    for (unsigned rest = bits(asked); rest; rest &= rest - 1) {
+    for (unsigned rest = v_mask_bits(asked); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
         const struct placed *s = &scene->placed[(int)lanes[7][lane]];
         double o[3], d[3], p[3], t = lanes[6][lane];
@@ -32,23 +32,23 @@ static mask in_bounds_nearly(const real parts[8], mask asked, const struct known
             p[k] = o[k] + t * d[k];
         in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
     }
-    return lanes_of(in);
+    return v_mask_of_bits(in);
 }
 
-static inline mask in_bounds(const struct stage *at, const struct known *scene) {
+static inline vmask in_bounds(const struct stage *at, const struct known *scene) {
     double radius = scene->model.march.bounds_radius;
     float bound = (float)(radius * radius);
-    real square = vec_dot(at->point, at->point);
-    mask asked = both(at->hit.found, greater(square, set(bound * (1 - 0x1p-16f))));
-    if (!any(asked))
-        return all_lanes();
-    asked = both(asked, less(square, set(bound * (1 + 0x1p-16f))));
+    vfloat square = vec_dot(at->point, at->point);
+    vmask asked = v_and(at->hit.found, v_cmp_gt(square, v_splat(bound * (1 - 0x1p-16f))));
+    if (!v_any(asked))
+        return v_mask_all();
+    asked = v_and(asked, v_cmp_lt(square, v_splat(bound * (1 + 0x1p-16f))));
     // A copy, so that what it is of stays in registers.
-    const real parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
-                           at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
-                           at->hit.t,           at->hit.shape};
-    return either(in_bounds_nearly(parts, asked, scene),
-                  but_not(asked, not_less(set(bound), square)));
+    const vfloat parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
+                             at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
+                             at->hit.t,           at->hit.shape};
+    return v_or(in_bounds_nearly(parts, asked, scene),
+                v_andnot(asked, v_cmp_ge(v_splat(bound), square)));
 }
 
 #endif

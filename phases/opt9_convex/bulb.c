@@ -5,12 +5,14 @@
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface close.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
 #include "close.h"
+#include "simd/permute.h"
+#include "simd/point.h"
 
 // Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
 #define COARSE 1e-4f
 
 struct lanes {
-    real field[B_LANE];
+    vfloat field[B_LANE];
     unsigned live; // a bit for each lane
 };
 
@@ -25,17 +27,18 @@ static int refill_bulb(struct lanes *to, int next, int count, float steps,
         return next;
     ACTIVE(__builtin_popcount(ended));
     COUNT(refill_bulb, taken);
-    expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
-    to->field[B_BORN] = choose(lanes_of(ended), set(steps) - to->field[B_BORN], to->field[B_BORN]);
+    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
+    to->field[B_BORN] =
+        v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_BORN], to->field[B_BORN]);
     to->live |= ended;
     return next + __builtin_popcount(ended);
 }
 
 struct packet {
     struct vec origin, direction;
-    real t, rest, to, born; // t: two floats
-    real height, slope;     // of the plane
-    mask done, met, close;
+    vfloat t, rest, to, born; // t: two floats
+    vfloat height, slope;     // of the plane
+    vmask done, met, close;
 };
 
 static inline struct vec fields(const struct lanes *from, int first) {
@@ -51,45 +54,46 @@ static inline struct packet packet_of(const struct lanes *from) {
                            from->field[B_BORN],
                            from->field[B_HEIGHT],
                            from->field[B_SLOPE],
-                           lanes_of(~from->live),
-                           no_lane(),
-                           no_lane()};
+                           v_mask_of_bits(~from->live),
+                           v_mask_none(),
+                           v_mask_none()};
 }
 
 // `oldest`: rays that old have had their steps. close: of such an estimate a ray goes on in close.h.
-static inline void advance(struct packet *p, real h, real hit_distance, real oldest, real close) {
-    ACTIVE(LANES - count_of(p->done));
+static inline void advance(struct packet *p, vfloat h, vfloat hit_distance, vfloat oldest,
+                           vfloat close) {
+    ACTIVE(LANES - v_count(p->done));
     COUNT(advance, call);
-    p->born = choose(p->done, p->born + set(1.0f), p->born); // waiting for others is no step
-    real height = mul_add(p->t, p->slope, p->height), least = least_of(h, height);
-    mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
-    real step = keep(live, least + p->rest), t = p->t + step;
-    p->rest = choose(live, step - (t - p->t), p->rest);
+    p->born = v_select(p->done, p->born + v_splat(1.0f), p->born); // waiting for others is no step
+    vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
+    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
+    vfloat step = v_select_or_zero(live, least + p->rest), t = p->t + step;
+    p->rest = v_select(live, step - (t - p->t), p->rest);
     p->t = t;
-    p->met = either(p->met, not_less_in(reached, height, h));
-    live = but_greater(but_not(reached, live), p->t, p->to);
-    live = but_not_less(live, oldest, p->born);
-    p->close = either(p->close, less_in(live, h, close));
-    p->done = either(not_in(live), p->close);
+    p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
+    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, p->to);
+    live = v_cmp_nge_in(live, oldest, p->born);
+    p->close = v_or(p->close, v_cmp_lt_in(live, h, close));
+    p->done = v_or(v_not(live), p->close);
 }
 
 // What has ended gives its answer, what is close waits, and both are no longer live.
 static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
                         struct desk *desk) {
-    ACTIVE(count_of(lanes_of(from->live)));
+    ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_bulb, call);
     struct vec at = vec_along(p->origin, p->direction, p->t);
     float place[3][LANES], way[LANES], slots[LANES];
-    unload(at.x, place[0]);
-    unload(at.y, place[1]);
-    unload(at.z, place[2]);
-    unload(from->field[B_BEFORE] + p->t, way);
-    unload(from->field[B_SLOT], slots);
+    v_store(at.x, place[0]);
+    v_store(at.y, place[1]);
+    v_store(at.z, place[2]);
+    v_store(from->field[B_BEFORE] + p->t, way);
+    v_store(from->field[B_SLOT], slots);
     from->field[B_T] = p->t;
     from->field[B_MORE] = p->rest;
     from->field[B_BORN] = p->born;
-    unsigned ended = bits(p->done) & from->live;
-    for (unsigned rest = ended & bits(p->met); rest; rest &= rest - 1) {
+    unsigned ended = v_mask_bits(p->done) & from->live;
+    for (unsigned rest = ended & v_mask_bits(p->met); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest), slot = (int)slots[lane];
         if (way[lane] < desk->met[slot]) {
             desk->met[slot] = way[lane];
@@ -98,10 +102,10 @@ static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
                 desk->met_at[i][slot] = place[i][lane];
         }
     }
-    mask close = both(p->close, lanes_of(ended));
-    if (any(close)) {
+    vmask close = v_and(p->close, v_mask_of_bits(ended));
+    if (v_any(close)) {
         COUNT(retire_bulb, close);
-        wait_close(close, from->field[B_RAY], p->t, p->rest, set(steps) - from->field[B_BORN],
+        wait_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_BORN],
                    desk);
     }
     from->live &= ~ended;
@@ -110,14 +114,14 @@ static void retire_bulb(const struct packet *p, struct lanes *from, float steps,
 // A step of all packets. How many lanes have ended.
 __attribute__((always_inline)) static inline int step_bulbs(const struct placed *s,
                                                             struct packet *p, bool soon,
-                                                            real hit_distance, real oldest,
-                                                            real close) {
+                                                            vfloat hit_distance, vfloat oldest,
+                                                            vfloat close) {
     struct vec at[ABREAST];
-    mask done[ABREAST];
-    real h[ABREAST];
+    vmask done[ABREAST];
+    vfloat h[ABREAST];
     COUNT(step_bulbs, call);
     for (int k = 0; k < ABREAST; k++) {
-        ACTIVE(LANES - count_of(p[k].done));
+        ACTIVE(LANES - v_count(p[k].done));
         COUNT(step_bulbs, packet);
         at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
         done[k] = p[k].done;
@@ -126,7 +130,7 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct placed 
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
         advance(&p[k], h[k], hit_distance, oldest, close);
-        ended += count_of(p[k].done);
+        ended += v_count(p[k].done);
     }
     return ended;
 }
@@ -134,25 +138,25 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct placed 
 // The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
 // until a ray of theirs ends.
 static void step_together(const struct placed *s, float (*rays)[BULB_ROOM], int count,
-                          const struct limits *limits, real hit_distance, float close) {
+                          const struct limits *limits, vfloat hit_distance, float close) {
     COUNT(step_together, call);
     for (int first = 0; first < count; first += ABREAST * LANES) {
         struct packet p[ABREAST];
-        real t[ABREAST], rest[ABREAST]; // before the last step
+        vfloat t[ABREAST], rest[ABREAST]; // before the last step
         int before = 0, steps = 0;
         for (int k = 0; k < ABREAST; k++) {
             int from = first + k * LANES, left = count - from;
             left = left < 0 ? 0 : left < LANES ? left : LANES;
             struct lanes lanes = {.live = (1u << left) - 1};
             for (int i = 0; i < B_LANE; i++)
-                lanes.field[i] = left ? load(&rays[i][from]) : set(2.0f);
+                lanes.field[i] = left ? v_load(&rays[i][from]) : v_splat(2.0f);
             p[k] = packet_of(&lanes);
             t[k] = p[k].t;
             rest[k] = p[k].rest;
-            before += count_of(p[k].done);
+            before += v_count(p[k].done);
         }
         for (; steps < limits->max_steps - 1; steps++) {
-            if (step_bulbs(s, p, true, hit_distance, set(-INFINITY), set(close)) > before)
+            if (step_bulbs(s, p, true, hit_distance, v_splat(-INFINITY), v_splat(close)) > before)
                 break;
             for (int k = 0; k < ABREAST; k++) {
                 t[k] = p[k].t;
@@ -163,9 +167,9 @@ static void step_together(const struct placed *s, float (*rays)[BULB_ROOM], int 
             int from = first + k * LANES;
             if (from >= count)
                 break;
-            unload(t[k], &rays[B_T][from]);
-            unload(rest[k], &rays[B_MORE][from]);
-            unload(set((float)steps), &rays[B_BORN][from]);
+            v_store(t[k], &rays[B_T][from]);
+            v_store(rest[k], &rays[B_MORE][from]);
+            v_store(v_splat((float)steps), &rays[B_BORN][from]);
         }
     }
 }
@@ -177,10 +181,10 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
     for (int k = 0; k < ABREAST; k++) {
         lanes[k].live = 0;
         for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
-            lanes[k].field[i] = set(2.0f);
+            lanes[k].field[i] = v_splat(2.0f);
     }
     float hit = (float)limits->hit_distance;
-    real hit_distance = set(hit > 0x1p-24f ? hit : 0x1p-24f);
+    vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
     float most = (float)limits->max_steps, steps = 0.0f;
     int next = 0;
     unsigned live;
@@ -189,16 +193,16 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
         int ended = 0;
         for (int k = 0; k < ABREAST; k++) {
             next = refill_bulb(&lanes[k], next, count, steps, rays);
-            ACTIVE(count_of(lanes_of(lanes[k].live)));
+            ACTIVE(v_count(v_mask_of_bits(lanes[k].live)));
             COUNT(march_floats, packet);
             p[k] = packet_of(&lanes[k]);
-            ended += count_of(p[k].done);
+            ended += v_count(p[k].done);
         }
         int enough = next < count ? ended + REFILL : ABREAST * LANES;
         while (ended < enough && steps < STEPS_COUNTED) {
             COUNT(march_floats, step);
             steps += 1.0f;
-            ended = step_bulbs(s, p, false, hit_distance, set(steps - most), set(close));
+            ended = step_bulbs(s, p, false, hit_distance, v_splat(steps - most), v_splat(close));
         }
         live = 0;
         for (int k = 0; k < ABREAST; k++) {
@@ -207,7 +211,7 @@ static void march_floats(const struct placed *s, float (*rays)[BULB_ROOM], int c
         }
         if (!(steps < STEPS_COUNTED)) {
             for (int k = 0; k < ABREAST; k++)
-                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - set(steps);
+                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - v_splat(steps);
             steps = 0.0f;
         }
     } while (next < count || live);
@@ -219,7 +223,7 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
     bool coarse = !((float)limits->hit_distance < COARSE);
     float close = coarse ? 0.0f : CLOSE;
     float hit = (float)limits->hit_distance;
-    step_together(s, desk->bulb, count, limits, set(hit > 0x1p-24f ? hit : 0x1p-24f), close);
+    step_together(s, desk->bulb, count, limits, v_splat(hit > 0x1p-24f ? hit : 0x1p-24f), close);
     march_floats(s, desk->bulb, count, limits, close, desk);
     if (coarse)
         return;
@@ -238,26 +242,28 @@ void march_bulb(const struct placed *s, int count, const struct limits *limits, 
     desk->closes = desk->close_first = 0;
 }
 
-static inline wide wide_times(wide a, wide b) {
-    return (wide){a.low * b.low, a.high * b.high};
+static inline vdouble v_double_times(vdouble a, vdouble b) {
+    return (vdouble){a.low * b.low, a.high * b.high};
 }
 
-static inline wide wide_product(struct wide_vec a, struct wide_vec b) {
-    return wide_along(wide_along(wide_times(a.x, b.x), a.y, b.y), a.z, b.z);
+static inline vdouble v_double_product(struct vec_double a, struct vec_double b) {
+    return v_double_along(v_double_along(v_double_times(a.x, b.x), a.y, b.y), a.z, b.z);
 }
 
-static void pack_wide(mask m, wide a, float (*field)[BULB_ROOM], int at) {
-    real near = narrow(a);
-    pack(m, near, field[0] + at);
-    pack(m, narrow((wide){a.low - half_low(near), a.high - half_high(near)}), field[B_REST] + at);
+static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
+    vfloat near = v_double_to_float(a);
+    v_compress_store(m, near, field[0] + at);
+    v_compress_store(
+        m, v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)}),
+        field[B_REST] + at);
 }
 
-int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
-                const struct ray *ray, real end, int slot, const struct prepared *scene,
+int gather_bulb(int count, const struct placed *s, struct vec_double o, struct vec_double d,
+                const struct ray *ray, vfloat end, int slot, const struct prepared *scene,
                 struct desk *desk) {
-    ACTIVE(count_of(ray->active));
+    ACTIVE(v_count(ray->active));
     COUNT(gather_bulb, call);
-    real height = set(INFINITY), slope = set(0.0f);
+    vfloat height = v_splat(INFINITY), slope = v_splat(0.0f);
     if (KNOWN(scene)->plane >= 0) {
         COUNT(gather_bulb, plane);
         const struct placed *plane = &KNOWN(scene)->placed[KNOWN(scene)->plane];
@@ -265,61 +271,65 @@ int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wid
         slope = dot_with(plane->normal, ray->direction);
     }
     // `before`, the way to where the ray is nearest to the centre, is taken off: the rest is of the shape's size.
-    wide way = wide_product(o, d), back = {half_set(0.0) - way.low, half_set(0.0) - way.high};
-    struct wide_vec c = {wide_along(o.x, d.x, back), wide_along(o.y, d.y, back),
-                         wide_along(o.z, d.z, back)};
-    real zero = set(0.0f), before = narrow(back);
-    real half = root(most_of(set(s->bound_sq) - narrow(wide_product(c, c)), zero));
-    real to = least_of(before + half, end);
-    mask near = both(both(ray->active, greater(half, zero)),
-                     both(less(before - half, to), greater(to, zero)));
-    if (!any(near))
+    vdouble way = v_double_product(o, d),
+            back = {v_half_splat(0.0) - way.low, v_half_splat(0.0) - way.high};
+    struct vec_double c = {v_double_along(o.x, d.x, back), v_double_along(o.y, d.y, back),
+                           v_double_along(o.z, d.z, back)};
+    vfloat zero = v_splat(0.0f), before = v_double_to_float(back);
+    vfloat half =
+        v_sqrt(v_max(v_splat(s->bound_sq) - v_double_to_float(v_double_product(c, c)), zero));
+    vfloat to = v_min(before + half, end);
+    vmask near = v_and(v_and(ray->active, v_cmp_gt(half, zero)),
+                       v_and(v_cmp_lt(before - half, to), v_cmp_gt(to, zero)));
+    if (!v_any(near))
         return count;
-    ACTIVE(count_of(near));
+    ACTIVE(v_count(near));
     COUNT(gather_bulb, near);
     float (*field)[BULB_ROOM] = desk->bulb;
-    const wide values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
+    const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
     for (int i = 0; i < 6; i++)
         pack_wide(near, values[i], field + i, count);
-    real t = narrow(way);
-    pack(near, t, field[B_T] + count);
-    pack(near, narrow((wide){way.low - half_low(t), way.high - half_high(t)}),
-         field[B_MORE] + count);
-    unload(lane_numbers() + set((float)count), field[B_RAY] + count);
-    unload(set(0.0f), field[B_BORN] + count);
-    pack(near, to - before, field[B_TO] + count);
-    pack(near, lane_numbers() + set((float)slot), field[B_SLOT] + count);
-    pack(near, before, field[B_BEFORE] + count);
-    pack(near, mul_add(before, slope, height), field[B_HEIGHT] + count);
-    pack(near, slope, field[B_SLOPE] + count);
-    return count + count_of(near);
+    vfloat t = v_double_to_float(way);
+    v_compress_store(near, t, field[B_T] + count);
+    v_compress_store(
+        near, v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)}),
+        field[B_MORE] + count);
+    v_store(v_iota() + v_splat((float)count), field[B_RAY] + count);
+    v_store(v_splat(0.0f), field[B_BORN] + count);
+    v_compress_store(near, to - before, field[B_TO] + count);
+    v_compress_store(near, v_iota() + v_splat((float)slot), field[B_SLOT] + count);
+    v_compress_store(near, before, field[B_BEFORE] + count);
+    v_compress_store(near, v_madd(before, slope, height), field[B_HEIGHT] + count);
+    v_compress_store(near, slope, field[B_SLOPE] + count);
+    return count + v_count(near);
 }
 
 void take_bulb(struct stage *at, int slot, const struct desk *desk) {
-    ACTIVE(count_of(at->ray.active));
+    ACTIVE(v_count(at->ray.active));
     COUNT(take_bulb, call);
-    real t = load(desk->met + slot), shape = load(desk->met_shape + slot);
-    mask met = both(at->ray.active, less(t, at->hit.t));
-    if (!any(met))
+    vfloat t = v_load(desk->met + slot), shape = v_load(desk->met_shape + slot);
+    vmask met = v_and(at->ray.active, v_cmp_lt(t, at->hit.t));
+    if (!v_any(met))
         return;
-    struct vec local = {load(desk->met_at[0] + slot), load(desk->met_at[1] + slot),
-                        load(desk->met_at[2] + slot)};
-    at->hit.found = either(at->hit.found, met);
-    at->hit.t = choose(met, t, at->hit.t);
-    at->hit.shape = choose(met, shape, at->hit.shape);
-    at->hit.local = vec_choose(met, local, at->hit.local);
+    struct vec local = {v_load(desk->met_at[0] + slot), v_load(desk->met_at[1] + slot),
+                        v_load(desk->met_at[2] + slot)};
+    at->hit.found = v_or(at->hit.found, met);
+    at->hit.t = v_select(met, t, at->hit.t);
+    at->hit.shape = v_select(met, shape, at->hit.shape);
+    at->hit.local = vec_select(met, local, at->hit.local);
 }
 
 void clear_met(struct desk *desk, int slots) {
     for (int i = 0; i < slots; i += LANES) {
-        unload(set(INFINITY), desk->met + i);
-        unload(set(-1.0f), desk->met_shape + i);
+        v_store(v_splat(INFINITY), desk->met + i);
+        v_store(v_splat(-1.0f), desk->met_shape + i);
     }
 }
 
-static struct wide_vec widened(struct vec v) {
-    real zero = set(0.0f);
-    return (struct wide_vec){wide_sum(v.x, zero), wide_sum(v.y, zero), wide_sum(v.z, zero)};
+static struct vec_double widened(struct vec v) {
+    vfloat zero = v_splat(0.0f);
+    return (struct vec_double){v_double_sum(v.x, zero), v_double_sum(v.y, zero),
+                               v_double_sum(v.z, zero)};
 }
 
 INLINE void meet_bulb(int i, const struct stage *stage, int packets, const struct convex *work) {

@@ -4,22 +4,23 @@
 
 #include "bulb.h"
 #include "picture.h"
+#include "simd/point.h"
 
-static inline mask in_picture(struct block block) {
+static inline vmask in_picture(struct block block) {
     COUNT(in_picture, call);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
-        return all_lanes();
+        return v_mask_all();
     COUNT(in_picture, cut);
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    return both(less(lane_numbers() - below * set(BLOCK_WIDTH), set((float)block.across)),
-                less(below, set((float)block.down)));
+    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
+    return v_and(v_cmp_lt(v_iota() - below * v_splat(BLOCK_WIDTH), v_splat((float)block.across)),
+                 v_cmp_lt(below, v_splat((float)block.down)));
 }
 
 // What the tile's blocks have in common.
 struct tile {
     int left, right, top, bottom;
     struct vec eye, ahead, across, up;
-    real below, beside; // of the lanes in their block, in pixels
+    vfloat below, beside; // of the lanes in their block, in pixels
     float per_height;
 };
 
@@ -32,21 +33,22 @@ static inline struct block block_at(const struct tile *tile, int row, int i) {
 // A direction, not of unit length, but for its part up, which is the row's: of blocks one below the other it is the same.
 static inline struct vec column_of(const struct tile *tile, int column, const struct frame *frame) {
     COUNT(column_of, call);
-    real x = mul_add(set(2.0f), tile->beside, set((float)(2 * column + 1 - frame->width))) *
-             set(tile->per_height);
+    vfloat x =
+        v_madd(v_splat(2.0f), tile->beside, v_splat((float)(2 * column + 1 - frame->width))) *
+        v_splat(tile->per_height);
     return vec_along(tile->ahead, tile->across, x);
 }
 
-static inline real row_of_picture(const struct tile *tile, int row, const struct frame *frame) {
+static inline vfloat row_of_picture(const struct tile *tile, int row, const struct frame *frame) {
     COUNT(row_of_picture, call);
-    return neg_mul_add(set(2.0f), tile->below, set((float)(frame->height - 1 - 2 * row))) *
-           set(tile->per_height);
+    return v_nmadd(v_splat(2.0f), tile->below, v_splat((float)(frame->height - 1 - 2 * row))) *
+           v_splat(tile->per_height);
 }
 
-static inline struct vec direction_in(const struct tile *tile, struct vec column, real row) {
+static inline struct vec direction_in(const struct tile *tile, struct vec column, vfloat row) {
     COUNT(direction_in, call);
     struct vec d = vec_along(column, tile->up, row);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
+    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
 }
 
 static inline struct vec get_direction(const struct tile *tile, struct block block,
@@ -74,38 +76,39 @@ static struct exact_eye exact_eye_of(const struct placed *s, const struct view *
     return eye;
 }
 
-static inline wide wide_add(wide a, double b) {
-    half each = half_set(b);
-    return (wide){a.low + each, a.high + each};
+static inline vdouble v_double_add(vdouble a, double b) {
+    vhalf each = v_half_splat(b);
+    return (vdouble){a.low + each, a.high + each};
 }
 
-static struct wide_vec exact_look(const struct tile *tile, struct block block,
-                                  const struct exact_eye *eye, const struct job *job) {
+static struct vec_double exact_look(const struct tile *tile, struct block block,
+                                    const struct exact_eye *eye, const struct job *job) {
     COUNT(exact_look, call);
     COUNT(exact_look, scalar);
     double per_height = job->view->tan_half_fov / job->frame->height;
-    real zero = set(0.0f), two = set(2.0f);
-    real x = mul_add(two, tile->beside, set((float)(2 * block.column + 1 - job->frame->width)));
-    real y = neg_mul_add(two, tile->below, set((float)(job->frame->height - 1 - 2 * block.row)));
-    wide right = wide_mul(wide_sum(x, zero), per_height);
-    wide above = wide_mul(wide_sum(y, zero), per_height);
-    wide d[3];
-    half low = half_set(0.0), high = low;
+    vfloat zero = v_splat(0.0f), two = v_splat(2.0f);
+    vfloat x =
+        v_madd(two, tile->beside, v_splat((float)(2 * block.column + 1 - job->frame->width)));
+    vfloat y = v_nmadd(two, tile->below, v_splat((float)(job->frame->height - 1 - 2 * block.row)));
+    vdouble right = v_double_mul(v_double_sum(x, zero), per_height);
+    vdouble above = v_double_mul(v_double_sum(y, zero), per_height);
+    vdouble d[3];
+    vhalf low = v_half_splat(0.0), high = low;
     for (int i = 0; i < 3; i++) {
-        d[i] = wide_add(wide_mul_add(right, eye->across[i], wide_mul(above, eye->up[i])),
-                        eye->ahead[i]);
-        low = half_mul_add(d[i].low, d[i].low, low);
-        high = half_mul_add(d[i].high, d[i].high, high);
+        d[i] = v_double_add(v_double_madd(right, eye->across[i], v_double_mul(above, eye->up[i])),
+                            eye->ahead[i]);
+        low = v_half_madd(d[i].low, d[i].low, low);
+        high = v_half_madd(d[i].high, d[i].high, high);
     }
-    low = half_set(1.0) / half_root(low);
-    high = half_set(1.0) / half_root(high);
+    low = v_half_splat(1.0) / v_half_sqrt(low);
+    high = v_half_splat(1.0) / v_half_sqrt(high);
     for (int i = 0; i < 3; i++)
-        d[i] = (wide){d[i].low * low, d[i].high * high};
-    return (struct wide_vec){d[0], d[1], d[2]};
+        d[i] = (vdouble){d[i].low * low, d[i].high * high};
+    return (struct vec_double){d[0], d[1], d[2]};
 }
 
-static inline wide wide_set(double a) {
-    return (wide){half_set(a), half_set(a)};
+static inline vdouble v_double_splat(double a) {
+    return (vdouble){v_half_splat(a), v_half_splat(a)};
 }
 
 #endif

@@ -17,29 +17,30 @@ static inline bool is_plain(const struct known_model *model) {
 struct among {
     struct vec origin, rest; // in the shape's frame, in the cell about 0; what float has lost of it
     struct vec direction;    // in the world's axes
-    mask active, leaves;     // leaves: they start on the copy about 0, and do not meet it
-    real end;                // nothing is asked behind it
+    vmask active, leaves;    // leaves: they start on the copy about 0, and do not meet it
+    vfloat end;              // nothing is asked behind it
 };
 
 // A hit behind the bounds is none; a little further than they are, for in_bounds() tells that exactly.
-static inline real until_bounds(struct vec origin, struct vec direction,
-                                const struct limits *limits) {
+static inline vfloat until_bounds(struct vec origin, struct vec direction,
+                                  const struct limits *limits) {
     COUNT(until_bounds, call);
     COUNT(until_bounds, scalar);
     float radius = (float)limits->bounds_radius * (1.0f + 1e-4f);
-    real along = vec_dot(origin, direction), rest = set(radius * radius) - vec_dot(origin, origin);
-    return root(most_of(mul_add(along, along, rest), set(0.0f))) - along;
+    vfloat along = vec_dot(origin, direction),
+           rest = v_splat(radius * radius) - vec_dot(origin, origin);
+    return v_sqrt(v_max(v_madd(along, along, rest), v_splat(0.0f))) - along;
 }
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
-SHARED mask enter_cells(const struct placed *s, const struct among *among, real *t,
-                        struct vec *local);
+SHARED vmask enter_cells(const struct placed *s, const struct among *among, vfloat *t,
+                         struct vec *local);
 // As meet_from(), enter_on_the_way() and what hard shadows ask of a solid.
-SHARED mask meet_cells(const struct ray *ray, const struct placed *s, mask own, real end,
-                       float offset, real *t, struct vec *local);
+SHARED vmask meet_cells(const struct ray *ray, const struct placed *s, vmask own, vfloat end,
+                        float offset, vfloat *t, struct vec *local);
 SHARED void cells_on_the_way(const struct placed *s, int i, struct rays *r,
                              const struct limits *limits);
-SHARED mask cells_block(const struct placed *s, struct vec origin, struct vec direction, mask own,
-                        mask active, real reach);
+SHARED vmask cells_block(const struct placed *s, struct vec origin, struct vec direction, vmask own,
+                         vmask active, vfloat reach);
 
 #endif

@@ -4,154 +4,156 @@
 // the proofs.
 #include "cells.h"
 
-INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_light, real facing,
-                     real shape, const struct convex *work, mask *clear) {
-    if (!any(*clear))
+INLINE void clear_of(int i, struct vec point, struct vec local, struct vec to_light, vfloat facing,
+                     vfloat shape, const struct convex *work, vmask *clear) {
+    if (!v_any(*clear))
         return;
     const struct known *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
     float q = scene->lit_slope;
-    mask here;
+    vmask here;
     if (s->way == LINEAR) {
         COUNT(cleared, plane);
         COUNT(cleared, plane_scalar);
-        here = either(same_shape(shape, i),
-                      plane_clears(height_over(s, point), dot_with(s->normal, to_light), q, scene));
+        here = v_or(same_shape(shape, i),
+                    plane_clears(height_over(s, point), dot_with(s->normal, to_light), q, scene));
     } else {
         COUNT(cleared, solid);
         COUNT(cleared, solid_scalar);
         float slope = slope_to(s, q);
         struct vec to = to_centre(s, point);
         here = cone_misses(cone_to(to, to_light, s, slope), slope);
-        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && any(but_not(here, *clear)))
-            here = either(here, plane_between(to, to_light, s, q));
-        if (any(but_not(here, *clear))) {
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
+            here = v_or(here, plane_between(to, to_light, s, q));
+        if (v_any(v_andnot(here, *clear))) {
             COUNT(cleared, own);
-            here = either(here, both(same_shape(shape, i), bulges(s, local, facing, scene)));
+            here = v_or(here, v_and(same_shape(shape, i), bulges(s, local, facing, scene)));
         }
     }
-    *clear = both(*clear, here);
+    *clear = v_and(*clear, here);
 }
 
-mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
-             real facing, real shape, mask active, const struct convex *work) {
-    ACTIVE(count_of(active));
+vmask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+              vfloat facing, vfloat shape, vmask active, const struct convex *work) {
+    ACTIVE(v_count(active));
     COUNT(cleared, call);
-    mask clear = REPEATS(work->scene) ? no_lane() : active; // there may be a copy anywhere
+    vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // there may be a copy anywhere
     EACH_IN(work->desk->shading, clear_of, *point, *local, *to_light, facing, shape, work, &clear);
     return clear;
 }
 
 // How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
-INLINE real curvature(struct vec p, struct vec n, struct vec l, real facing,
-                      const struct placed *s) {
+INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
+                        const struct placed *s) {
     COUNT(curvature, call);
-    real zero = set(0.0f), tangent = neg_mul_add(facing, facing, set(1.0f));
+    vfloat zero = v_splat(0.0f), tangent = v_nmadd(facing, facing, v_splat(1.0f));
     if (s->type == SHAPE_SPHERE) {
         COUNT(curvature, sphere);
         COUNT(curvature, sphere_scalar);
-        return tangent * set(1.0f / s->a);
+        return tangent * v_splat(1.0f / s->a);
     }
     if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
         return zero;
     COUNT(curvature, ring);
-    real square = most_of(mul_add(p.x, p.x, p.z * p.z), set(1e-30f));
-    real round = mul_sub(p.x, l.z, p.z * l.x); // times the radius: along the ring
-    real ring = round * round * mul_add(n.x, p.x, n.z * p.z) / (square * square);
+    vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
+    vfloat round = v_msub(p.x, l.z, p.z * l.x); // times the radius: along the ring
+    vfloat ring = round * round * v_madd(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
     COUNT(curvature, torus);
     COUNT(curvature, torus_scalar);
-    return ring + most_of(tangent - round * round / square, zero) * set(1.0f / s->b);
+    return ring + v_max(tangent - round * round / square, zero) * v_splat(1.0f / s->b);
 }
 
-real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
-                const struct prepared *scene) {
+vfloat own_shadow(const struct placed *s, struct vec local, struct vec to_light, vfloat facing,
+                  const struct prepared *scene) {
     COUNT(own_shadow, call);
     const struct limits *march = &scene->model.march;
-    real one = set(1.0f), strength = set((float)KNOWN(scene)->model.shadow_strength);
-    real t = set((float)KNOWN(scene)->model.march.surface_offset);
-    real hit = set((float)march->hit_distance);
-    real half = set(0.0f);
+    vfloat one = v_splat(1.0f), strength = v_splat((float)KNOWN(scene)->model.shadow_strength);
+    vfloat t = v_splat((float)KNOWN(scene)->model.march.surface_offset);
+    vfloat hit = v_splat((float)march->hit_distance);
+    vfloat half = v_splat(0.0f);
     if (s->way != LINEAR) {
         COUNT(own_shadow, curved);
-        half = set(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
+        half =
+            v_splat(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
     }
-    real u = most_of(mul_add(half, t, facing), set(1e-12f)), further = mul_add(t, u, t);
-    real v = mul_add(half, further, facing), ratio = v * (one + u) / u;
-    real inside = neg_mul_add(set(0.25f) * ratio, ratio, one);
-    real term =
-        strength * v * root(most_of(inside, set(0.0f))) / neg_mul_add(set(0.5f) * ratio, v, one);
+    vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
+    vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
+    vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
+    vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
+                  v_nmadd(v_splat(0.5f) * ratio, v, one);
     // A march that is within the hit distance at its first step has no term at all.
-    mask first = not_less(u * t, hit), second = both(first, not_less(v * further, hit));
+    vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
     if (march->max_steps < 2)
-        second = no_lane();
-    real least = choose(first, least_of(one, strength * u), one);
-    return choose(second, least_of(least, term), least);
+        second = v_mask_none();
+    vfloat least = v_select(first, v_min(one, strength * u), one);
+    return v_select(second, v_min(least, term), least);
 }
 
 // From where a march would begin to the light, or to the bounds.
 struct way_out {
     struct vec point, start, local, to_light;
-    real shape, way, reach; // reach: a light may be in a shape by less than float tells
+    vfloat shape, way, reach; // reach: a light may be in a shape by less than float tells
 };
 
-INLINE void block_by(int i, const struct way_out *w, const struct convex *work, mask *open) {
-    if (!any(*open))
+INLINE void block_by(int i, const struct way_out *w, const struct convex *work, vmask *open) {
+    if (!v_any(*open))
         return;
     const struct known *scene = KNOWN(work->scene);
     const struct placed *s = &scene->placed[i];
     COUNT(reaches_light, shape);
-    real zero = set(0.0f), offset = set((float)scene->model.march.surface_offset);
-    mask own = same_shape(w->shape, i), blocked;
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)scene->model.march.surface_offset);
+    vmask own = same_shape(w->shape, i), blocked;
     if (s->way == LINEAR) {
         COUNT(reaches_light, plane);
-        real slope = dot_with(s->normal, w->to_light), height = height_over(s, w->start);
-        blocked = but_not(own, less(mul_add(w->way, slope, height), zero));
-        blocked = either(blocked, but_not(own, less(height, zero)));
+        vfloat slope = dot_with(s->normal, w->to_light), height = height_over(s, w->start);
+        blocked = v_andnot(own, v_cmp_lt(v_madd(w->way, slope, height), zero));
+        blocked = v_or(blocked, v_andnot(own, v_cmp_lt(height, zero)));
     } else if (REPEATED(s)) {
         COUNT(reaches_light, repeated);
         struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
-        from = vec_choose(own, from, in_frame(s, w->start));
+        from = vec_select(own, from, in_frame(s, w->start));
         blocked = cells_block(s, from, w->to_light, own, *open, w->reach);
     } else {
         COUNT(reaches_light, solid);
         struct vec at, d = turned(s, w->to_light),
-                       o = vec_choose(own, vec_along(w->local, d, offset), in_frame(s, w->start));
-        mask asked = s->convex ? but_not(own, *open) : *open;
-        real t;
-        mask within;
+                       o = vec_select(own, vec_along(w->local, d, offset), in_frame(s, w->start));
+        vmask asked = s->convex ? v_andnot(own, *open) : *open;
+        vfloat t;
+        vmask within;
         blocked = enter(o, d, s, asked, &t, &at, &within);
-        blocked = both(blocked, less(t, w->reach));
+        blocked = v_and(blocked, v_cmp_lt(t, w->reach));
         if (!s->convex) {
             COUNT(reaches_light, torus);
-            within = both(asked, less(vec_dot(o, o), set(s->bound_sq)));
+            within = v_and(asked, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
         }
-        if (any(within)) {
+        if (v_any(within)) {
             COUNT(reaches_light, within);
-            blocked = either(blocked, both(within, less(distance_at(o, s, no_lane()), zero)));
+            blocked =
+                v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));
         }
     }
-    *open = but_not(both(blocked, greater(w->way, zero)), *open);
+    *open = v_andnot(v_and(blocked, v_cmp_gt(w->way, zero)), *open);
 }
 
-mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
-                   real distance, mask active, const struct convex *work) {
-    ACTIVE(count_of(active));
+vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
+                    vfloat distance, vmask active, const struct convex *work) {
+    ACTIVE(v_count(active));
     COUNT(reaches_light, call);
     COUNT(reaches_light, scalar);
     const struct known_model *model = &KNOWN(work->scene)->model;
-    real zero = set(0.0f), offset = set((float)model->march.surface_offset),
-         hit = set((float)work->scene->model.march.hit_distance);
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)model->march.surface_offset),
+           hit = v_splat((float)work->scene->model.march.hit_distance);
     float radius = (float)model->march.bounds_radius;
     struct vec start = vec_along(point, to_light, offset);
-    real along = vec_dot(start, to_light);
-    real leaves =
-        root(most_of(mul_add(along, along, set(radius * radius) - vec_dot(start, start)), zero));
-    real way = least_of(distance - offset, leaves - along);
-    real reach = mul_add(way, set(1.0f + 0x1p-21f), hit);
+    vfloat along = vec_dot(start, to_light);
+    vfloat leaves =
+        v_sqrt(v_max(v_madd(along, along, v_splat(radius * radius) - vec_dot(start, start)), zero));
+    vfloat way = v_min(distance - offset, leaves - along);
+    vfloat reach = v_madd(way, v_splat(1.0f + 0x1p-21f), hit);
     struct way_out w = {point, start, local, to_light, shape, way, reach};
-    mask open = active;
+    vmask open = active;
     EACH_IN(work->desk->shading, block_by, &w, work, &open);
     return open;
 }

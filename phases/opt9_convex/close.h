@@ -12,6 +12,8 @@
 #define OPT9_CLOSE_H
 
 #include "bulb.h"
+#include "simd/permute.h"
+#include "simd/point.h"
 #include "stage.h"
 
 #include <string.h>
@@ -43,7 +45,7 @@ enum close_field {
 };
 
 struct close_lanes {
-    real field[N_FIELDS];
+    vfloat field[N_FIELDS];
     unsigned live;
 };
 
@@ -57,19 +59,19 @@ enum { REFILL_CLOSE = 3 * LANES / 4 }; // as REFILL, where more is moved for eac
 // Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
 #define STEPS_COUNTED 0x1p23f
 
-static inline wide wide_along(wide origin, wide direction, wide t) {
-    return (wide){half_mul_add(direction.low, t.low, origin.low),
-                  half_mul_add(direction.high, t.high, origin.high)};
+static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
+    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
+                     v_half_madd(direction.high, t.high, origin.high)};
 }
 
-static inline struct wide_vec places(struct wide_vec o, struct wide_vec d, wide t) {
+static inline struct vec_double places(struct vec_double o, struct vec_double d, vdouble t) {
     COUNT(places, call);
-    return (struct wide_vec){wide_along(o.x, d.x, t), wide_along(o.y, d.y, t),
-                             wide_along(o.z, d.z, t)};
+    return (struct vec_double){v_double_along(o.x, d.x, t), v_double_along(o.y, d.y, t),
+                               v_double_along(o.z, d.z, t)};
 }
 
 // The rays of the lanes in m wait for their next pieces. t is two floats.
-static void wait_close(mask m, real ray, real t, real rest, real had, struct desk *desk) {
+static void wait_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had, struct desk *desk) {
     COUNT(wait_close, call);
     if (desk->closes + 2 * LANES > CLOSE_ROOM) { // whole registers are read from the last ray on
         int left = desk->closes - desk->close_first;
@@ -79,34 +81,34 @@ static void wait_close(mask m, real ray, real t, real rest, real had, struct des
         desk->close_first = 0;
         desk->closes = left;
     }
-    pack(m, ray, &desk->close[C_RAY][desk->closes]);
-    pack(m, t, &desk->close[C_T][desk->closes]);
-    pack(m, rest, &desk->close[C_REST][desk->closes]);
-    pack(m, had, &desk->close[C_HAD][desk->closes]);
-    desk->closes += count_of(m);
+    v_compress_store(m, ray, &desk->close[C_RAY][desk->closes]);
+    v_compress_store(m, t, &desk->close[C_T][desk->closes]);
+    v_compress_store(m, rest, &desk->close[C_REST][desk->closes]);
+    v_compress_store(m, had, &desk->close[C_HAD][desk->closes]);
+    desk->closes += v_count(m);
 }
 
-static inline wide wide_plus(wide a, wide b) {
-    return (wide){a.low + b.low, a.high + b.high};
+static inline vdouble v_double_plus(vdouble a, vdouble b) {
+    return (vdouble){a.low + b.low, a.high + b.high};
 }
 
-static inline wide wide_minus(wide a, wide b) {
-    return (wide){a.low - b.low, a.high - b.high};
+static inline vdouble v_double_minus(vdouble a, vdouble b) {
+    return (vdouble){a.low - b.low, a.high - b.high};
 }
 
-static inline void first_of_wide(struct wide_vec place, wide to[CLOSE_TOLD]) {
+static inline void first_of_wide(struct vec_double place, vdouble to[CLOSE_TOLD]) {
     COUNT(bulb_first, both);
     struct half_bulb low = bulb_first(place.x.low, place.y.low, place.z.low);
     struct half_bulb high = bulb_first(place.x.high, place.y.high, place.z.high);
-    to[0] = (wide){low.x, high.x};
-    to[1] = (wide){low.y, high.y};
-    to[2] = (wide){low.z, high.z};
-    to[3] = (wide){low.slope, high.slope};
+    to[0] = (vdouble){low.x, high.x};
+    to[1] = (vdouble){low.y, high.y};
+    to[2] = (vdouble){low.z, high.z};
+    to[3] = (vdouble){low.slope, high.slope};
 }
 
 // One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
-static inline void put_terms(const wide sum[3], const wide difference[3],
-                             const real power[CLOSE_TERMS], int axis, struct pieces *to) {
+static inline void put_terms(const vdouble sum[3], const vdouble difference[3],
+                             const vfloat power[CLOSE_TERMS], int axis, struct pieces *to) {
     static const double even[3][3] = {
         {0.044658198738520484, -0.16666666666666696, 0.62200846792814624},
         {-0.75598306414370742, 2.6666666666666665, -1.9106836025229585},
@@ -117,20 +119,20 @@ static inline void put_terms(const wide sum[3], const wide difference[3],
     COUNT(put_terms, call);
     for (int k = 0; k < CLOSE_TERMS; k++) {
         const double *row = k % 2 ? odd[k / 2] : even[k / 2];
-        const wide *value = k % 2 ? difference : sum;
-        wide term = wide_mul_add(value[0], row[0],
-                                 wide_mul_add(value[1], row[1], wide_mul(value[2], row[2])));
-        real factor = narrow(term);
+        const vdouble *value = k % 2 ? difference : sum;
+        vdouble term = v_double_madd(
+            value[0], row[0], v_double_madd(value[1], row[1], v_double_mul(value[2], row[2])));
+        vfloat factor = v_double_to_float(term);
         if (k > 0)
             factor = factor * power[k];
-        unload(factor, to->field[N_TERM + 3 * k + axis]);
+        v_store(factor, to->field[N_TERM + 3 * k + axis]);
     }
 }
 
 // The derivative's: the first of the Chebyshev polynomials through its values. It scales the estimate alone: a step's
 // length errs by less than 2^-19 of itself, and no pixel was seen to need more (HISTORY, "Fewer products").
-static inline void put_slope(const wide sum[3], const wide difference[3],
-                             const real power[CLOSE_TERMS], struct pieces *to) {
+static inline void put_slope(const vdouble sum[3], const vdouble difference[3],
+                             const vfloat power[CLOSE_TERMS], struct pieces *to) {
     static const double slope[SLOPE_TERMS][3] = {
         {-0.12200846792814626, 0.16666666666666657, 0.45534180126147961},
         {-0.38513150575685806, 0.94280904158206325, 0.79337979622072108},
@@ -138,32 +140,32 @@ static inline void put_slope(const wide sum[3], const wide difference[3],
         {0.94280904158206325, -0.94280904158206325, -0.94280904158206325}};
     COUNT(put_slope, call);
     for (int k = 0; k < SLOPE_TERMS; k++) {
-        const wide *value = k % 2 ? difference : sum;
-        wide term =
-            wide_mul_add(value[0], slope[k][0],
-                         wide_mul_add(value[1], slope[k][1], wide_mul(value[2], slope[k][2])));
-        real factor = narrow(term);
+        const vdouble *value = k % 2 ? difference : sum;
+        vdouble term = v_double_madd(
+            value[0], slope[k][0],
+            v_double_madd(value[1], slope[k][1], v_double_mul(value[2], slope[k][2])));
+        vfloat factor = v_double_to_float(term);
         if (k > 0)
             factor = factor * power[k];
-        unload(factor, to->field[N_SLOPE_TERM + k]);
+        v_store(factor, to->field[N_SLOPE_TERM + k]);
     }
 }
 
-static void put_pieces(struct wide_vec o, struct wide_vec d, wide middle, real end, real per_end,
-                       struct pieces *to) {
+static void put_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
+                       vfloat per_end, struct pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
     COUNT(put_pieces, call);
-    wide sum[CLOSE_TOLD][3], difference[CLOSE_TOLD][3], reach = wide_sum(end, set(0.0f));
+    vdouble sum[CLOSE_TOLD][3], difference[CLOSE_TOLD][3], reach = v_double_sum(end, v_splat(0.0f));
     for (int i = 0; i < 3; i++) {
-        wide away = wide_mul(reach, nodes[i]), before[CLOSE_TOLD], behind[CLOSE_TOLD];
-        first_of_wide(places(o, d, wide_minus(middle, away)), before);
-        first_of_wide(places(o, d, wide_plus(middle, away)), behind);
+        vdouble away = v_double_mul(reach, nodes[i]), before[CLOSE_TOLD], behind[CLOSE_TOLD];
+        first_of_wide(places(o, d, v_double_minus(middle, away)), before);
+        first_of_wide(places(o, d, v_double_plus(middle, away)), behind);
         for (int axis = 0; axis < CLOSE_TOLD; axis++) {
-            sum[axis][i] = wide_plus(behind[axis], before[axis]);
-            difference[axis][i] = wide_minus(behind[axis], before[axis]);
+            sum[axis][i] = v_double_plus(behind[axis], before[axis]);
+            difference[axis][i] = v_double_minus(behind[axis], before[axis]);
         }
     }
-    real power[CLOSE_TERMS] = {set(1.0f), per_end};
+    vfloat power[CLOSE_TERMS] = {v_splat(1.0f), per_end};
     for (int k = 2; k < CLOSE_TERMS; k++)
         power[k] = power[k - 1] * per_end;
     for (int axis = 0; axis < 3; axis++)
@@ -184,33 +186,35 @@ static void prepare_close(struct desk *desk, struct pieces *to) {
     for (int i = 0; i < B_FIELDS; i++)
         for (int lane = 0; lane < LANES; lane++)
             of[i][lane] = desk->bulb[i][rays[lane]];
-    wide ray[6];
+    vdouble ray[6];
     for (int i = 0; i < 6; i++)
-        ray[i] = wide_sum(load(of[B_ORIGIN + i]), load(of[B_REST + i]));
-    struct wide_vec o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
-    wide t = wide_sum(load(&desk->close[C_T][first]), load(&desk->close[C_REST][first]));
-    struct wide_vec place = places(o, d, t);
-    real x = narrow(place.x), z = narrow(place.z), rho = root(mul_add(x, x, z * z));
-    real end = most_of(least_of(rho * set(CLOSE_SHARE), set(CLOSE_PIECE)), set(CLOSE_LEAST));
-    real near_middle = narrow(t) + end;
-    wide middle = wide_sum(near_middle, set(0.0f));
-    put_pieces(o, d, middle, end, set(1.0f) / end, to);
+        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
+    struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
+    vdouble t = v_double_sum(v_load(&desk->close[C_T][first]), v_load(&desk->close[C_REST][first]));
+    struct vec_double place = places(o, d, t);
+    vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
+           rho = v_sqrt(v_madd(x, x, z * z));
+    vfloat end =
+        v_max(v_min(rho * v_splat(CLOSE_SHARE), v_splat(CLOSE_PIECE)), v_splat(CLOSE_LEAST));
+    vfloat near_middle = v_double_to_float(t) + end;
+    vdouble middle = v_double_sum(near_middle, v_splat(0.0f));
+    put_pieces(o, d, middle, end, v_splat(1.0f) / end, to);
     place = places(o, d, middle);
-    unload(narrow(place.x), to->field[N_PLACE]);
-    unload(narrow(place.y), to->field[N_PLACE + 1]);
-    unload(narrow(place.z), to->field[N_PLACE + 2]);
+    v_store(v_double_to_float(place.x), to->field[N_PLACE]);
+    v_store(v_double_to_float(place.y), to->field[N_PLACE + 1]);
+    v_store(v_double_to_float(place.z), to->field[N_PLACE + 2]);
     for (int i = 0; i < 3; i++)
-        unload(load(of[B_DIRECTION + i]), to->field[N_DIRECTION + i]);
-    real slope = load(of[B_SLOPE]);
-    unload(narrow(wide_minus(t, middle)), to->field[N_T]);
-    real until = load(of[B_TO]) - near_middle;
-    unload(least_of(end, until), to->field[N_END]);
-    unload(until, to->field[N_TO]);
-    unload(mul_add(near_middle, slope, load(of[B_HEIGHT])), to->field[N_HEIGHT]);
-    unload(slope, to->field[N_SLOPE]);
-    unload(near_middle, to->field[N_MIDDLE]);
-    unload(load(&desk->close[C_RAY][first]), to->field[N_RAY]);
-    unload(load(&desk->close[C_HAD][first]), to->field[N_BORN]);
+        v_store(v_load(of[B_DIRECTION + i]), to->field[N_DIRECTION + i]);
+    vfloat slope = v_load(of[B_SLOPE]);
+    v_store(v_double_to_float(v_double_minus(t, middle)), to->field[N_T]);
+    vfloat until = v_load(of[B_TO]) - near_middle;
+    v_store(v_min(end, until), to->field[N_END]);
+    v_store(until, to->field[N_TO]);
+    v_store(v_madd(near_middle, slope, v_load(of[B_HEIGHT])), to->field[N_HEIGHT]);
+    v_store(slope, to->field[N_SLOPE]);
+    v_store(near_middle, to->field[N_MIDDLE]);
+    v_store(v_load(&desk->close[C_RAY][first]), to->field[N_RAY]);
+    v_store(v_load(&desk->close[C_HAD][first]), to->field[N_BORN]);
     to->next = 0;
     to->count = count;
     desk->close_first += count;
@@ -232,9 +236,9 @@ static void refill_close(struct close_lanes *to, struct pieces *from, float step
             now &= now - 1;
         ACTIVE(__builtin_popcount(now));
         COUNT(refill_close, taken);
-        expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
+        v_expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
         to->field[N_BORN] =
-            choose(lanes_of(now), set(steps) - to->field[N_BORN], to->field[N_BORN]);
+            v_select(v_mask_of_bits(now), v_splat(steps) - to->field[N_BORN], to->field[N_BORN]);
         from->next += __builtin_popcount(now);
         to->live |= now;
         ended &= ~now;
@@ -242,44 +246,44 @@ static void refill_close(struct close_lanes *to, struct pieces *from, float step
 }
 
 struct close_packet {
-    real t, estimate;
-    mask done, reached, met;
+    vfloat t, estimate;
+    vmask done, reached, met;
 };
 
 // After the first iteration.
-static inline struct bulb close_first(const struct close_lanes *lanes, real t, mask done) {
+static inline struct bulb close_first(const struct close_lanes *lanes, vfloat t, vmask done) {
     ACTIVE(LANES);
     COUNT(close_first, call);
-    const real *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
-    const real *of_slope = lanes->field + N_SLOPE_TERM;
-    real x = term[0], y = term[1], z = term[2], slope = of_slope[SLOPE_TERMS - 1];
+    const vfloat *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
+    const vfloat *of_slope = lanes->field + N_SLOPE_TERM;
+    vfloat x = term[0], y = term[1], z = term[2], slope = of_slope[SLOPE_TERMS - 1];
     for (int k = 1; k < CLOSE_TERMS; k++) {
         term -= 3;
-        x = mul_add(x, t, term[0]);
-        y = mul_add(y, t, term[1]);
-        z = mul_add(z, t, term[2]);
+        x = v_madd(x, t, term[0]);
+        y = v_madd(y, t, term[1]);
+        z = v_madd(z, t, term[2]);
     }
     for (int k = SLOPE_TERMS - 2; k >= 0; k--)
-        slope = mul_add(slope, t, of_slope[k]);
-    real flat = mul_add(x, x, mul_add(z, z, set(1e-30f)));
-    real m = mul_add(y, y, flat);
-    return (struct bulb){x, y, z, flat, m, slope, set(1.0f), not_in(done), no_lane()};
+        slope = v_madd(slope, t, of_slope[k]);
+    vfloat flat = v_madd(x, x, v_madd(z, z, v_splat(1e-30f)));
+    vfloat m = v_madd(y, y, flat);
+    return (struct bulb){x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
-static inline void advance_close(struct close_packet *p, real field[N_FIELDS], real h,
-                                 real hit_distance, real oldest) {
-    ACTIVE(LANES - count_of(p->done));
+static inline void advance_close(struct close_packet *p, vfloat field[N_FIELDS], vfloat h,
+                                 vfloat hit_distance, vfloat oldest) {
+    ACTIVE(LANES - v_count(p->done));
     COUNT(advance_close, call);
-    real born = field[N_BORN];
-    born = choose(p->done, born + set(1.0f), born); // waiting for others is no step
-    real height = mul_add(p->t, field[N_SLOPE], field[N_HEIGHT]), least = least_of(h, height);
-    mask live = not_in(p->done), reached = less_in(live, least, hit_distance);
-    p->estimate = choose(live, h, p->estimate);
-    p->t = p->t + keep(live, least);
-    p->reached = either(p->reached, reached);
-    p->met = either(p->met, not_less_in(reached, height, h));
-    live = but_greater(but_not(reached, live), p->t, field[N_END]);
-    p->done = not_in(but_not_less(live, oldest, born));
+    vfloat born = field[N_BORN];
+    born = v_select(p->done, born + v_splat(1.0f), born); // waiting for others is no step
+    vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
+    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
+    p->estimate = v_select(live, h, p->estimate);
+    p->t = p->t + v_select_or_zero(live, least);
+    p->reached = v_or(p->reached, reached);
+    p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
+    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);
+    p->done = v_not(v_cmp_nge_in(live, oldest, born));
     field[N_BORN] = born;
 }
 
@@ -287,27 +291,27 @@ static inline void advance_close(struct close_packet *p, real field[N_FIELDS], r
 __attribute__((always_inline)) static inline int step_close(const struct placed *s, int count,
                                                             struct close_lanes *lanes,
                                                             struct close_packet *p,
-                                                            real hit_distance, real oldest) {
+                                                            vfloat hit_distance, vfloat oldest) {
     struct bulb b[ABREAST];
     struct vec at[ABREAST] = {0};
-    real h[ABREAST];
+    vfloat h[ABREAST];
     COUNT(step_close, call);
     for (int k = 0; k < count; k++) {
-        const real *field = lanes[k].field;
-        ACTIVE(LANES - count_of(p[k].done));
+        const vfloat *field = lanes[k].field;
+        ACTIVE(LANES - v_count(p[k].done));
         COUNT(step_close, packet);
         at[k] = vec_along(
             (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
             (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
             p[k].t);
         b[k] = close_first(&lanes[k], p[k].t, p[k].done);
-        b[k].on = but_greater(b[k].on, b[k].m, set(s->bailout));
+        b[k].on = v_cmp_ngt_in(b[k].on, b[k].m, v_splat(s->bailout));
     }
     bulbs_end(s, 1, false, true, false, count, b, at, h);
     int ended = 0;
     for (int k = 0; k < count; k++) {
         advance_close(&p[k], lanes[k].field, h[k], hit_distance, oldest);
-        ended += count_of(p[k].done);
+        ended += v_count(p[k].done);
     }
     return ended;
 }
@@ -344,40 +348,40 @@ static void leave_close(struct desk *desk, int ray, float t, float rest, float h
 // What has ended gives its answer; what is at the end of its piece waits for the next, and all are no longer live.
 static void retire_close(struct close_packet *p, struct close_lanes *from, float steps, float most,
                          struct desk *desk) {
-    ACTIVE(count_of(lanes_of(from->live)));
+    ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_close, call);
     from->field[N_T] = p->t;
-    unsigned ended = bits(p->done) & from->live;
+    unsigned ended = v_mask_bits(p->done) & from->live;
     from->live &= ~ended;
     if (!ended)
         return;
     COUNT(retire_close, ended);
     float way[LANES], middle[LANES], rays[LANES], had[LANES];
-    real taken = set(steps) - from->field[N_BORN];
-    unload(p->t, way);
-    unload(from->field[N_MIDDLE], middle);
-    unload(from->field[N_RAY], rays);
-    for (unsigned hits = ended & bits(p->met); hits; hits &= hits - 1) {
+    vfloat taken = v_splat(steps) - from->field[N_BORN];
+    v_store(p->t, way);
+    v_store(from->field[N_MIDDLE], middle);
+    v_store(from->field[N_RAY], rays);
+    for (unsigned hits = ended & v_mask_bits(p->met); hits; hits &= hits - 1) {
         int lane = __builtin_ctz(hits);
         meet_close(desk, (int)rays[lane], middle[lane], way[lane]);
     }
-    mask over = either(greater(p->t, from->field[N_TO]), not_less(taken, set(most)));
-    mask on = but_not(either(p->reached, over), lanes_of(ended));
-    if (!any(on))
+    vmask over = v_or(v_cmp_gt(p->t, from->field[N_TO]), v_cmp_ge(taken, v_splat(most)));
+    vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
+    if (!v_any(on))
         return;
-    ACTIVE(count_of(on));
+    ACTIVE(v_count(on));
     COUNT(retire_close, on);
-    real far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
-    real rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
-    mask open = both(on, greater(p->estimate, set(CLOSE_LEAVES)));
-    unload(far, way);
-    unload(rest, middle);
-    unload(taken, had);
-    for (unsigned which = bits(open); which; which &= which - 1) {
+    vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
+    vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
+    vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(CLOSE_LEAVES)));
+    v_store(far, way);
+    v_store(rest, middle);
+    v_store(taken, had);
+    for (unsigned which = v_mask_bits(open); which; which &= which - 1) {
         int lane = __builtin_ctz(which);
         leave_close(desk, (int)rays[lane], way[lane], middle[lane], had[lane]);
     }
-    wait_close(but_not(open, on), from->field[N_RAY], far, rest, taken, desk);
+    wait_close(v_andnot(open, on), from->field[N_RAY], far, rest, taken, desk);
 }
 
 // Few are left: all of them in the first packet.
@@ -389,7 +393,7 @@ static void join_close(struct close_lanes lanes[ABREAST]) {
             continue;
         while (__builtin_popcount(there) > __builtin_popcount(here))
             there &= there - 1;
-        move_lanes((float *)lanes[0].field, there, (const float *)lanes[k].field, here, N_FIELDS);
+        v_move_lanes((float *)lanes[0].field, there, (const float *)lanes[k].field, here, N_FIELDS);
         lanes[0].live |= there;
         lanes[k].live = 0;
     }
@@ -401,7 +405,7 @@ static void march_close(const struct placed *s, const struct limits *limits,
                         struct desk *desk) {
     COUNT(march_close, call);
     float hit = (float)limits->hit_distance, most = (float)limits->max_steps;
-    real hit_distance = set(hit > 0x1p-24f ? hit : 0x1p-24f);
+    vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
     for (;;) {
         struct close_packet p[ABREAST];
         int live = 0;
@@ -414,8 +418,9 @@ static void march_close(const struct placed *s, const struct limits *limits,
             join_close(lanes);
         for (int k = 0; k < ABREAST; k++) {
             COUNT(march_close, packet);
-            p[k] = (struct close_packet){lanes[k].field[N_T], set(0.0f), lanes_of(~lanes[k].live),
-                                         no_lane(), no_lane()};
+            p[k] =
+                (struct close_packet){lanes[k].field[N_T], v_splat(0.0f),
+                                      v_mask_of_bits(~lanes[k].live), v_mask_none(), v_mask_none()};
         }
         int ended = ABREAST * LANES - live;
         bool more = pieces->next < pieces->count || desk->close_first < desk->closes;
@@ -427,7 +432,7 @@ static void march_close(const struct placed *s, const struct limits *limits,
         while (ended < enough && ended < ABREAST * LANES && *steps < STEPS_COUNTED) {
             COUNT(march_close, step);
             *steps += 1.0f;
-            real oldest = set(*steps - most);
+            vfloat oldest = v_splat(*steps - most);
             if (one)
                 ended = (ABREAST - 1) * LANES + step_close(s, 1, lanes, p, hit_distance, oldest);
             else
@@ -438,7 +443,7 @@ static void march_close(const struct placed *s, const struct limits *limits,
         if (*steps < STEPS_COUNTED)
             continue;
         for (int k = 0; k < ABREAST; k++)
-            lanes[k].field[N_BORN] = lanes[k].field[N_BORN] - set(*steps);
+            lanes[k].field[N_BORN] = lanes[k].field[N_BORN] - v_splat(*steps);
         *steps = 0.0f;
     }
 }

@@ -4,6 +4,7 @@
 #include "camera.h"
 #include "layers.h"
 #include "meet.h"
+#include "simd/point.h"
 #include "window.h"
 
 // The last of the rays that wait first: what they see may make more of them.
@@ -19,12 +20,12 @@ static void follow_mirrors(const struct convex *work) {
             struct stage *at = &stage[packets];
             at->ray = (struct ray){load_vec(field + M_ORIGIN, first),
                                    load_vec(field + M_DIRECTION, first),
-                                   load(&field[M_WEIGHT][first]),
-                                   load(&field[M_PIXEL][first]),
-                                   load(&field[M_BOUNCE][first]),
-                                   load(&field[M_LEAVES][first]),
-                                   first_lanes(count),
-                                   {set(0.0f), set(0.0f), set(0.0f)}};
+                                   v_load(&field[M_WEIGHT][first]),
+                                   v_load(&field[M_PIXEL][first]),
+                                   v_load(&field[M_BOUNCE][first]),
+                                   v_load(&field[M_LEAVES][first]),
+                                   v_mask_first(count),
+                                   {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)}};
             if (REPEATS(work->scene))
                 at->ray.local = load_vec(field + M_LOCAL, first);
         }
@@ -69,16 +70,16 @@ static void shapes_in(const struct window *w, const struct job *job, struct shap
     EACH_SHAPE(job->prepared, look_across, w, sides, job, list);
 }
 
-static inline void set_camera_ray(const struct tile *tile, struct vec direction, mask active,
+static inline void set_camera_ray(const struct tile *tile, struct vec direction, vmask active,
                                   int slot, struct ray *ray) {
     COUNT(set_camera_ray, call);
-    real zero = set(0.0f);
+    vfloat zero = v_splat(0.0f);
     ray->origin = tile->eye;
     ray->direction = direction;
-    ray->weight = set(1.0f);
-    ray->pixel = lane_numbers() + set((float)slot);
+    ray->weight = v_splat(1.0f);
+    ray->pixel = v_iota() + v_splat((float)slot);
     ray->bounce = zero;
-    ray->leaves = set(-1.0f);
+    ray->leaves = v_splat(-1.0f);
     ray->active = active;
     ray->local = (struct vec){zero, zero, zero};
 }
@@ -89,7 +90,7 @@ static inline void look(const struct tile *tile, struct block block, int slot,
     ACTIVE(block.across * block.down);
     COUNT(look, call);
     struct vec d = get_direction(tile, block, job->frame);
-    mask active = in_picture(block);
+    vmask active = in_picture(block);
     set_camera_ray(tile, d, active, slot, &at->ray);
     meet_nothing(&at->hit);
     if (!IS_CROWD(job->prepared)) {
@@ -140,7 +141,7 @@ static void look_through(const struct tile *tile, const struct job *job, const s
         columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
     for (int row = 0; row < mesh.down; row++) {
         ACTIVE(LANES);
-        real up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
+        vfloat up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
         for (int i = 0; i < mesh.across; i++) {
             struct sight *at = &sights[row * ACROSS + i];
             struct block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
@@ -172,17 +173,17 @@ static void color_row(const struct tile *tile, int row, const struct sight *sigh
         if (all) {
             struct found hit = at.hit; // a copy: `at` stays in registers
             struct vec n = sights[i].hit.local;
-            mask away = greater(vec_dot(n, sights[i].direction), set(0.0f));
-            ACTIVE(count_of(sights[i].active));
+            vmask away = v_cmp_gt(vec_dot(n, sights[i].direction), v_splat(0.0f));
+            ACTIVE(v_count(sights[i].active));
             COUNT(color_row, normal);
             store_hit(frame, block_at(tile, row, i), &hit,
-                      (struct vec){negate_where(away, n.x), negate_where(away, n.y),
-                                   negate_where(away, n.z)});
+                      (struct vec){v_negate_where(away, n.x), v_negate_where(away, n.y),
+                                   v_negate_where(away, n.z)});
         }
         float *to = &work->desk->color[pixel];
-        unload(at.color.x, to);
-        unload(at.color.y, to + COLOR_ROOM);
-        unload(at.color.z, to + 2 * COLOR_ROOM);
+        v_store(at.color.x, to);
+        v_store(at.color.y, to + COLOR_ROOM);
+        v_store(at.color.z, to + 2 * COLOR_ROOM);
     }
 }
 
@@ -192,7 +193,8 @@ INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *
     if (s->type != SHAPE_MANDELBULB)
         return;
     struct exact_eye eye = exact_eye_of(s, job->view);
-    struct wide_vec o = {wide_set(eye.at[0]), wide_set(eye.at[1]), wide_set(eye.at[2])};
+    struct vec_double o = {v_double_splat(eye.at[0]), v_double_splat(eye.at[1]),
+                           v_double_splat(eye.at[2])};
     int count = 0, slot = 0;
     for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
         for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
@@ -228,17 +230,17 @@ static inline void set_tile(const struct job *job, int number, struct tile *tile
     const struct view *view = job->view;
     int tiles_across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
     int left = number % tiles_across * TILE_WIDTH, top = number / tiles_across * job->tile_height;
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
+    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
     *tile = (struct tile){left,
                           lesser(frame->width, left + TILE_WIDTH),
                           top,
                           lesser(frame->height, top + job->tile_height),
-                          vec_from(view->position),
-                          vec_from(view->forward),
-                          vec_from(view->right),
-                          vec_from(view->up),
+                          vec_from_doubles(view->position),
+                          vec_from_doubles(view->forward),
+                          vec_from_doubles(view->right),
+                          vec_from_doubles(view->up),
                           below,
-                          lane_numbers() - below * set(BLOCK_WIDTH),
+                          v_iota() - below * v_splat(BLOCK_WIDTH),
                           (float)(view->tan_half_fov / frame->height)};
 }
 
@@ -286,9 +288,9 @@ static inline void keep_row(const struct tile *tile, int row, int pixel, const s
         if (frame->depth)
             store_hit(frame, block_at(tile, row, i), &stage[i].hit, stage[i].surface.normal);
         float *to = &desk->color[pixel];
-        unload(stage[i].color.x, to);
-        unload(stage[i].color.y, to + COLOR_ROOM);
-        unload(stage[i].color.z, to + 2 * COLOR_ROOM);
+        v_store(stage[i].color.x, to);
+        v_store(stage[i].color.y, to + COLOR_ROOM);
+        v_store(stage[i].color.z, to + 2 * COLOR_ROOM);
     }
 }
 

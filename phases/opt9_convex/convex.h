@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "simd/permute.h"
 #include "solids.h"
 
 enum {
@@ -108,14 +109,14 @@ static inline void empty_desk(struct desk *desk) {
 // What a shape is to a packet of shadow rays.
 struct near {
     struct vec origin, direction; // in its frame; LINEAR: x is height and slope
-    real constant, slope;         // of a sphere that some of the rays are from (power):
+    vfloat constant, slope;       // of a sphere that some of the rays are from (power):
     bool power;                   // |p|² − radius² = constant + t·(t + slope)
-    real from;                    // before that it is further than any other
-    real wakes;                   // where t + the nearest distance is less, so is that one
+    vfloat from;                  // before that it is further than any other
+    vfloat wakes;                 // where t + the nearest distance is less, so is that one
 };
 
 _Static_assert(offsetof(struct near, origin) == 0 &&
-                   offsetof(struct near, direction) == 3 * sizeof(real),
+                   offsetof(struct near, direction) == 3 * sizeof(vfloat),
                "one behind the other");
 
 struct convex {
@@ -129,14 +130,14 @@ struct convex {
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
 // neither, but for the first two, since it bulges.
-SHARED mask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
-                    real facing, real shape, mask active, const struct convex *work);
+SHARED vmask cleared(const struct vec *point, const struct vec *local, const struct vec *to_light,
+                     vfloat facing, vfloat shape, vmask active, const struct convex *work);
 // The shadow on these: the least of those two terms.
-SHARED real own_shadow(const struct placed *s, struct vec local, struct vec to_light, real facing,
-                       const struct prepared *scene);
+SHARED vfloat own_shadow(const struct placed *s, struct vec local, struct vec to_light,
+                         vfloat facing, const struct prepared *scene);
 // Hard shadows: which rays reach the light.
-SHARED mask reaches_light(struct vec point, struct vec local, struct vec to_light, real shape,
-                          real distance, mask active, const struct convex *work);
+SHARED vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
+                           vfloat distance, vmask active, const struct convex *work);
 // Mandelbulb: where the group's rays that wait on the desk meet it.
 SHARED void march_bulb(const struct placed *s, int count, const struct limits *limits,
                        struct desk *desk);
@@ -154,43 +155,45 @@ static inline float larger(float a, float b) { // fmaxf is a call
 }
 
 INLINE struct vec in_frame(const struct placed *s, struct vec p) {
-    return turned(s, (struct vec){p.x - set(s->position[0]), p.y - set(s->position[1]),
-                                  p.z - set(s->position[2])});
+    return turned(s, (struct vec){p.x - v_splat(s->position[0]), p.y - v_splat(s->position[1]),
+                                  p.z - v_splat(s->position[2])});
 }
 
-INLINE real height_over(const struct placed *s, struct vec p) {
-    return dot_with(s->normal, p) - set(s->c);
+INLINE vfloat height_over(const struct placed *s, struct vec p) {
+    return dot_with(s->normal, p) - v_splat(s->c);
 }
 
 static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
-    return (struct vec){load(&field[0][first]), load(&field[1][first]), load(&field[2][first])};
+    return (struct vec){v_load(&field[0][first]), v_load(&field[1][first]),
+                        v_load(&field[2][first])};
 }
 
-static inline void pack_vec(mask m, struct vec v, float field[][QUEUE_ROOM], int first) {
-    pack(m, v.x, &field[0][first]);
-    pack(m, v.y, &field[1][first]);
-    pack(m, v.z, &field[2][first]);
+static inline void pack_vec(vmask m, struct vec v, float field[][QUEUE_ROOM], int first) {
+    v_compress_store(m, v.x, &field[0][first]);
+    v_compress_store(m, v.y, &field[1][first]);
+    v_compress_store(m, v.z, &field[2][first]);
 }
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 // Of an empty m the pixels are what is behind a queue's end: an older ray's, or the zeros of own_memory.
-static inline void add_light(mask m, struct vec light, real pixel, struct desk *desk) {
+static inline void add_light(vmask m, struct vec light, vfloat pixel, struct desk *desk) {
     COUNT(add_light, call);
-    float *first = &desk->color[(int)first_of(pixel)];
-    mask apart = greater(absolute(pixel - set(first_of(pixel)) - lane_numbers()), set(0.5f));
-    if (!any(both(m, apart))) { // neighbours, as most are
+    float *first = &desk->color[(int)v_lane0(pixel)];
+    vmask apart = v_cmp_gt(v_abs(pixel - v_splat(v_lane0(pixel)) - v_iota()), v_splat(0.5f));
+    if (!v_any(v_and(m, apart))) { // neighbours, as most are
         COUNT(add_light, row);
-        unload(load(first) + keep(m, light.x), first);
-        unload(load(first + COLOR_ROOM) + keep(m, light.y), first + COLOR_ROOM);
-        unload(load(first + 2 * COLOR_ROOM) + keep(m, light.z), first + 2 * COLOR_ROOM);
+        v_store(v_load(first) + v_select_or_zero(m, light.x), first);
+        v_store(v_load(first + COLOR_ROOM) + v_select_or_zero(m, light.y), first + COLOR_ROOM);
+        v_store(v_load(first + 2 * COLOR_ROOM) + v_select_or_zero(m, light.z),
+                first + 2 * COLOR_ROOM);
         return;
     }
     float red[LANES], green[LANES], blue[LANES], at[LANES];
-    unload(light.x, red);
-    unload(light.y, green);
-    unload(light.z, blue);
-    unload(pixel, at);
-    for (unsigned rest = bits(m); rest; rest &= rest - 1) {
+    v_store(light.x, red);
+    v_store(light.y, green);
+    v_store(light.z, blue);
+    v_store(pixel, at);
+    for (unsigned rest = v_mask_bits(m); rest; rest &= rest - 1) {
         COUNT(add_light, lane);
         int lane = __builtin_ctz(rest), i = (int)at[lane];
         desk->color[i] += red[lane];
@@ -199,13 +202,13 @@ static inline void add_light(mask m, struct vec light, real pixel, struct desk *
     }
 }
 
-INLINE mask same_shape(real shape, int i) {
-    return less(absolute(shape - set((float)i)), set(0.5f));
+INLINE vmask same_shape(vfloat shape, int i) {
+    return v_cmp_lt(v_abs(shape - v_splat((float)i)), v_splat(0.5f));
 }
 
-static inline float lane_of(real a, int lane) {
+static inline float lane_of(vfloat a, int lane) {
     float lanes[LANES];
-    unload(a, lanes);
+    v_store(a, lanes);
     return lanes[lane];
 }
 

@@ -12,8 +12,8 @@ static inline struct vec direction_of(int first, const struct grid *grid, int bl
 // A packet beside a copy.
 struct beside {
     struct vec c, d, per;
-    real before, square;
-    mask active, met; // met: it, nearer than something else or not
+    vfloat before, square;
+    vmask active, met; // met: it, nearer than something else or not
 };
 
 // Its normal is told by what enter_rounded_box() knows.
@@ -26,34 +26,34 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned 
     const struct placed *s = &KNOWN(scene)->placed[i];
     if (s->leader != first || (away & bit_of(i, first)))
         return;
-    ACTIVE(count_of(b->active));
+    ACTIVE(v_count(b->active));
     COUNT(meet_copy, shape);
-    mask near = both(b->active, less(b->square, set(s->bound_sq)));
-    if (!any(near))
+    vmask near = v_and(b->active, v_cmp_lt(b->square, v_splat(s->bound_sq)));
+    if (!v_any(near))
         return;
-    real in, half = set(0.0f);
+    vfloat in, half = v_splat(0.0f);
     if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
         COUNT(meet_copy, half);
-        half = root(most_of(set(s->bound_sq) - b->square, set(0.0f)));
+        half = v_sqrt(v_max(v_splat(s->bound_sq) - b->square, v_splat(0.0f)));
     }
     bool plain = is_plain(&KNOWN(scene)->model), round = plain && is_round(s);
     struct vec from_within;
     if (round)
-        near = both(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
+        near = v_and(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
     else
         near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
-    ACTIVE(count_of(b->active));
+    ACTIVE(v_count(b->active));
     COUNT(meet_copy, near);
-    real t = b->before + in;
-    near = both(near, greater(t, set(0.0f)));
-    b->met = either(b->met, near);
-    near = both(near, less(t, hit->t));
-    if (!any(near))
+    vfloat t = b->before + in;
+    near = v_and(near, v_cmp_gt(t, v_splat(0.0f)));
+    b->met = v_or(b->met, near);
+    near = v_and(near, v_cmp_lt(t, hit->t));
+    if (!v_any(near))
         return;
     COUNT(meet_copy, met);
-    hit->found = either(hit->found, near);
-    hit->t = choose(near, t, hit->t);
-    hit->shape = choose(near, set(s->index), hit->shape);
+    hit->found = v_or(hit->found, near);
+    hit->t = v_select(near, t, hit->t);
+    hit->shape = v_select(near, v_splat(s->index), hit->shape);
     struct vec at;
     if (round) {
         COUNT(meet_copy, round);
@@ -65,7 +65,7 @@ INLINE void meet_alike(int i, int first, const struct prepared *scene, unsigned 
         if (plain)
             at = normal_on(at, s);
     }
-    hit->local = vec_choose(near, plain ? turned_back(s, at) : at, hit->local);
+    hit->local = vec_select(near, plain ? turned_back(s, at) : at, hit->local);
 }
 
 INLINE void has_slabs(int i, int first, const struct prepared *scene, bool *slabs) {
@@ -75,17 +75,17 @@ INLINE void has_slabs(int i, int first, const struct prepared *scene, bool *slab
 }
 
 // A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
-INLINE mask meet_copy(int first, const struct grid *grid, int block, struct vec o, struct vec rest,
-                      unsigned away, mask active) {
+INLINE vmask meet_copy(int first, const struct grid *grid, int block, struct vec o, struct vec rest,
+                       unsigned away, vmask active) {
     COUNT(meet_copy, call);
     struct beside b;
     b.d = direction_of(first, grid, block);
-    b.before = set(0.0f) - vec_dot(o, b.d);
+    b.before = v_splat(0.0f) - vec_dot(o, b.d);
     struct vec c = vec_along(o, b.d, b.before);
     b.c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
     b.square = vec_dot(b.c, b.c);
     b.active = active;
-    b.met = no_lane();
+    b.met = v_mask_none();
     b.per = b.d;
     bool slabs = false;
     EACH_ALIKE(grid->scene, has_slabs, first, grid->scene, &slabs);
@@ -105,26 +105,26 @@ INLINE void take_whole(int i, int first, int shape, int axis, const struct grid 
     struct sight *at = &grid->sights[block];
     struct vec d = direction_of(first, grid, block);
     at->hit.found = at->active;
-    at->hit.shape = set(s->index);
+    at->hit.shape = v_splat(s->index);
     at->only = i;
     if (s->type == SHAPE_SPHERE) {
         COUNT(take_whole, sphere);
-        real before = set(0.0f) - vec_dot(o, d);
+        vfloat before = v_splat(0.0f) - vec_dot(o, d);
         struct vec c = vec_along(o, d, before);
         c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
-        real half = root(most_of(set(s->bound_sq) - vec_dot(c, c), set(0.0f)));
+        vfloat half = v_sqrt(v_max(v_splat(s->bound_sq) - vec_dot(c, c), v_splat(0.0f)));
         at->hit.t = before - half;
-        at->hit.local = turned_back(s, normal_on(vec_along(c, d, set(0.0f) - half), s));
+        at->hit.local = turned_back(s, normal_on(vec_along(c, d, v_splat(0.0f) - half), s));
         return;
     }
     COUNT(take_whole, face);
     COUNT(take_whole, face_scalar);
-    real from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
-    real more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
-    real down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;
-    real face = with_sign_of(from, set(s->size[axis] + s->a));
-    at->hit.t = absolute(face - from - more) / absolute(down);
-    real zero = set(0.0f), out = with_sign_of(from, set(1.0f));
+    vfloat from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
+    vfloat more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
+    vfloat down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;
+    vfloat face = v_copysign(v_splat(s->size[axis] + s->a), from);
+    at->hit.t = v_abs(face - from - more) / v_abs(down);
+    vfloat zero = v_splat(0.0f), out = v_copysign(v_splat(1.0f), from);
     struct vec n = {axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
     at->hit.local = turned_back(s, n);
 }

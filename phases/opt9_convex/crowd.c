@@ -25,20 +25,20 @@ static void mark_planes(struct desk *desk, const struct prepared *scene) {
 
 struct seen {
     struct vec eye, right, up, ahead;
-    real reach, left, rights, bottom, top, sides[4];
+    vfloat reach, left, rights, bottom, top, sides[4];
 };
 
-static inline mask lies_across(struct vec centre, real radius, const void *with) {
+static inline vmask lies_across(struct vec centre, vfloat radius, const void *with) {
     COUNT(lies_across, call);
     const struct seen *w = with;
     struct vec v = {centre.x - w->eye.x, centre.y - w->eye.y, centre.z - w->eye.z};
-    real x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
-    real r = blurred(radius, v, w->reach);
-    mask in = greater(z, set(0.0f) - r);
-    in = both(in, less(mul_sub(w->left, z, x), r * w->sides[0]));
-    in = both(in, less(neg_mul_add(w->rights, z, x), r * w->sides[1]));
-    in = both(in, less(mul_sub(w->bottom, z, y), r * w->sides[2]));
-    return both(in, less(neg_mul_add(w->top, z, y), r * w->sides[3]));
+    vfloat x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
+    vfloat r = blurred(radius, v, w->reach);
+    vmask in = v_cmp_gt(z, v_splat(0.0f) - r);
+    in = v_and(in, v_cmp_lt(v_msub(w->left, z, x), r * w->sides[0]));
+    in = v_and(in, v_cmp_lt(v_nmadd(w->rights, z, x), r * w->sides[1]));
+    in = v_and(in, v_cmp_lt(v_msub(w->bottom, z, y), r * w->sides[2]));
+    return v_and(in, v_cmp_lt(v_nmadd(w->top, z, y), r * w->sides[3]));
 }
 
 static float farthest(const double a[3]) {
@@ -52,17 +52,18 @@ void crowd_in_window(const struct window *w, const struct job *job, struct desk 
     COUNT(crowd_in_window, call);
     const struct prepared *scene = job->prepared;
     const struct view *view = job->view;
-    struct seen seen = {vec_from(view->position),
-                        vec_from(view->right),
-                        vec_from(view->up),
-                        vec_from(view->forward),
-                        set(farthest(view->position)),
-                        set(w->left),
-                        set(w->right),
-                        set(w->bottom),
-                        set(w->top),
-                        {root(set(1 + w->left * w->left)), root(set(1 + w->right * w->right)),
-                         root(set(1 + w->bottom * w->bottom)), root(set(1 + w->top * w->top))}};
+    struct seen seen = {
+        vec_from_doubles(view->position),
+        vec_from_doubles(view->right),
+        vec_from_doubles(view->up),
+        vec_from_doubles(view->forward),
+        v_splat(farthest(view->position)),
+        v_splat(w->left),
+        v_splat(w->right),
+        v_splat(w->bottom),
+        v_splat(w->top),
+        {v_sqrt(v_splat(1 + w->left * w->left)), v_sqrt(v_splat(1 + w->right * w->right)),
+         v_sqrt(v_splat(1 + w->bottom * w->bottom)), v_sqrt(v_splat(1 + w->top * w->top))}};
     desk->far = desk->leaf = -1;
     int *list = desk->listed.index, count = list_those(&scene->tree, lies_across, &seen, list);
     for (int k = 0; k < count; k++)
@@ -80,9 +81,10 @@ void crowd_in_row(const struct window *row, float across, const struct job *job,
     ACTIVE(GROUP);
     COUNT(crowd_in_row, call);
     COUNT(crowd_in_row, scalar);
-    real left = mul_add(lane_numbers(), set(across), set(row->left)), right = left + set(across);
-    real left_side = root(mul_add(left, left, set(1.0f))),
-         right_side = root(mul_add(right, right, set(1.0f)));
+    vfloat left = v_madd(v_iota(), v_splat(across), v_splat(row->left)),
+           right = left + v_splat(across);
+    vfloat left_side = v_sqrt(v_madd(left, left, v_splat(1.0f))),
+           right_side = v_sqrt(v_madd(right, right, v_splat(1.0f)));
     float bottom = sqrtf(1 + row->bottom * row->bottom), top = sqrtf(1 + row->top * row->top);
     for (int k = 0; k < GROUP; k++)
         desk->cuts[k] = 0;
@@ -100,9 +102,9 @@ void crowd_in_row(const struct window *row, float across, const struct job *job,
             if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
                 continue;
             COUNT(crowd_in_row, blocks);
-            real x = set(c[0]), z = set(c[2]);
-            which &= bits(both(less(mul_sub(left, z, x), set(r) * left_side),
-                               less(neg_mul_add(right, z, x), set(r) * right_side)));
+            vfloat x = v_splat(c[0]), z = v_splat(c[2]);
+            which &= v_mask_bits(v_and(v_cmp_lt(v_msub(left, z, x), v_splat(r) * left_side),
+                                       v_cmp_lt(v_nmadd(right, z, x), v_splat(r) * right_side)));
         }
         for (; which; which &= which - 1) {
             int block = __builtin_ctz(which);
@@ -115,7 +117,7 @@ static struct shaft shaft_from(const float centre[3], float radius, const float 
                                float q) {
     COUNT(shaft_from, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
-    return shaft_of(vec_set(centre), vec_set(to_light), radius, set(size), q);
+    return shaft_of(vec_set(centre), vec_set(to_light), radius, v_splat(size), q);
 }
 
 void crowd_towards_light(const float centre[3], float radius, const float to_light[3], float q,
@@ -162,10 +164,10 @@ void crowd_about_packet(const float centre[3], float radius, const float to_ligh
     for (int first = 0; first < desk->abouts; first += LANES) {
         ACTIVE(lesser(LANES, desk->abouts - first));
         COUNT(crowd_about_packet, spheres);
-        struct vec at = {load(&desk->about[0][first]), load(&desk->about[1][first]),
-                         load(&desk->about[2][first])};
-        unsigned which = bits(both(in_shaft(at, load(&desk->about[3][first]), &shaft),
-                                   first_lanes(desk->abouts - first)));
+        struct vec at = {v_load(&desk->about[0][first]), v_load(&desk->about[1][first]),
+                         v_load(&desk->about[2][first])};
+        unsigned which = v_mask_bits(v_and(in_shaft(at, v_load(&desk->about[3][first]), &shaft),
+                                           v_mask_first(desk->abouts - first)));
         for (; which; which &= which - 1)
             desk->ahead[desk->aheads++] = desk->about_shape[first + __builtin_ctz(which)];
     }
@@ -173,7 +175,7 @@ void crowd_about_packet(const float centre[3], float radius, const float to_ligh
 
 struct bundle {
     struct vec origin, direction;
-    mask active;
+    vmask active;
     struct desk *desk;
 };
 
@@ -181,19 +183,19 @@ static inline bool met_by_any(const float centre[3], float radius, void *with) {
     COUNT(met_by_any, call);
     COUNT(met_by_any, scalar);
     const struct bundle *b = with;
-    struct vec v = {set(centre[0]) - b->origin.x, set(centre[1]) - b->origin.y,
-                    set(centre[2]) - b->origin.z};
-    real along = vec_dot(v, b->direction), square = vec_dot(v, v);
-    real need = mul_sub(square, set(1 - 2e-6f), set(radius * radius * (1 + 1e-5f)));
-    mask ahead = both(greater(along, set(0.0f)), not_less(along * along, need));
-    return any(both(b->active, either(ahead, less(need, set(0.0f)))));
+    struct vec v = {v_splat(centre[0]) - b->origin.x, v_splat(centre[1]) - b->origin.y,
+                    v_splat(centre[2]) - b->origin.z};
+    vfloat along = vec_dot(v, b->direction), square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    return v_any(v_and(b->active, v_or(ahead, v_cmp_lt(need, v_splat(0.0f)))));
 }
 
 static inline void mark_met(int shape, void *with) {
     mark(((struct bundle *)with)->desk, shape);
 }
 
-int crowd_along(struct vec origin, struct vec direction, mask active, const struct convex *work,
+int crowd_along(struct vec origin, struct vec direction, vmask active, const struct convex *work,
                 int *list) {
     struct bundle bundle = {origin, direction, active, work->desk};
     follow(&work->scene->tree, met_by_any, mark_met, &bundle);
@@ -207,47 +209,47 @@ static void end_behind_all(struct rays *r, const struct prepared *scene) {
     COUNT(end_behind_all, scalar);
     const struct tree *tree = &scene->tree;
     float q = scene->known.lit_slope;
-    real wide = set(larger(1.0f - q * q, 1e-6f)), zero = set(0.0f);
-    struct vec v = {set(tree->centre[0]) - r->point.x, set(tree->centre[1]) - r->point.y,
-                    set(tree->centre[2]) - r->point.z};
-    real lean = vec_dot(v, r->to_light) + set(q * tree->radius);
-    real need = vec_dot(v, v) - set(tree->radius * tree->radius * (1 + 1e-5f));
-    real square = mul_sub(lean, lean, wide * need);
-    mask met = either(less(need, zero), both(greater(lean, zero), not_less(square, zero)));
-    real leaves = (lean + root(most_of(square, zero))) / wide;
+    vfloat wide = v_splat(larger(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
+    struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
+                    v_splat(tree->centre[2]) - r->point.z};
+    vfloat lean = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
+    vfloat need = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
+    vfloat square = v_msub(lean, lean, wide * need);
+    vmask met = v_or(v_cmp_lt(need, zero), v_and(v_cmp_gt(lean, zero), v_cmp_ge(square, zero)));
+    vfloat leaves = (lean + v_sqrt(v_max(square, zero))) / wide;
     if (!(q < 1.0f)) { // as in look_at_solid()
-        met = all_lanes();
-        leaves = set(INFINITY);
+        met = v_mask_all();
+        leaves = v_splat(INFINITY);
     }
-    r->end = choose(met, most_of(leaves, r->end), r->end);
+    r->end = v_select(met, v_max(leaves, r->end), r->end);
 }
 
 // Rays from planes, and where something else can be as near to them as their plane: not before `alone`.
 struct leapers {
     struct rays *rays;
-    mask able;
+    vmask able;
     const struct prepared *scene;
 };
 
-static inline real earliest(const float centre[3], float radius, const struct rays *r) {
+static inline vfloat earliest(const float centre[3], float radius, const struct rays *r) {
     COUNT(earliest, call);
     COUNT(earliest, scalar);
-    struct vec v = {set(centre[0]) - r->point.x, set(centre[1]) - r->point.y,
-                    set(centre[2]) - r->point.z};
-    real zero = set(0.0f), square = vec_dot(v, v), c = r->facing;
-    real need = mul_sub(square, set(1 - 2e-6f), set(radius * radius * (1 + 1e-5f)));
-    real lean = mul_add(c, set(radius), vec_dot(v, r->to_light)),
-         narrow = neg_mul_add(c, c, set(1.0f));
-    real rest = mul_sub(lean, lean, narrow * need);
-    real meets = need / (lean + root(most_of(rest, zero)));
-    meets = choose(both(greater(lean, zero), not_less(rest, zero)), meets, set(INFINITY));
-    return choose(greater(need, zero), meets, zero);
+    struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
+                    v_splat(centre[2]) - r->point.z};
+    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), c = r->facing;
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vfloat lean = v_madd(c, v_splat(radius), vec_dot(v, r->to_light)),
+           narrow = v_nmadd(c, c, v_splat(1.0f));
+    vfloat rest = v_msub(lean, lean, narrow * need);
+    vfloat meets = need / (lean + v_sqrt(v_max(rest, zero)));
+    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
+    return v_select(v_cmp_gt(need, zero), meets, zero);
 }
 
 static inline bool stops_sooner(const float centre[3], float radius, void *with) {
     COUNT(stops_sooner, call);
     struct leapers *l = with;
-    return any(both(l->able, less(earliest(centre, radius, l->rays), l->rays->alone)));
+    return v_any(v_and(l->able, v_cmp_lt(earliest(centre, radius, l->rays), l->rays->alone)));
 }
 
 static inline void stop_at(int shape, void *with) {
@@ -255,30 +257,31 @@ static inline void stop_at(int shape, void *with) {
     struct leapers *l = with;
     const struct placed *s = &l->scene->placed[shape];
     struct rays *r = l->rays;
-    r->alone = least_of(r->alone, earliest(s->position, s->bound, r));
+    r->alone = v_min(r->alone, earliest(s->position, s->bound, r));
 }
 
 // Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
-static inline mask may_enter(const struct placed *s, int i, const struct rays *r) {
+static inline vmask may_enter(const struct placed *s, int i, const struct rays *r) {
     COUNT(may_enter, call);
     COUNT(may_enter, scalar);
-    struct vec v = {set(s->position[0]) - r->point.x, set(s->position[1]) - r->point.y,
-                    set(s->position[2]) - r->point.z};
-    real along = vec_dot(v, r->to_light), square = vec_dot(v, v);
-    real need = mul_sub(square, set(1 - 2e-6f), set(s->bound * s->bound * (1 + 1e-5f)));
-    mask ahead = both(greater(along, set(0.0f)), not_less(along * along, need));
-    ahead = both(ahead, less(along - set(s->bound * (1 + 1e-4f)), r->first * set(1 + 1e-5f)));
-    mask may = either(ahead, less(need, set(0.0f)));
-    return but_not(same_shape(r->shape, i), both(r->active, may));
+    struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
+                    v_splat(s->position[2]) - r->point.z};
+    vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    ahead = v_and(ahead,
+                  v_cmp_lt(along - v_splat(s->bound * (1 + 1e-4f)), r->first * v_splat(1 + 1e-5f)));
+    vmask may = v_or(ahead, v_cmp_lt(need, v_splat(0.0f)));
+    return v_andnot(same_shape(r->shape, i), v_and(r->active, may));
 }
 
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) {
-    ACTIVE(count_of(r->active));
+    ACTIVE(v_count(r->active));
     COUNT(crowd_ahead, call);
     const struct prepared *scene = work->scene;
     for (int k = 0; k < scene->plane_count; k++) {
         COUNT(crowd_ahead, plane);
-        r->on_plane = either(r->on_plane, same_shape(r->shape, scene->planes[k]));
+        r->on_plane = v_or(r->on_plane, same_shape(r->shape, scene->planes[k]));
     }
     for (int k = 0; k < scene->plane_count; k++)
         look_at_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
@@ -286,20 +289,21 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work) 
     end_behind_all(r, scene);
     for (int k = 0; k < work->desk->aheads; k++) {
         int i = work->desk->ahead[k];
-        ACTIVE(count_of(r->active));
-        mask may = may_enter(&scene->placed[i], i, r);
-        if (!any(may))
+        ACTIVE(v_count(r->active));
+        vmask may = may_enter(&scene->placed[i], i, r);
+        if (!v_any(may))
             continue;
-        ACTIVE(count_of(may));
+        ACTIVE(v_count(may));
         enter_on_the_way(&scene->placed[i], i, r, may);
     }
-    ACTIVE(count_of(r->active));
+    ACTIVE(v_count(r->active));
     // A cone's slope must be below 1 for its end to be told (earliest).
-    struct leapers l = {r, both(both(r->on_plane, r->active), less(r->facing, set(0.99f))), scene};
-    mask flat = on_flat_faces(r, scene);
-    ACTIVE(count_of(r->active)); // what was called has set its own
-    r->alone = choose(either(l.able, flat), r->alone, set(0.0f));
-    r->on_plane = either(r->on_plane, flat); // as if they were
-    if (any(l.able))
+    struct leapers l = {
+        r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
+    vmask flat = on_flat_faces(r, scene);
+    ACTIVE(v_count(r->active)); // what was called has set its own
+    r->alone = v_select(v_or(l.able, flat), r->alone, v_splat(0.0f));
+    r->on_plane = v_or(r->on_plane, flat); // as if they were
+    if (v_any(l.able))
         follow(&scene->tree, stops_sooner, stop_at, &l);
 }

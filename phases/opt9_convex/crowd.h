@@ -24,12 +24,12 @@ void crowd_about_packet(const float centre[3], float radius, const float to_ligh
                         const struct convex *work);
 // Those whose bounding spheres any of the rays starts in or meets; how many. `list` has room for LANES more than the scene has
 // shapes (list_those).
-int crowd_along(struct vec origin, struct vec direction, mask active, const struct convex *work,
+int crowd_along(struct vec origin, struct vec direction, vmask active, const struct convex *work,
                 int *list);
 
 // What cleared() tells of a small scene, ray by ray.
-mask crowd_clears(struct vec point, struct vec local, struct vec to_light, real facing, real shape,
-                  mask active, const struct convex *work);
+vmask crowd_clears(struct vec point, struct vec local, struct vec to_light, vfloat facing,
+                   vfloat shape, vmask active, const struct convex *work);
 
 // Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
 void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
@@ -37,9 +37,9 @@ void crowd_ahead(struct rays *r, struct near *nears, const struct convex *work);
 // in the way ends, in those lanes alone; less than 0 where nothing is. Of BEAM packets at most.
 struct asking {
     const struct rays *rays;
-    real t, q, until;
-    real own; // a solid that comes no nearer than that any more, −1: none is known
-    mask asked;
+    vfloat t, q, until;
+    vfloat own; // a solid that comes no nearer than that any more, −1: none is known
+    vmask asked;
 };
 void crowd_behind(struct asking *asking, int count, const struct convex *work);
 

@@ -8,16 +8,18 @@
 //
 // The lanes are bundles in the walk, rays where a copy is asked (copies.h).
 #include "copies.h"
+#include "numerics.h"
 
 // The camera from the middles of the cells that the lanes are in, as two floats.
-static inline real lane_place(const struct grid *grid, int axis, real d, real count, real *rest) {
+static inline vfloat lane_place(const struct grid *grid, int axis, vfloat d, vfloat count,
+                                vfloat *rest) {
     COUNT(lane_place, call);
-    half size = half_set(grid->size[axis]), eye = half_set(grid->eye[axis]);
-    real number = with_sign_of(d, count);
-    half low = half_neg_mul_add(half_low(number), size, eye);
-    half high = half_neg_mul_add(half_high(number), size, eye);
-    real at = narrowed(low, high);
-    *rest = narrowed(low - half_low(at), high - half_high(at));
+    vhalf size = v_half_splat(grid->size[axis]), eye = v_half_splat(grid->eye[axis]);
+    vfloat number = v_copysign(count, d);
+    vhalf low = v_half_nmadd(v_half_low(number), size, eye);
+    vhalf high = v_half_nmadd(v_half_high(number), size, eye);
+    vfloat at = v_from_halves(low, high);
+    *rest = v_from_halves(low - v_half_low(at), high - v_half_high(at));
     return at;
 }
 
@@ -29,49 +31,49 @@ static inline struct vec lane_places(const struct grid *grid, struct vec d, cons
 }
 
 static inline struct walk walk_from(const struct grid *grid, struct vec d, const struct placed *s,
-                                    real end) {
-    return (struct walk){axis_of(set((float)grid->eye[0]), d.x, s->cell[0], s->around[0]),
-                         axis_of(set((float)grid->eye[1]), d.y, s->cell[1], s->around[1]),
-                         axis_of(set((float)grid->eye[2]), d.z, s->cell[2], s->around[2]), end};
+                                    vfloat end) {
+    return (struct walk){axis_of(v_splat((float)grid->eye[0]), d.x, s->cell[0], s->around[0]),
+                         axis_of(v_splat((float)grid->eye[1]), d.y, s->cell[1], s->around[1]),
+                         axis_of(v_splat((float)grid->eye[2]), d.z, s->cell[2], s->around[2]), end};
 }
 
 // Each ray by itself, from the camera on. What it has met it does not ask again.
 INLINE void walk_alone(int first, const struct grid *grid, int block) {
-    ACTIVE(count_of(grid->left[block]));
+    ACTIVE(v_count(grid->left[block]));
     COUNT(walk_alone, call);
     COUNT(walk_alone, scalar);
     const struct placed *s = &KNOWN(grid->scene)->placed[first];
     const struct sight *at = &grid->sights[block];
     struct vec d = direction_of(first, grid, block);
-    struct walk w = walk_from(grid, d, s, least_of(set(2.0f * grid->bounds), at->hit.t));
-    for (mask going = grid->left[block]; any(going);) {
-        mask met = next_box(&w, going, no_lane());
-        if (!any(met))
+    struct walk w = walk_from(grid, d, s, v_min(v_splat(2.0f * grid->bounds), at->hit.t));
+    for (vmask going = grid->left[block]; v_any(going);) {
+        vmask met = next_box(&w, going, v_mask_none());
+        if (!v_any(met))
             return;
-        ACTIVE(count_of(met));
+        ACTIVE(v_count(met));
         COUNT(walk_alone, met);
         struct vec rest, o = lane_places(grid, d, &w, &rest);
-        going = next_cells(&w, but_not(meet_copy(first, grid, block, o, rest, 0, met), met));
+        going = next_cells(&w, v_andnot(meet_copy(first, grid, block, o, rest, 0, met), met));
     }
 }
 
 // As next_box() where some ray of them may meet the box.
-static inline mask bundles_next(struct bundles *b, float spread, mask going) {
+static inline vmask bundles_next(struct bundles *b, float spread, vmask going) {
     COUNT(bundles_next, call);
     struct walk *w = &b->walk;
-    mask met = no_lane();
-    while (any(going)) {
-        ACTIVE(count_of(going));
+    vmask met = v_mask_none();
+    while (v_any(going)) {
+        ACTIVE(v_count(going));
         COUNT(bundles_next, cell);
-        real wide = set(spread) * least_of(leaves_at(&w->x, &w->y, &w->z), w->end);
-        real x = mul_add(wide, b->along.x, w->x.half), y = mul_add(wide, b->along.y, w->y.half),
-             z = mul_add(wide, b->along.z, w->z.half);
-        real in = most_of(w->x.middle - x, most_of(w->y.middle - y, w->z.middle - z));
-        real out = least_of(w->x.middle + x, least_of(w->y.middle + y, w->z.middle + z));
-        mask here =
-            both(both(going, not_less(out, in)), both(greater(out, set(0.0f)), less(in, w->end)));
-        met = either(met, here);
-        going = next_cells(w, but_not(here, going));
+        vfloat wide = v_splat(spread) * v_min(leaves_at(&w->x, &w->y, &w->z), w->end);
+        vfloat x = v_madd(wide, b->along.x, w->x.half), y = v_madd(wide, b->along.y, w->y.half),
+               z = v_madd(wide, b->along.z, w->z.half);
+        vfloat in = v_max(w->x.middle - x, v_max(w->y.middle - y, w->z.middle - z));
+        vfloat out = v_min(w->x.middle + x, v_min(w->y.middle + y, w->z.middle + z));
+        vmask here = v_and(v_and(going, v_cmp_ge(out, in)),
+                           v_and(v_cmp_gt(out, v_splat(0.0f)), v_cmp_lt(in, w->end)));
+        met = v_or(met, here);
+        going = next_cells(w, v_andnot(here, going));
     }
     return met;
 }
@@ -83,20 +85,20 @@ INLINE bool meet_bundle(int first, struct grid *grid, int bundle, struct vec o, 
     int block = bundle / ACROSS * STACKED * ACROSS + bundle % ACROSS;
     for (int k = 0; k < STACKED; k++) {
         const struct sight *at = &grid->sights[block + k * ACROSS];
-        whole = whole && !any(at->hit.found);
+        whole = whole && !v_any(at->hit.found);
     }
     for (int k = 0; k < STACKED; k++, block += ACROSS) {
-        mask left = grid->left[block];
-        if (!any(left))
+        vmask left = grid->left[block];
+        if (!v_any(left))
             continue;
-        ACTIVE(count_of(left));
+        ACTIVE(v_count(left));
         if (whole) {
             EACH_ALIKE(grid->scene, take_whole, first, shape, axis, grid, block, o, rest);
-            grid->left[block] = no_lane();
+            grid->left[block] = v_mask_none();
         } else {
-            left = but_not(meet_copy(first, grid, block, o, rest, away, left), left);
+            left = v_andnot(meet_copy(first, grid, block, o, rest, away, left), left);
             grid->left[block] = left;
-            on = on || any(left);
+            on = on || v_any(left);
         }
     }
     return on;
@@ -110,32 +112,34 @@ INLINE void most_bound(int i, int first, const struct prepared *scene, float *mo
 }
 
 // What bundles meet of the copies in their cells; those that go on.
-INLINE mask meet_cells_of(int first, struct grid *grid, const struct bundles *b, int from,
-                          mask met) {
-    ACTIVE(count_of(met));
+INLINE vmask meet_cells_of(int first, struct grid *grid, const struct bundles *b, int from,
+                           vmask met) {
+    ACTIVE(v_count(met));
     COUNT(meet_cells_of, call);
     struct vec d = b->direction, rest, o = lane_places(grid, d, &b->walk, &rest);
     float places[9][LANES], bound = 0;
     EACH_ALIKE(grid->scene, most_bound, first, grid->scene, &bound);
     struct proof p = nothing_proved(o, d, bound, grid);
     EACH_ALIKE(grid->scene, prove, first, grid, b, &p);
-    mask possible = less(least_of(p.lo, p.others), set(INFINITY));
-    real shape = choose(less(p.hi, p.others), p.shape, set(-1.0f));
-    const real all[9] = {o.x, o.y, o.z, rest.x, rest.y, rest.z, shape, p.axis, p.away};
+    vmask possible = v_cmp_lt(v_min(p.lo, p.others), v_splat(INFINITY));
+    vfloat shape = v_select(v_cmp_lt(p.hi, p.others), p.shape, v_splat(-1.0f));
+    const vfloat all[9] = {o.x, o.y, o.z, rest.x, rest.y, rest.z, shape, p.axis, p.away};
     for (int k = 0; k < 9; k++)
-        unload(all[k], places[k]);
-    unsigned on = bits(met);
-    for (unsigned left = bits(both(met, possible)); left; left &= left - 1) {
+        v_store(all[k], places[k]);
+    unsigned on = v_mask_bits(met);
+    for (unsigned left = v_mask_bits(v_and(met, possible)); left; left &= left - 1) {
         int lane = __builtin_ctz(left);
-        struct vec at = {set(places[0][lane]), set(places[1][lane]), set(places[2][lane])};
-        struct vec more = {set(places[3][lane]), set(places[4][lane]), set(places[5][lane])};
+        struct vec at = {v_splat(places[0][lane]), v_splat(places[1][lane]),
+                         v_splat(places[2][lane])};
+        struct vec more = {v_splat(places[3][lane]), v_splat(places[4][lane]),
+                           v_splat(places[5][lane])};
         if (!meet_bundle(first, grid, from + lane, at, more,
                          grid->alone && is_plain(&KNOWN(grid->scene)->model) ? (int)places[6][lane]
                                                                              : -1,
                          (int)places[7][lane], (unsigned)places[8][lane]))
             on &= ~(1u << lane);
     }
-    return lanes_of(on);
+    return v_mask_of_bits(on);
 }
 
 // Whether the shape i is repeated otherwise than `first`.
@@ -163,49 +167,50 @@ INLINE unsigned begin_grid(int first, struct grid *grid, const struct mesh *mesh
     }
     unsigned open = 0;
     for (int block = mesh->down * ACROSS; block < BLOCKS; block++) {
-        grid->left[block] = no_lane();
-        grid->sights[block].hit.found = no_lane();
-        grid->sights[block].active = no_lane();
-        grid->sights[block].hit.t = set(0.0f);
+        grid->left[block] = v_mask_none();
+        grid->sights[block].hit.found = v_mask_none();
+        grid->sights[block].active = v_mask_none();
+        grid->sights[block].hit.t = v_splat(0.0f);
     }
-    mask met = no_lane();
+    vmask met = v_mask_none();
     for (int row = 0; row < mesh->down; row++) {
         for (int block = row * ACROSS; block < row * ACROSS + mesh->across; block++) {
             grid->left[block] = grid->sights[block].active;
-            met = either(met, grid->sights[block].hit.found);
+            met = v_or(met, grid->sights[block].hit.found);
         }
         open |= ((1u << mesh->across) - 1) << row / STACKED * ACROSS;
     }
-    grid->first = !any(met);
+    grid->first = !v_any(met);
     return open;
 }
 
 // How far the rays of some bundles go: to what else they have met, if all have.
-INLINE real ends_of(const struct grid *grid, int from, unsigned open) {
+INLINE vfloat ends_of(const struct grid *grid, int from, unsigned open) {
     COUNT(ends_of, call);
     COUNT(ends_of, scalar);
     if (grid->first)
-        return set(2.0f * grid->bounds);
+        return v_splat(2.0f * grid->bounds);
     float ends[LANES];
-    unload(set(2.0f * grid->bounds), ends);
+    v_store(v_splat(2.0f * grid->bounds), ends);
     for (; open; open &= open - 1) {
         int lane = __builtin_ctz(open), bundle = from + lane;
         const struct sight *at =
             &grid->sights[bundle / ACROSS * STACKED * ACROSS + bundle % ACROSS];
-        real furthest = set(0.0f);
+        vfloat furthest = v_splat(0.0f);
         bool all = true;
         for (int k = 0; k < STACKED && all; k++) {
-            all = !any(but_not(at[k * ACROSS].hit.found, at[k * ACROSS].active));
-            furthest = most_of(furthest, keep(at[k * ACROSS].active, at[k * ACROSS].hit.t));
+            all = !v_any(v_andnot(at[k * ACROSS].hit.found, at[k * ACROSS].active));
+            furthest =
+                v_max(furthest, v_select_or_zero(at[k * ACROSS].active, at[k * ACROSS].hit.t));
         }
         if (!all)
             continue;
         ACTIVE(LANES);
         COUNT(ends_of, met);
-        float far = -least_lane(set(0.0f) - furthest);
+        float far = -least_lane(v_splat(0.0f) - furthest);
         ends[lane] = far < ends[lane] ? far : ends[lane];
     }
-    return load(ends);
+    return v_load(ends);
 }
 
 // Until where no ray leaves the cells that its bundle's axis goes through.
@@ -229,31 +234,31 @@ INLINE void meet_bundles(int first, struct grid *grid, const struct mesh *mesh,
     COUNT(meet_bundles, scalar);
     const struct placed *s = &KNOWN(job->prepared)->placed[first];
     const struct eye *eye = &job->eyes[first];
-    real number = lane_numbers() + set((float)from);
-    real row = floor_of(number * set(1.0f / ACROSS)), column = number - row * set(ACROSS);
-    real four = set(4.0f * mesh->pixel);
-    real x = mul_add(column, four, set(mesh->left + 2.0f * mesh->pixel));
-    real y = neg_mul_add(row, four, set(mesh->top - 2.0f * mesh->pixel));
+    vfloat number = v_iota() + v_splat((float)from);
+    vfloat row = v_floor(number * v_splat(1.0f / ACROSS)), column = number - row * v_splat(ACROSS);
+    vfloat four = v_splat(4.0f * mesh->pixel);
+    vfloat x = v_madd(column, four, v_splat(mesh->left + 2.0f * mesh->pixel));
+    vfloat y = v_nmadd(row, four, v_splat(mesh->top - 2.0f * mesh->pixel));
     struct vec d = vec_along(vec_along(vec_set(eye->axis[2]), vec_set(eye->axis[0]), x),
                              vec_set(eye->axis[1]), y);
-    d = vec_scale(d, set(1.0f) / vec_norm(d));
+    d = vec_scale(d, v_splat(1.0f) / vec_norm(d));
     struct bundles b = {.direction = d};
-    real end = ends_of(grid, from, open);
+    vfloat end = ends_of(grid, from, open);
     ACTIVE(__builtin_popcount(open));
-    real together = set(together_until(grid, s));
-    b.walk = walk_from(grid, d, s, least_of(end, together));
+    vfloat together = v_splat(together_until(grid, s));
+    b.walk = walk_from(grid, d, s, v_min(end, together));
     b.along = (struct vec){b.walk.x.size, b.walk.y.size, b.walk.z.size};
-    for (mask going = lanes_of(open); any(going);) {
-        mask met = bundles_next(&b, grid->spread, going);
-        if (!any(met))
+    for (vmask going = v_mask_of_bits(open); v_any(going);) {
+        vmask met = bundles_next(&b, grid->spread, going);
+        if (!v_any(met))
             break;
         going = next_cells(&b.walk, meet_cells_of(first, grid, &b, from, met));
     }
-    open &= bits(less(together, end));
+    open &= v_mask_bits(v_cmp_lt(together, end));
     for (; open; open &= open - 1) {
         int bundle = from + __builtin_ctz(open), row_of = bundle / ACROSS * STACKED;
         for (int k = 0; k < STACKED; k++)
-            if (any(grid->left[(row_of + k) * ACROSS + bundle % ACROSS]))
+            if (v_any(grid->left[(row_of + k) * ACROSS + bundle % ACROSS]))
                 walk_alone(first, grid, (row_of + k) * ACROSS + bundle % ACROSS);
     }
 }

@@ -1,5 +1,6 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "simd/point.h"
 #include "trace.h"
 
 #include <limits.h>
@@ -7,49 +8,49 @@
 // A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
 // known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
 struct exit {
-    real linear, constant; // t·(t + linear) + constant > 0
+    vfloat linear, constant; // t·(t + linear) + constant > 0
 };
 
-static struct exit leaving(struct place origin, struct vec direction, const struct model *model) {
+static struct exit leaving(struct point origin, struct vec direction, const struct model *model) {
     COUNT(leaving, call);
     COUNT(leaving, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
-    return (struct exit){set(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - set(radius * radius * (1.0f + 0x1p-20f))};
+    return (struct exit){v_splat(2.0f) * vec_dot(o, direction),
+                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-static mask within(struct place place, const struct model *model) {
+static vmask within(struct point place, const struct model *model) {
     COUNT(within, call);
     COUNT(within, scalar);
     double radius = model->march.bounds_radius;
-    return not_less(set(0.0f), power_at(wide_place(place), radius * radius));
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
 }
 
-static inline mask outside(struct exit exit, real t) {
-    return greater(mul_add(t, t + exit.linear, exit.constant), set(0.0f));
+static inline vmask outside(struct exit exit, vfloat t) {
+    return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
 }
 
 // The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
 // moves the ray, and it would stall there until the step cap.
-static inline mask reaches(real distance, real t, real hit_distance) {
-    return less(distance, most_of(hit_distance, t * set(0x1p-24f)));
+static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
+    return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
 }
 
 // Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
 // horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
-static inline real newton(real h, real slope, real way) {
+static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
     COUNT(newton, call);
-    mask own = less(absolute(h), way * set(0x1p-21f));
-    return keep(own, h / most_of(slope, set(0x1p-9f)));
+    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
+    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
 // Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
 // rounded, would lose what places the hit on the surface.
 struct progress {
-    struct place origin; // at the distance `before`
-    real before, t, last, evals;
-    mask done, found;
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vmask done, found;
     int steps; // of the ray that has had fewest, of those that march on
 };
 
@@ -58,22 +59,22 @@ static inline void march(struct progress *at, struct vec direction, const struct
     COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct exit exit = leaving(at->origin, direction, &scene->model);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    mask done = at->done, found = at->found;
-    real t = set(0.0f), last = t, evals = at->evals;
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vmask done = at->done, found = at->found;
+    vfloat t = v_splat(0.0f), last = t, evals = at->evals;
     for (int step = at->steps; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(march, step);
-        real distance = sdf(world->approach, t, scene, done, NULL);
-        evals = evals + drop(done, set(1.0f));
-        mask reached = but_not(done, reaches(distance, t, hit_distance));
-        last = choose(reached, distance, last);
-        t = t + drop(either(done, reached), distance);
-        mask ended = either(reached, but_not(done, outside(exit, t)));
-        if (any(ended)) {
-            found = either(found, reached);
-            done = either(done, ended);
-            if (all(done))
+        vfloat distance = sdf(world->approach, t, scene, done, NULL);
+        evals = evals + v_zero_where(done, v_splat(1.0f));
+        vmask reached = v_andnot(done, reaches(distance, t, hit_distance));
+        last = v_select(reached, distance, last);
+        t = t + v_zero_where(v_or(done, reached), distance);
+        vmask ended = v_or(reached, v_andnot(done, outside(exit, t)));
+        if (v_any(ended)) {
+            found = v_or(found, reached);
+            done = v_or(done, ended);
+            if (v_all(done))
                 break;
         }
     }
@@ -81,21 +82,21 @@ static inline void march(struct progress *at, struct vec direction, const struct
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void stay_in(mask deep, real t, const struct world *world,
-                                              real *shape) {
-    ACTIVE(count_of(deep));
+__attribute__((noinline)) static void stay_in(vmask deep, vfloat t, const struct world *world,
+                                              vfloat *shape) {
+    ACTIVE(v_count(deep));
     COUNT(stay_in, call);
-    real inside = set(-1.0f);
-    sdf(world->approach, t, world->scene, not_in(deep), &inside);
-    *shape = choose(deep, inside, *shape);
+    vfloat inside = v_splat(-1.0f);
+    sdf(world->approach, t, world->scene, v_not(deep), &inside);
+    *shape = v_select(deep, inside, *shape);
 }
 
 // Of these rays the fewest evaluations that one has had. Each has the cap to itself, whatever its neighbours took.
-static int fewest(real evals, mask on) {
+static int fewest(vfloat evals, vmask on) {
     float had[LANES];
     int least = INT_MAX;
-    unload(evals, had);
-    for (unsigned rest = bits(on); rest; rest &= rest - 1) {
+    v_store(evals, had);
+    for (unsigned rest = v_mask_bits(on); rest; rest &= rest - 1) {
         int evaluations = (int)had[__builtin_ctz(rest)];
         least = evaluations < least ? evaluations : least;
     }
@@ -105,72 +106,73 @@ static int fewest(real evals, mask on) {
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there.
-void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
+void ray_march(struct point origin, struct vec direction, vmask active, const struct world *world,
                struct hit *hit) {
     COUNT(ray_march, call);
     COUNT(ray_march, scalar);
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
-    real zero = set(0.0f), off_from = set(twice), sunk_from = set(-twice);
-    real most = set((float)scene->model.march.max_steps);
-    struct progress at = {.origin = origin, .before = zero, .evals = zero, .found = no_lane()};
-    at.done = not_in(active);
-    mask deep = no_lane(); // a ray that started inside a shape has stepped back out of it
-    real inside = set(-1.0f);
-    struct nearness near = {zero, inside, no_lane()};
+    vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
+    vfloat most = v_splat((float)scene->model.march.max_steps);
+    struct progress at = {.origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
+    at.done = v_not(active);
+    vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
+    vfloat inside = v_splat(-1.0f);
+    struct nearness near = {zero, inside, v_mask_none()};
     approach_origins(origin, scene, world->approach);
     approach_directions(direction, scene, world->approach);
     for (;;) {
-        mask settled = at.found;
+        vmask settled = at.found;
         march(&at, direction, world);
-        if (!any(at.found))
+        if (!v_any(at.found))
             break;
-        ACTIVE(count_of(at.found));
+        ACTIVE(v_count(at.found));
         COUNT(ray_march, landed);
         // march() counts from the ray that has had fewest: others may have had more than the cap.
-        at.found = but_not(greater(at.evals, most), at.found);
-        mask sunk = both(at.found, less(at.last, sunk_from));
-        if (any(sunk))
+        at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
+        vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
+        if (v_any(sunk))
             stay_in(sunk, at.t, world, &inside);
-        deep = either(deep, sunk);
-        at.origin = place_at(at.origin, direction, at.t, at.last);
+        deep = v_or(deep, sunk);
+        at.origin = point_at(at.origin, direction, at.t, at.last);
         approach_origins(at.origin, scene, world->approach);
         near = near_hit(at.found, world);
-        mask off = both(at.found, but_not(either(deep, settled), greater(near.distance, off_from)));
-        if (!any(off))
+        vmask off =
+            v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
+        if (!v_any(off))
             break;
-        ACTIVE(count_of(off));
+        ACTIVE(v_count(off));
         COUNT(ray_march, on);
         // From where it surely was before that surface, be it as thin as an ulp of t.
-        real back = keep(off, at.t * set(-0x1p-22f));
+        vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
         at.origin.lo = vec_along(at.origin.lo, direction, back);
         at.before = at.before + (at.t + (at.last + back));
         approach_origins(at.origin, scene, world->approach);
         approach_directions(direction, scene, world->approach);
-        at.found = but_not(off, at.found);
-        at.done = but_not(off, at.done);
-        at.done = either(at.done, not_less(at.evals, most));
+        at.found = v_andnot(off, at.found);
+        at.done = v_andnot(off, at.done);
+        at.done = v_or(at.done, v_cmp_ge(at.evals, most));
         int had = fewest(at.evals, off); // a float: from 2^24 on it stands still
         at.steps = had > at.steps ? had : at.steps + 1;
     }
-    *hit = (struct hit){.found = at.found, .shape = set(-1.0f), .evals = least_of(at.evals, most)};
-    if (!any(at.found))
+    *hit = (struct hit){.found = at.found, .shape = v_splat(-1.0f), .evals = v_min(at.evals, most)};
+    if (!v_any(at.found))
         return;
-    real way = at.before + at.t;
-    mask unmoved = not_less(zero, way); // hits wherever it starts
-    hit->found = both(hit->found, either(within(at.origin, &scene->model), unmoved));
-    if (any(deep)) {
+    vfloat way = at.before + at.t;
+    vmask unmoved = v_cmp_ge(zero, way); // hits wherever it starts
+    hit->found = v_and(hit->found, v_or(within(at.origin, &scene->model), unmoved));
+    if (v_any(deep)) {
         COUNT(ray_march, deep);
         near.contact =
-            either(near.contact, both(deep, not_less(absolute(near.shape - inside), set(0.5f))));
-        near.shape = choose(deep, inside, near.shape);
+            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
+        near.shape = v_select(deep, inside, near.shape);
     }
-    real slope;
+    vfloat slope;
     hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(count_of(hit->found));
+    ACTIVE(v_count(hit->found));
     COUNT(ray_march, end);
-    hit->shape = choose(hit->found, near.shape, hit->shape);
-    real more = drop(deep, newton(near.distance, slope, way));
+    hit->shape = v_select(hit->found, near.shape, hit->shape);
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, way));
     hit->t = at.before + (at.t + (at.last + more));
     hit->point = at.origin;
     hit->point.lo = vec_along(hit->point.lo, direction, more);
@@ -179,75 +181,77 @@ void ray_march(struct place origin, struct vec direction, mask active, const str
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static real soft_shadow(mask active, struct exit exit, const struct world *world) {
+static vfloat soft_shadow(vmask active, struct exit exit, const struct world *world) {
     COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
-    mask done = not_in(active);
-    real hit_distance = set((float)model->march.hit_distance);
-    real strength = set((float)model->shadow_strength), zero = set(0.0f);
-    real least = set(1.0f), previous = set(1e20f), t = set((float)model->march.surface_offset);
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength), zero = v_splat(0.0f);
+    vfloat least = v_splat(1.0f), previous = v_splat(1e20f),
+           t = v_splat((float)model->march.surface_offset);
     for (int step = 0; step < model->march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        done = either(done, reaches(h, t, hit_distance));
-        if (all(done))
+        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        done = v_or(done, reaches(h, t, hit_distance));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, step);
-        real square = h * h, y = square / (set(2.0f) * previous);
-        real inside = neg_mul_add(y, y, square), beyond = t - y;
+        vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
+        vfloat inside = v_nmadd(y, y, square), beyond = t - y;
         // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
         // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
-        mask sound = both(greater(inside, square * set(2e-5f)), greater(beyond, zero));
+        vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
         // strength·√inside/beyond < least, asked without the root: it is seldom so.
-        real scaled = least * beyond;
-        mask darker =
-            but_not(done, both(sound, less(strength * strength * inside, scaled * scaled)));
-        if (any(darker)) {
-            ACTIVE(count_of(darker));
+        vfloat scaled = least * beyond;
+        vmask darker =
+            v_andnot(done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));
+        if (v_any(darker)) {
+            ACTIVE(v_count(darker));
             COUNT(soft_shadow, darker);
-            least = choose(darker, strength * root(inside) / beyond, least);
+            least = v_select(darker, strength * v_sqrt(inside) / beyond, least);
         }
         previous = h;
-        t = t + drop(done, h);
-        done = either(done, outside(exit, t));
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
     }
     return least;
 }
 
-static real hard_shadow(real distance, mask active, struct exit exit, const struct world *world) {
+static vfloat hard_shadow(vfloat distance, vmask active, struct exit exit,
+                          const struct world *world) {
     COUNT(hard_shadow, call);
     const struct prepared *scene = world->scene;
-    mask done = not_in(active);
-    real hit_distance = set((float)scene->model.march.hit_distance);
-    real lit = set(1.0f), t = set((float)scene->model.march.surface_offset);
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
     for (int step = 0; step < scene->model.march.max_steps; step++) {
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, test);
-        done = either(done, not_in(less(t, distance)));
-        if (all(done))
+        done = v_or(done, v_not(v_cmp_lt(t, distance)));
+        if (v_all(done))
             break;
-        ACTIVE(LANES - count_of(done));
+        ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        real h = sdf(world->approach, t, scene, done, NULL);
-        mask blocked = but_not(done, reaches(h, t, hit_distance));
-        lit = drop(blocked, lit);
-        done = either(done, blocked);
-        t = t + drop(done, h);
-        done = either(done, outside(exit, t));
+        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
+        lit = v_zero_where(blocked, lit);
+        done = v_or(done, blocked);
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
     }
     return lit;
 }
 
 // 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world) {
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct world *world) {
     COUNT(shadow, call);
     const struct prepared *scene = world->scene;
     if (scene->model.shadows == SHADOWS_NONE)
-        return set(1.0f);
+        return v_splat(1.0f);
     approach_directions(to_light, scene, world->approach);
     struct exit exit = leaving(point, to_light, &scene->model);
     return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)

@@ -6,6 +6,7 @@
 #include "bulb.h"
 #include "cells.h"
 #include "crowd.h"
+#include "numerics.h"
 #include "stage.h"
 
 // A hard shadow's ray is a line: so much of a slope for what is rounded in it.
@@ -20,23 +21,23 @@ static bool ball_of(const struct stage *stage, int count, const struct view *vie
                     struct ball *ball) {
     COUNT(ball_of, call);
     COUNT(ball_of, scalar);
-    struct vec least = {set(INFINITY), set(INFINITY), set(INFINITY)};
-    struct vec most = {set(-INFINITY), set(-INFINITY), set(-INFINITY)};
+    struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
+    struct vec most = {v_splat(-INFINITY), v_splat(-INFINITY), v_splat(-INFINITY)};
     for (int i = 0; i < count; i++) {
         COUNT(ball_of, packet);
-        mask lit = stage[i].lit;
+        vmask lit = stage[i].lit;
         struct vec p = stage[i].point;
-        least = (struct vec){choose(lit, least_of(p.x, least.x), least.x),
-                             choose(lit, least_of(p.y, least.y), least.y),
-                             choose(lit, least_of(p.z, least.z), least.z)};
-        most = (struct vec){choose(lit, most_of(p.x, most.x), most.x),
-                            choose(lit, most_of(p.y, most.y), most.y),
-                            choose(lit, most_of(p.z, most.z), most.z)};
+        least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
+                             v_select(lit, v_min(p.y, least.y), least.y),
+                             v_select(lit, v_min(p.z, least.z), least.z)};
+        most = (struct vec){v_select(lit, v_max(p.x, most.x), most.x),
+                            v_select(lit, v_max(p.y, most.y), most.y),
+                            v_select(lit, v_max(p.z, most.z), most.z)};
     }
-    const real low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
+    const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
     float square = 0, distance = 0;
     for (int k = 0; k < 3; k++) {
-        float a = least_lane(low[k]), b = -least_lane(set(0.0f) - high[k]);
+        float a = least_lane(low[k]), b = -least_lane(v_splat(0.0f) - high[k]);
         ball->centre[k] = 0.5f * (a + b);
         square += 0.25f * (b - a) * (b - a);
         ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];

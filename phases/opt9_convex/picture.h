@@ -3,16 +3,17 @@
 #define OPT9_PICTURE_H
 
 #include "block.h"
+#include "simd/rgb.h"
 #include "stage.h"
 
 static void store_hit(struct frame *frame, struct block block, const struct found *hit,
                       struct vec normal) {
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
-    store_plane(frame->id, 1, frame, block, choose(hit->found, hit->shape, set(-1.0f)));
-    store_plane(frame->normal, 3, frame, block, keep(hit->found, normal.x));
-    store_plane(frame->normal + 1, 3, frame, block, keep(hit->found, normal.y));
-    store_plane(frame->normal + 2, 3, frame, block, keep(hit->found, normal.z));
-    store_plane(frame->evals, 1, frame, block, set(1.0f));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
+    store_plane(frame->id, 1, frame, block, v_select(hit->found, hit->shape, v_splat(-1.0f)));
+    store_plane(frame->normal, 3, frame, block, v_select_or_zero(hit->found, normal.x));
+    store_plane(frame->normal + 1, 3, frame, block, v_select_or_zero(hit->found, normal.y));
+    store_plane(frame->normal + 2, 3, frame, block, v_select_or_zero(hit->found, normal.z));
+    store_plane(frame->evals, 1, frame, block, v_splat(1.0f));
 }
 
 static inline void store_block_of(struct frame *frame, struct block block, struct vec color) {
@@ -22,7 +23,7 @@ static inline void store_block_of(struct frame *frame, struct block block, struc
     }
     float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
     if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
-        store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
+        v_store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
         return;
     }
     store_plane(frame->rgb, 3, frame, block, color.x);
@@ -33,7 +34,7 @@ static inline void store_block_of(struct frame *frame, struct block block, struc
 static void store_colors(struct frame *frame, struct block block, const float *color) {
     store_block_of(
         frame, block,
-        (struct vec){load(color), load(color + COLOR_ROOM), load(color + 2 * COLOR_ROOM)});
+        (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
 }
 
 // Whether a row of the picture is whole cache lines, as sixteen of its pixels then are: what is stored of such a
@@ -63,8 +64,9 @@ static inline void show_lines(struct frame *frame, int left, int right, int top,
     for (int row = top; row < bottom; row++) {
         const float *from = row_from(color, row - top, across);
         for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
-            store_row(line + 3 * i, false, row_of(from), row_of(from + COLOR_ROOM),
-                      row_of(from + 2 * COLOR_ROOM));
+            v_store_row(line + 3 * i, false, v_load_block_row(from),
+                        v_load_block_row(from + COLOR_ROOM),
+                        v_load_block_row(from + 2 * COLOR_ROOM));
         show_samples(frame, row, left, line, across);
     }
 }
@@ -81,8 +83,9 @@ static void store_lines(struct frame *frame, int left, int right, int top, int b
         size_t first = (size_t)row * (size_t)frame->width + (size_t)left;
         const float *from = row_from(color, row - top, across);
         for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
-            store_row(frame->rgb + 3 * (first + (size_t)i), past, row_of(from),
-                      row_of(from + COLOR_ROOM), row_of(from + 2 * COLOR_ROOM));
+            v_store_row(frame->rgb + 3 * (first + (size_t)i), past, v_load_block_row(from),
+                        v_load_block_row(from + COLOR_ROOM),
+                        v_load_block_row(from + 2 * COLOR_ROOM));
     }
 }
 
@@ -107,12 +110,12 @@ static void fill_background(struct frame *frame, int left, int right, int top, i
     }
     enum { REGISTERS = 3 }; // have whole pixels
     const bool past = past_caches(frame);
-    real part[REGISTERS];
+    vfloat part[REGISTERS];
     float color[REGISTERS * LANES];
     for (int i = 0; i < REGISTERS * LANES; i++)
         color[i] = (float)model->background[i % 3];
     for (int i = 0; i < REGISTERS; i++)
-        part[i] = load(color + i * LANES);
+        part[i] = v_load(color + i * LANES);
     for (int row = top; row < bottom; row++) {
         size_t first = (size_t)row * (size_t)frame->width + (size_t)left,
                count = (size_t)(right - left);
@@ -120,7 +123,7 @@ static void fill_background(struct frame *frame, int left, int right, int top, i
         size_t more = 3 * count;
         for (; more >= REGISTERS * LANES; more -= REGISTERS * LANES)
             for (int i = 0; i < REGISTERS; i++, to += LANES)
-                put(to, past, part[i]);
+                v_store_or_stream(to, past, part[i]);
         memcpy(to, color, more * sizeof *to);
         for (size_t i = first; frame->depth && i < first + count; i++) {
             frame->depth[i] = INFINITY;

@@ -6,12 +6,12 @@
 #include "counting/flops.h"
 #include "driver/variant.h"
 #include "placed.h"
-#include "threads.h"
+#include "workers/workers.h"
 
 // What a tile reads is `prepared`; the team stands behind it.
 struct kept {
     struct prepared prepared;
-    struct team *team;
+    struct workers *workers;
     bool sixteen; // lanes, not eight
 };
 
@@ -32,10 +32,10 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     kept->sixteen = variant_here().lanes == 16;
     if (place_room(&kept->prepared, model->shape_count)) {
         place_all(&kept->prepared, model);
-        kept->team =
-            team_start(threads, kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model));
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
+                                                             : lanes8_own_size(model));
     }
-    if (!kept->team) {
+    if (!kept->workers) {
         place_free(&kept->prepared);
         free(kept);
         return NULL;
@@ -45,18 +45,18 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct kept *kept = (struct kept *)prepared; // its first member
-    team_end(kept->team);
+    workers_end(kept->workers);
     place_free(prepared);
     free(kept);
 }
 
 // Apart from what the caller writes on its stack: all workers read it.
 struct frame_job {
-    alignas(APART) struct job job;
+    alignas(WORKERS_APART) struct job job;
     bool sixteen;
 };
 
-void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *own) {
     const struct frame_job *job = data;
     if (job->sixteen)
         lanes16_tile(&job->job, tile, own);
@@ -71,7 +71,8 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
                              tile_height(prepared, frame->height),
                              prepared->solids && set_eyes(prepared, view, kept->sixteen)},
                             kept->sixteen};
-    team_run(kept->team, &job, kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
+    workers_run(kept->workers, render_tile, &job,
+                kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;
 }
 

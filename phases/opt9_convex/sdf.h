@@ -11,17 +11,18 @@
 #define OPT9_SDF_H
 
 #include "known.h"
-#include "vec.h"
+#include "simd/point.h"
+#include "simd/pow.h"
 
 // Rays in the frame of one shape. LINEAR: the distance is origin.x + t·direction.x. POWER:
 // |p|² − radius² is power + t·(t + slope).
 struct approach {
     struct vec origin, direction;
-    real power, slope;
+    vfloat power, slope;
 };
 
 // With a direction that the kernel may know. What is 0 times it would add no more than a sign to a 0.
-static inline real dot_with(const float a[3], struct vec v) {
+static inline vfloat dot_with(const float a[3], struct vec v) {
     if (is_up(a))
         return v.y;
     return vec_dot(vec_set(a), v);
@@ -30,7 +31,7 @@ static inline real dot_with(const float a[3], struct vec v) {
 // v mirrored at a plane through 0 with unit normal a.
 INLINE struct vec reflected_at(const float a[3], struct vec v) {
     if (is_up(a))
-        return (struct vec){v.x, set(0.0f) - v.y, v.z};
+        return (struct vec){v.x, v_splat(0.0f) - v.y, v.z};
     return vec_reflect(v, vec_set(a));
 }
 
@@ -54,8 +55,8 @@ INLINE struct vec turned_back(const struct placed *placed, struct vec v) {
     return vec_along(out, vec_set(placed->turn[2]), v.z);
 }
 
-static inline real wrapped(real x, float cell, float per_cell) { // cell 0: not repeated
-    return neg_mul_add(set(cell), floor_of(mul_add(x, set(per_cell), set(0.5f))), x);
+static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
+    return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
 }
 
 static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) {
@@ -65,43 +66,44 @@ static inline struct vec vec_wrapped(const struct placed *placed, struct vec p) 
                         wrapped(p.z, placed->cell[2], placed->per_cell[2])};
 }
 
-static inline wide wide_wrapped(wide x, double cell, double per_cell) {
-    wide turns = wide_floor(wide_less(wide_mul(x, per_cell), -0.5));
-    return wide_mul_add(turns, -cell, x);
+static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
+    vdouble turns = v_double_floor(v_double_sub(v_double_mul(x, per_cell), -0.5));
+    return v_double_madd(turns, -cell, x);
 }
 
 // One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
 // to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline real coordinate(const struct placed *placed, struct wide_vec from, int axis) {
+static inline vfloat coordinate(const struct placed *placed, struct vec_double from, int axis) {
     COUNT(coordinate, call);
-    wide x = wide_less(wide_dot(from, placed->row[axis]), placed->offset);
+    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
     if (placed->repeated) {
         COUNT(coordinate, wrap);
-        x = wide_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
     }
-    return narrow(x);
+    return v_double_to_float(x);
 }
 
-static inline real power_at(struct wide_vec from, double square) {
+static inline vfloat power_at(struct vec_double from, double square) {
     COUNT(power_at, call);
-    struct wide_vec p = from;
-    half each = half_set(square);
-    return narrow((wide){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
-                         p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
+    struct vec_double p = from;
+    vhalf each = v_half_splat(square);
+    return v_double_to_float(
+        (vdouble){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
+                  p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
 }
 
 // Fills one approach per shape: where the rays are, and then where they go.
-static inline void approach_origins(struct place origin, const struct prepared *scene,
+static inline void approach_origins(struct point origin, const struct prepared *scene,
                                     struct approach *approach) {
     COUNT(approach_origins, call);
-    struct wide_vec at = wide_place(origin);
+    struct vec_double at = vec_double_of(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
         const struct placed *placed = &scene->placed[i];
         if (placed->way == AT_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = place_sub(origin, placed->position, scene->more[i].position_lo);
+            approach[i].origin = point_sub(origin, placed->position, scene->more[i].position_lo);
             continue;
         }
-        struct wide_vec from = wide_from(at, placed->centre);
+        struct vec_double from = vec_double_sub(at, placed->centre);
         approach[i].origin.x = coordinate(placed, from, 0);
         if (placed->way == LINEAR)
             continue;
@@ -125,151 +127,153 @@ static inline void approach_directions(struct vec direction, const struct prepar
         approach[i].direction = turned(placed, direction);
         if (placed->way == POWER) {
             COUNT(approach_directions, power);
-            approach[i].slope = set(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
+            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
         }
     }
 }
 
 // The origins moved by a little along the rays.
-static inline void approach_moved(real by, const struct prepared *scene,
+static inline void approach_moved(vfloat by, const struct prepared *scene,
                                   struct approach *approach) {
     COUNT(approach_moved, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         struct approach *a = &approach[i];
         COUNT(approach_moved, first);
-        a->origin.x = mul_add(a->direction.x, by, a->origin.x);
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
         if (scene->placed[i].way == LINEAR)
             continue;
         COUNT(approach_moved, others);
-        a->origin.y = mul_add(a->direction.y, by, a->origin.y);
-        a->origin.z = mul_add(a->direction.z, by, a->origin.z);
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
         if (scene->placed[i].way == POWER) {
             COUNT(approach_moved, power);
-            a->power = mul_add(by, by + a->slope, a->power);
+            a->power = v_madd(by, by + a->slope, a->power);
         }
     }
 }
 
-static inline real sdf_sphere(struct vec p, const struct placed *s) {
+static inline vfloat sdf_sphere(struct vec p, const struct placed *s) {
     COUNT(sdf_sphere, call);
-    return vec_norm(p) - set(s->a);
+    return vec_norm(p) - v_splat(s->a);
 }
 
 // |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
-static inline real sdf_power(real power, const struct placed *s) {
+static inline vfloat sdf_power(vfloat power, const struct placed *s) {
     COUNT(sdf_power, call);
-    return power / (root(most_of(power + set(s->b), set(0.0f))) + set(s->a));
+    return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
 }
 
-static inline real sdf_plane(struct vec p, const struct placed *s) {
+static inline vfloat sdf_plane(struct vec p, const struct placed *s) {
     COUNT(sdf_plane, call);
-    return vec_dot(p, vec_set(s->size)) - set(s->a);
+    return vec_dot(p, vec_set(s->size)) - v_splat(s->a);
 }
 
-static inline real sdf_box(struct vec p, const struct placed *s) {
+static inline vfloat sdf_box(struct vec p, const struct placed *s) {
     COUNT(sdf_box, call);
-    real zero = set(0.0f);
-    real x = absolute(p.x) - set(s->size[0]);
-    real y = absolute(p.y) - set(s->size[1]);
-    real z = absolute(p.z) - set(s->size[2]);
-    struct vec outside = {most_of(x, zero), most_of(y, zero), most_of(z, zero)};
-    return vec_norm(outside) + least_of(most_of(x, most_of(y, z)), zero);
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->size[2]);
+    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
 }
 
-static inline real sdf_rounded_box(struct vec p, const struct placed *s) {
+static inline vfloat sdf_rounded_box(struct vec p, const struct placed *s) {
     COUNT(sdf_rounded_box, call);
-    return sdf_box(p, s) - set(s->a);
+    return sdf_box(p, s) - v_splat(s->a);
 }
 
-static inline real sdf_torus(struct vec p, const struct placed *s) {
+static inline vfloat sdf_torus(struct vec p, const struct placed *s) {
     COUNT(sdf_torus, call);
-    real ring = root(mul_add(p.x, p.x, p.z * p.z)) - set(s->a);
-    return root(mul_add(ring, ring, p.y * p.y)) - set(s->b);
+    vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->a);
+    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->b);
 }
 
-static inline real sdf_cone(struct vec p, const struct placed *s) {
+static inline vfloat sdf_cone(struct vec p, const struct placed *s) {
     COUNT(sdf_cone, call);
-    real zero = set(0.0f), one = set(1.0f);
-    real radius = root(mul_add(p.x, p.x, p.z * p.z));
-    real x = radius - set(s->b), y = p.y - set(s->c); // from the top rim
-    real rim = choose(less(p.y, zero), set(s->a), set(s->b));
-    real cap_x = most_of(radius - rim, zero), cap_y = absolute(p.y) - set(s->c);
-    real across = mul_add(x, set(s->slope[0]), y * set(s->slope[1]));
-    real along = least_of(most_of(across * set(-s->per_slope_sq), zero), one);
-    real side_x = mul_add(set(s->slope[0]), along, x);
-    real side_y = mul_add(set(s->slope[1]), along, y);
-    mask inside = both(negative(side_x), negative(cap_y));
-    real square =
-        least_of(mul_add(cap_x, cap_x, cap_y * cap_y), mul_add(side_x, side_x, side_y * side_y));
-    return negate_where(inside, root(square));
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c); // from the top rim
+    vfloat rim = v_select(v_cmp_lt(p.y, zero), v_splat(s->a), v_splat(s->b));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->c);
+    vfloat across = v_madd(x, v_splat(s->slope[0]), y * v_splat(s->slope[1]));
+    vfloat along = v_min(v_max(across * v_splat(-s->per_slope_sq), zero), one);
+    vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
+    vmask inside = v_and(v_signbit(side_x), v_signbit(cap_y));
+    vfloat square =
+        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    return v_negate_where(inside, v_sqrt(square));
 }
 
-static inline real sdf_octahedron(struct vec point, const struct placed *s) {
+static inline vfloat sdf_octahedron(struct vec point, const struct placed *s) {
     COUNT(sdf_octahedron, call);
-    real x = absolute(point.x), y = absolute(point.y), z = absolute(point.z);
-    real zero = set(0.0f), radius = set(s->a);
-    real m = x + y + z - radius, third = m * set(1.0f / 3.0f);
-    mask over_yz = less(x, third), over_zx = less(y, third), over_xy = less(z, third);
-    real face = m * set(0.57735026918962576451f); // 1/√3
-    mask edges = either(over_yz, either(over_zx, over_xy));
-    if (!any(edges))
+    vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
+    vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
+    vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
+    vmask over_yz = v_cmp_lt(x, third), over_zx = v_cmp_lt(y, third), over_xy = v_cmp_lt(z, third);
+    vfloat face = m * v_splat(0.57735026918962576451f); // 1/√3
+    vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
+    if (!v_any(edges))
         return face;
     COUNT(sdf_octahedron, edges);
-    real a = choose(over_yz, x, choose(over_zx, y, z));
-    real b = choose(over_yz, y, choose(over_zx, z, x));
-    real c = choose(over_yz, z, choose(over_zx, x, y));
-    real k = least_of(most_of(set(0.5f) * (c - b + radius), zero), radius);
-    real beside = b - radius + k, above = c - k;
-    real edge = root(mul_add(a, a, mul_add(beside, beside, above * above)));
-    return choose(edges, edge, face);
+    vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
+    vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
+    vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
+    vfloat k = v_min(v_max(v_splat(0.5f) * (c - b + radius), zero), radius);
+    vfloat beside = b - radius + k, above = c - k;
+    vfloat edge = v_sqrt(v_madd(a, a, v_madd(beside, beside, above * above)));
+    return v_select(edges, edge, face);
 }
 
 // The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
 // have (the paper's Fig. 5).
-static inline real sdf_mandelbulb(struct vec p, const struct placed *s, mask done) {
+static inline vfloat sdf_mandelbulb(struct vec p, const struct placed *s, vmask done) {
     COUNT(sdf_mandelbulb, call);
-    real x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = set(1.5f);
+    vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
     // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
     // to a float's precision, after the one iteration that escapes.
-    mask far = greater(m, set(1024.0f)), escaped = either(done, far);
+    vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
     for (int i = 0; i < s->iterations; i++) {
-        ACTIVE(LANES - count_of(escaped));
+        ACTIVE(LANES - v_count(escaped));
         COUNT(sdf_mandelbulb, iteration);
-        real x2 = x * x, y2 = y * y, z2 = z * z;
-        real k3 = x2 + z2, k4 = k3 - y2;
-        real per_k3 = keep(greater(k3, set(1e-36f)), set(1.0f) / k3); // 0 on the axis
-        real k1 = mul_add(k3, k3, y2 * neg_mul_add(set(6.0f), k3, y2));
-        real cos2 = (x2 - z2) * per_k3, sin2 = set(2.0f) * (x * z) * per_k3;
-        real cos4 = neg_mul_add(sin2 + sin2, sin2, set(1.0f)), sin4 = (sin2 + sin2) * cos2;
-        real k2 = set(8.0f) * y * k4 * k1 * root(k3), k2_sin4 = k2 * (sin4 + sin4);
-        x = mul_add(k2_sin4, cos4, p.x);      // p.x + k2·sin8
-        z = mul_add(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
-        y = mul_add(k1, k1, neg_mul_add(set(16.0f) * y2 * k3, k4 * k4, p.y));
-        real slope =
-            mul_add(set(8.0f) * (m * m * m * root(m)), dz, set(1.0f)); // last: its root can wait
-        real grown = mul_add(x, x, mul_add(y, y, z * z));
-        m = choose(escaped, m, grown);
-        dz = choose(escaped, dz, slope);
-        escaped = either(escaped, greater(m, set(s->bailout)));
-        if (all(escaped))
+        vfloat x2 = x * x, y2 = y * y, z2 = z * z;
+        vfloat k3 = x2 + z2, k4 = k3 - y2;
+        vfloat per_k3 =
+            v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3); // 0 on the axis
+        vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
+        vfloat cos2 = (x2 - z2) * per_k3, sin2 = v_splat(2.0f) * (x * z) * per_k3;
+        vfloat cos4 = v_nmadd(sin2 + sin2, sin2, v_splat(1.0f)), sin4 = (sin2 + sin2) * cos2;
+        vfloat k2 = v_splat(8.0f) * y * k4 * k1 * v_sqrt(k3), k2_sin4 = k2 * (sin4 + sin4);
+        x = v_madd(k2_sin4, cos4, p.x);      // p.x + k2·sin8
+        z = v_madd(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
+        y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, p.y));
+        vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), dz,
+                              v_splat(1.0f)); // last: its root can wait
+        vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
+        m = v_select(escaped, m, grown);
+        dz = v_select(escaped, dz, slope);
+        escaped = v_or(escaped, v_cmp_gt(m, v_splat(s->bailout)));
+        if (v_all(escaped))
             break;
     }
-    ACTIVE(LANES - count_of(either(done, far)));
+    ACTIVE(LANES - v_count(v_or(done, far)));
     COUNT(sdf_mandelbulb, estimate);
-    real distance = set(0.25f) * root(m) / dz * log_of(m); // the division beside the logarithm
-    if (any(far)) {
-        ACTIVE(count_of(but_not(done, far)));
+    vfloat distance =
+        v_splat(0.25f) * v_sqrt(m) / dz * v_log(m); // the division beside the logarithm
+    if (v_any(far)) {
+        ACTIVE(v_count(v_andnot(done, far)));
         COUNT(sdf_mandelbulb, far);
-        real r = root(vec_dot(p, p));
-        distance = choose(far, r * log_of(r) * set(1.0f / 3.0f), distance);
+        vfloat r = v_sqrt(vec_dot(p, p));
+        distance = v_select(far, r * v_log(r) * v_splat(1.0f / 3.0f), distance);
     }
-    ACTIVE(LANES - count_of(done));
-    return keep(greater(m, set(0.0f)), distance); // √m·ln m → 0 at the centre
+    ACTIVE(LANES - v_count(done));
+    return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
 // At a point of the shape's own frame, wrapped if it is repeated.
-__attribute__((always_inline)) static inline real
-distance_at(struct vec p, const struct placed *placed, mask done) {
+__attribute__((always_inline)) static inline vfloat
+distance_at(struct vec p, const struct placed *placed, vmask done) {
     switch (placed->type) {
     case SHAPE_SPHERE: return sdf_sphere(p, placed);
     case SHAPE_BOX: return sdf_box(p, placed);
@@ -283,16 +287,16 @@ distance_at(struct vec p, const struct placed *placed, mask done) {
 }
 
 // Distance to one shape at distance t along the rays.
-__attribute__((always_inline)) static inline real
-distance_to_shape(const struct approach *a, real t, const struct placed *placed, mask done) {
+__attribute__((always_inline)) static inline vfloat
+distance_to_shape(const struct approach *a, vfloat t, const struct placed *placed, vmask done) {
     COUNT(distance_to_shape, call);
     if (placed->way != AT_POINT) {
         if (placed->way == POWER) {
             COUNT(distance_to_shape, power);
-            return sdf_power(mul_add(t, t + a->slope, a->power), placed);
+            return sdf_power(v_madd(t, t + a->slope, a->power), placed);
         }
         COUNT(distance_to_shape, linear);
-        return mul_add(t, a->direction.x, a->origin.x);
+        return v_madd(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
@@ -303,19 +307,20 @@ distance_to_shape(const struct approach *a, real t, const struct placed *placed,
 
 // Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
 // may hold anything. Inlined by force: the march keeps its state in registers.
-__attribute__((always_inline)) static inline real sdf(const struct approach *approach, real t,
-                                                      const struct prepared *scene, mask done,
-                                                      real *nearest) {
+__attribute__((always_inline)) static inline vfloat sdf(const struct approach *approach, vfloat t,
+                                                        const struct prepared *scene, vmask done,
+                                                        vfloat *nearest) {
     COUNT(sdf, call);
-    real least = set(INFINITY);
+    vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        real distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
+        vfloat distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
         if (nearest) { // known where it is inlined
             COUNT(sdf, which);
-            *nearest = choose(less(distance, least), set(scene->placed[i].index), *nearest);
+            *nearest =
+                v_select(v_cmp_lt(distance, least), v_splat(scene->placed[i].index), *nearest);
         }
-        least = least_of(distance, least);
+        least = v_min(distance, least);
     }
     return least;
 }

@@ -3,6 +3,7 @@
 #define OPT9_SEEK_H
 
 #include "crowd.h"
+#include "simd/permute.h"
 
 static inline int and_planes(const struct prepared *scene, int *list, int count) {
     for (int k = 0; k < scene->plane_count; k++)
@@ -11,8 +12,8 @@ static inline int and_planes(const struct prepared *scene, int *list, int count)
 }
 
 static inline struct vec vec_of_lane(const struct vec *v, int lane) {
-    return (struct vec){set(lane_of(v->x, lane)), set(lane_of(v->y, lane)),
-                        set(lane_of(v->z, lane))};
+    return (struct vec){v_splat(lane_of(v->x, lane)), v_splat(lane_of(v->y, lane)),
+                        v_splat(lane_of(v->z, lane))};
 }
 
 // A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
@@ -35,13 +36,13 @@ static inline int node_of(int waiting) {
 }
 
 // Those of a row of entries, from `first` on, wait to be looked into; returns how many.
-static inline int let_wait(mask those, int level, int first, int waiting[LANES]) {
-    pack_numbers(those, waiting_node(level - 1, first), LEVEL_BITS, waiting);
-    return __builtin_popcount(bits(those));
+static inline int let_wait(vmask those, int level, int first, int waiting[LANES]) {
+    v_compress_store_lanes(those, waiting_node(level - 1, first), LEVEL_BITS, waiting);
+    return __builtin_popcount(v_mask_bits(those));
 }
 
 // Which of as many spheres as there are lanes matter.
-typedef mask sphere_test(struct vec centre, real radius, const void *with);
+typedef vmask sphere_test(struct vec centre, vfloat radius, const void *with);
 
 enum { NODES = TREE_WIDTH * TREE_WIDTH }; // of the level that has the most
 _Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
@@ -64,14 +65,15 @@ list_those(const struct tree *tree, sphere_test *test, const void *with, int *li
             for (int first = from[i] * TREE_WIDTH; first < end; first += LANES) {
                 ACTIVE(lesser(LANES, end - first));
                 COUNT(list_those, spheres);
-                struct vec centre = {load(s->x + first), load(s->y + first), load(s->z + first)};
-                mask matter =
-                    both(test(centre, load(s->radius + first), with), first_lanes(end - first));
+                struct vec centre = {v_load(s->x + first), v_load(s->y + first),
+                                     v_load(s->z + first)};
+                vmask matter =
+                    v_and(test(centre, v_load(s->radius + first), with), v_mask_first(end - first));
                 if (level > 0)
-                    pack_numbers(matter, first, 0, to + listed);
+                    v_compress_store_lanes(matter, first, 0, to + listed);
                 else
-                    pack_whole(matter, tree->shape + first, to + listed);
-                listed += __builtin_popcount(bits(matter));
+                    v_compress_store_int(matter, tree->shape + first, to + listed);
+                listed += __builtin_popcount(v_mask_bits(matter));
             }
         }
     }
@@ -102,35 +104,39 @@ __attribute__((always_inline)) static inline void follow(const struct tree *tree
 }
 
 // How much a sphere must be larger for what is rounded in a difference of places.
-static inline real blurred(real radius, struct vec v, real reach) {
-    real size = absolute(v.x) + absolute(v.y) + absolute(v.z) + reach;
-    return mul_add(set(1e-6f), size, radius * set(1 + 1e-5f));
+static inline vfloat blurred(vfloat radius, struct vec v, vfloat reach) {
+    vfloat size = v_abs(v.x) + v_abs(v.y) + v_abs(v.z) + reach;
+    return v_madd(v_splat(1e-6f), size, radius * v_splat(1 + 1e-5f));
 }
 
 // Cones of slope q about rays from a ball; q = ∞: all there is.
 struct shaft {
     struct vec centre, to_light;
-    real radius, reach, q, narrow;
+    vfloat radius, reach, q, narrow;
 };
 
 // From a slope of 1 on cones meet what is behind them, too: nothing is left out.
 static inline struct shaft shaft_of(struct vec centre, struct vec to_light, float radius,
-                                    real reach, float q) {
+                                    vfloat reach, float q) {
     bool wide = !(q < 1);
-    return (struct shaft){
-        centre, to_light, set(radius), reach, set(wide ? INFINITY : q), set(wide ? 0 : 1 - q * q)};
+    return (struct shaft){centre,
+                          to_light,
+                          v_splat(radius),
+                          reach,
+                          v_splat(wide ? INFINITY : q),
+                          v_splat(wide ? 0 : 1 - q * q)};
 }
 
-static inline mask in_shaft(struct vec centre, real radius, const void *with) {
+static inline vmask in_shaft(struct vec centre, vfloat radius, const void *with) {
     COUNT(in_shaft, call);
     const struct shaft *b = with;
     struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
-    real r = blurred(radius, v, b->reach) + b->radius;
-    real lean = mul_add(b->q, r, vec_dot(v, b->to_light));
-    real need = neg_mul_add(r, r, vec_dot(v, v));
-    mask misses =
-        either(less(lean, set(0.0f)), less(lean * lean * set(1 + 1e-4f), b->narrow * need));
-    return not_in(both(greater(need, set(0.0f)), misses));
+    vfloat r = blurred(radius, v, b->reach) + b->radius;
+    vfloat lean = v_madd(b->q, r, vec_dot(v, b->to_light));
+    vfloat need = v_nmadd(r, r, vec_dot(v, v));
+    vmask misses = v_or(v_cmp_lt(lean, v_splat(0.0f)),
+                        v_cmp_lt(lean * lean * v_splat(1 + 1e-4f), b->narrow * need));
+    return v_not(v_and(v_cmp_gt(need, v_splat(0.0f)), misses));
 }
 
 #endif

@@ -35,9 +35,9 @@ static inline bool is_empty(const struct shapes *set) {
     for (int k_ = 0; k_ < (set).count; k_++)                                                       \
     visit((set).index[k_], __VA_ARGS__)
 #define EACH_HIT(m, shape, scene, visit, ...)                                                      \
-    for (unsigned rest_ = bits(m); rest_;) {                                                       \
+    for (unsigned rest_ = v_mask_bits(m); rest_;) {                                                \
         int shape_ = (int)lane_of(shape, __builtin_ctz(rest_));                                    \
-        rest_ &= ~bits(same_shape(shape, shape_));                                                 \
+        rest_ &= ~v_mask_bits(same_shape(shape, shape_));                                          \
         visit(shape_, __VA_ARGS__);                                                                \
     }
 #define EACH_ALIKE(scene, visit, first, ...)                                                       \

@@ -3,22 +3,23 @@
 #define OPT9_STAGE_H
 
 #include "convex.h"
+#include "simd/point.h"
 
 struct found {
-    mask found;
-    real t, shape;
+    vmask found;
+    vfloat t, shape;
     struct vec local; // in the shape's frame; not for planes
 };
 
 struct surface {
     struct vec normal, color;
-    real share, shininess, shine_from;
+    vfloat share, shininess, shine_from;
 };
 
 struct ray {
     struct vec origin, direction;
-    real weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
-    mask active;
+    vfloat weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
+    vmask active;
     struct vec
         local; // where repeated shapes are: the point it is from, in the frame of what it leaves
 };
@@ -30,24 +31,24 @@ struct stage {
     struct found hit;
     struct vec point, color, to_light, light;
     struct surface surface;
-    real weight, facing;
-    mask lit, open;
+    vfloat weight, facing;
+    vmask lit, open;
     bool flat; // all its hits are on the scene's first plane
     // So that no field is read of one packet a multiple of 4 KiB behind where another's was written just before.
-    real apart[16];
+    vfloat apart[16];
 };
 
-static inline struct vec background(real weight, const struct known_model *model) {
+static inline struct vec background(vfloat weight, const struct known_model *model) {
     const double *b = model->background;
-    return (struct vec){weight * set((float)b[0]), weight * set((float)b[1]),
-                        weight * set((float)b[2])};
+    return (struct vec){weight * v_splat((float)b[0]), weight * v_splat((float)b[1]),
+                        weight * v_splat((float)b[2])};
 }
 
 // A packet of camera rays: what it has met so far. Where `only` is not −1, all of it is on that shape. Where nothing waits for
 // it (is_plain()), hit.local is the normal in the world's axes, on one side or the other.
 struct sight {
     struct vec direction;
-    mask active;
+    vmask active;
     struct found hit;
     int only;
 };
@@ -61,8 +62,8 @@ SHARED void color_all(struct stage *stage, int count, const struct convex *work)
 
 // Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
 // in its frame; slot: where the first lane's answer is to be.
-SHARED int gather_bulb(int count, const struct placed *s, struct wide_vec o, struct wide_vec d,
-                       const struct ray *ray, real end, int slot, const struct prepared *scene,
+SHARED int gather_bulb(int count, const struct placed *s, struct vec_double o, struct vec_double d,
+                       const struct ray *ray, vfloat end, int slot, const struct prepared *scene,
                        struct desk *desk);
 // The answers: what the packet meets there, if before what it has met so far.
 SHARED void take_bulb(struct stage *at, int slot, const struct desk *desk);

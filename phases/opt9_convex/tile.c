@@ -2,23 +2,25 @@
 // of a block lies outside the picture is masked, so any size will do.
 #include "block.h"
 #include "desk.h"
+#include "simd/point.h"
 #include "trace.h"
 
 #include <stdlib.h>
 
-static struct place split_place(const double a[3]) {
+static struct point split_place(const double a[3]) {
     float hi[3], lo[3];
     for (int i = 0; i < 3; i++)
         split(a[i], &hi[i], &lo[i]);
-    return (struct place){vec_set(hi), vec_set(lo)};
+    return (struct point){vec_set(hi), vec_set(lo)};
 }
 
-static mask in_picture(struct block block) {
+static vmask in_picture(struct block block) {
     COUNT(in_picture, call);
     COUNT(in_picture, cut);
-    real below = floor_of(lane_numbers() * set(1.0f / BLOCK_WIDTH));
-    real right = lane_numbers() - below * set(BLOCK_WIDTH);
-    return both(less(right, set((float)block.across)), less(below, set((float)block.down)));
+    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
+    vfloat right = v_iota() - below * v_splat(BLOCK_WIDTH);
+    return v_and(v_cmp_lt(right, v_splat((float)block.across)),
+                 v_cmp_lt(below, v_splat((float)block.down)));
 }
 
 static struct vec get_direction(struct block block, const struct frame *frame,
@@ -35,10 +37,10 @@ static struct vec get_direction(struct block block, const struct frame *frame,
             (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
         rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
     }
-    real x = load(columns) * set((float)per_height), y = load(rows);
-    struct vec d = vec_along(vec_from(view->forward), vec_from(view->right), x);
-    d = vec_along(d, vec_from(view->up), y);
-    return vec_scale(d, set(1.0f) / vec_norm(d));
+    vfloat x = v_load(columns) * v_splat((float)per_height), y = v_load(rows);
+    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
+    d = vec_along(d, vec_from_doubles(view->up), y);
+    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
 }
 
 static void store(struct frame *frame, struct block block, const struct shaded *seen) {
@@ -53,7 +55,7 @@ static void store(struct frame *frame, struct block block, const struct shaded *
     if (!frame->depth)
         return;
     const struct hit *hit = &seen->hit;
-    store_plane(frame->depth, 1, frame, block, choose(hit->found, hit->t, set(INFINITY)));
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, hit->shape);
     store_plane(frame->normal, 3, frame, block, hit->normal.x);
     store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
@@ -70,7 +72,7 @@ static void draw_tile(const struct job *job, int tile, struct approach *own) {
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     struct world world = {job->prepared, job->view, own};
-    struct place origin = split_place(job->view->position);
+    struct point origin = split_place(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = lesser(frame->width, left + TILE_WIDTH);
     int top = tile / tiles_across(frame) * TILE_HEIGHT,
@@ -122,13 +124,13 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     struct approach *approach = aligned_alloc(64, (size + 63) / 64 * 64);
     if (!approach)
         return false;
-    struct vec nowhere = {set(0.0f), set(0.0f), set(0.0f)};
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
-        real shape = set(-1.0f);
+        vfloat shape = v_splat(-1.0f);
         approach_origins(split_place(points + 3 * i), prepared, approach);
         approach_directions(nowhere, prepared, approach);
-        distance[i] = first_of(sdf(approach, set(0.0f), prepared, no_lane(), &shape));
-        nearest[i] = (int)first_of(shape);
+        distance[i] = v_lane0(sdf(approach, v_splat(0.0f), prepared, v_mask_none(), &shape));
+        nearest[i] = (int)v_lane0(shape);
     }
     free(approach);
     return true;

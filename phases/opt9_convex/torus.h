@@ -10,53 +10,56 @@
 // bends down along a ray: a parabola of 4/3 of that says how far no surface can be, as long as the radius falls by less
 // than a quarter, and where h is small it is Newton's step. Steps of h alone were more than 256 where a ray follows the
 // ring's inner side, and it was lost.
-INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
+INLINE vmask enter_torus(struct vec c, struct vec d, const struct placed *s, vmask near,
+                         vfloat *t) {
     COUNT(enter_torus, call);
     COUNT(enter_torus, scalar);
-    real zero = set(0.0f), bound = set(s->bound), tiny = set(1e-30f);
+    vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
     // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for what is rounded.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
-    real per = set(1.0f) / (with_sign_of(d.y, most_of(absolute(d.y), set(1e-12f))));
-    real width = set(wide * s->b) * absolute(per), middle = c.y * per;
-    real square = most_of(mul_add(d.x, d.x, d.z * d.z), set(1e-12f));
-    real lean = mul_add(c.x, d.x, c.z * d.z), far = mul_add(c.x, c.x, c.z * c.z);
-    real inside = neg_mul_add(square, far - set(outer_sq), lean * lean);
-    real half = root(most_of(inside, zero)), per_square = set(1.0f) / square;
-    real at = most_of(most_of(*t, zero - middle - width), (zero - lean - half) * per_square);
-    real out = least_of(width - middle, (half - lean) * per_square);
-    near = both(near, both(not_less(inside, zero), not_less(out, at)));
-    mask going = near, found = no_lane();
-    if (!any(going))
+    vfloat per = v_splat(1.0f) / (v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
+    vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
+    vfloat square = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f));
+    vfloat lean = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
+    vfloat inside = v_nmadd(square, far - v_splat(outer_sq), lean * lean);
+    vfloat half = v_sqrt(v_max(inside, zero)), per_square = v_splat(1.0f) / square;
+    vfloat at = v_max(v_max(*t, zero - middle - width), (zero - lean - half) * per_square);
+    vfloat out = v_min(width - middle, (half - lean) * per_square);
+    near = v_and(near, v_and(v_cmp_ge(inside, zero), v_cmp_ge(out, at)));
+    vmask going = near, found = v_mask_none();
+    if (!v_any(going))
         return going;
     for (int step = 0; step < 256; step++) {
-        ACTIVE(count_of(going));
+        ACTIVE(v_count(going));
         COUNT(enter_torus, step);
         struct vec p = vec_along(c, d, at);
-        real radius = root(mul_add(p.x, p.x, p.z * p.z)), ring = radius - set(s->a);
-        real tube = root(mul_add(ring, ring, p.y * p.y));
-        mask outer = greater(ring, zero);
-        real h = tube - set(s->b);
-        real hull = choose(outer, h, absolute(p.y) - set(s->b));
-        real per_radius = set(1.0f) / most_of(radius, tiny);
-        real rate = mul_add(p.x, d.x, p.z * d.z) * per_radius;            // of the radius
-        real fall = mul_add(ring, rate, p.y * d.y) / most_of(tube, tiny); // of the torus's distance
-        real hull_fall = choose(outer, fall, negate_where(negative(p.y), d.y));
-        mask reached = both(going, less(absolute(h), set(s->c))), outside = greater(h, zero);
-        real bent = root(most_of(mul_add(fall, fall, h * set(8.0f / 3.0f) * per_radius), zero));
+        vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), ring = radius - v_splat(s->a);
+        vfloat tube = v_sqrt(v_madd(ring, ring, p.y * p.y));
+        vmask outer = v_cmp_gt(ring, zero);
+        vfloat h = tube - v_splat(s->b);
+        vfloat hull = v_select(outer, h, v_abs(p.y) - v_splat(s->b));
+        vfloat per_radius = v_splat(1.0f) / v_max(radius, tiny);
+        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius;          // of the radius
+        vfloat fall = v_madd(ring, rate, p.y * d.y) / v_max(tube, tiny); // of the torus's distance
+        vfloat hull_fall = v_select(outer, fall, v_negate_where(v_signbit(p.y), d.y));
+        vmask reached = v_and(going, v_cmp_lt(v_abs(h), v_splat(s->c))),
+              outside = v_cmp_gt(h, zero);
+        vfloat bent =
+            v_sqrt(v_max(v_madd(fall, fall, h * v_splat(8.0f / 3.0f) * per_radius), zero));
         // From inside Newton's step back.
-        real below =
-            choose(outside, most_of(bent - fall, set(1e-6f)), most_of(zero - fall, set(0.05f)));
-        real newton = choose(outside, h + h, h) / below;
-        real safe = most_of(h, least_of(newton, radius * set(0.25f)));
-        real hull_step = zero - hull / least_of(hull_fall, set(-1e-6f));
-        real ahead = choose(greater(hull, zero), most_of(safe, hull_step), safe);
-        mask back = but_not(outside, less(fall, zero));
-        at = choose(going, at + choose(back, newton, choose(outside, ahead, h)), at);
-        found = either(found, reached);
-        mask gone =
-            either(both(greater(hull, zero), not_less(hull_fall, zero)), greater(at, bound));
-        going = but_not(either(reached, gone), going);
-        if (!any(going))
+        vfloat below = v_select(outside, v_max(bent - fall, v_splat(1e-6f)),
+                                v_max(zero - fall, v_splat(0.05f)));
+        vfloat newton = v_select(outside, h + h, h) / below;
+        vfloat safe = v_max(h, v_min(newton, radius * v_splat(0.25f)));
+        vfloat hull_step = zero - hull / v_min(hull_fall, v_splat(-1e-6f));
+        vfloat ahead = v_select(v_cmp_gt(hull, zero), v_max(safe, hull_step), safe);
+        vmask back = v_andnot(outside, v_cmp_lt(fall, zero));
+        at = v_select(going, at + v_select(back, newton, v_select(outside, ahead, h)), at);
+        found = v_or(found, reached);
+        vmask gone =
+            v_or(v_and(v_cmp_gt(hull, zero), v_cmp_ge(hull_fall, zero)), v_cmp_gt(at, bound));
+        going = v_andnot(v_or(reached, gone), going);
+        if (!v_any(going))
             break;
     }
     *t = at;

@@ -3,6 +3,7 @@
 #define OPT9_TRACE_H
 
 #include "sdf.h"
+#include "simd/point.h"
 
 struct world {
     const struct prepared *scene;
@@ -11,12 +12,12 @@ struct world {
 };
 
 struct hit {
-    mask found;
-    real t; // distance along the ray
-    struct place point;
+    vmask found;
+    vfloat t; // distance along the ray
+    struct point point;
     struct vec normal; // towards the ray; 0 where not found
-    real shape;        // a whole number; −1 where not found
-    real evals;        // evaluations of the scene's distance
+    vfloat shape;      // a whole number; −1 where not found
+    vfloat evals;      // evaluations of the scene's distance
 };
 
 struct shaded {
@@ -25,22 +26,22 @@ struct shaded {
 };
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
-void ray_march(struct place origin, struct vec direction, mask active, const struct world *world,
+void ray_march(struct point origin, struct vec direction, vmask active, const struct world *world,
                struct hit *hit);
-real shadow(struct place point, struct vec to_light, real distance, mask active,
-            const struct world *world);
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct world *world);
 // What a hit's place says, once it is the origin of world->approach: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
 struct nearness {
-    real distance, shape; // of the nearest
-    mask contact;         // another shape is within two normal steps of it
+    vfloat distance, shape; // of the nearest
+    vmask contact;          // another shape is within two normal steps of it
 };
 
-struct nearness near_hit(mask found, const struct world *world);
+struct nearness near_hit(vmask found, const struct world *world);
 // Of hits that are the origins of world->approach, and the slope there.
-struct vec normal_at(struct vec direction, mask found, const struct nearness *near,
-                     const struct world *world, real *slope);
-void trace(struct place origin, struct vec direction, mask active, int bounce,
+struct vec normal_at(struct vec direction, vmask found, const struct nearness *near,
+                     const struct world *world, vfloat *slope);
+void trace(struct point origin, struct vec direction, vmask active, int bounce,
            const struct world *world, struct shaded *result);
 
 #endif

@@ -1,5 +1,8 @@
 // Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
 // bulb.c, and rays on which no later term can come below what they have leave for packets of their own.
+#include "numerics.h"
+#include "simd/permute.h"
+#include "simd/pow.h"
 #include "umbra_queue.h"
 
 #include <string.h>
@@ -12,11 +15,11 @@ static void add_lane(int i, float lit, struct desk *desk) {
         desk->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
 }
 
-INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leaving,
-                       const struct known *scene, real *h) {
+INLINE void near_bulbs(int i, const struct march *m, const vmask *done, bool leaving,
+                       const struct known *scene, vfloat *h) {
     const struct placed *s = &scene->placed[i];
     COUNT(nearest_bulbs, shape);
-    real own[ABREAST];
+    vfloat own[ABREAST];
     if (s->type == SHAPE_MANDELBULB) {
         COUNT(nearest_bulbs, bulb);
         struct vec p[ABREAST];
@@ -27,50 +30,50 @@ INLINE void near_bulbs(int i, const struct march *m, const mask *done, bool leav
         for (int k = 0; k < ABREAST; k++)
             own[k] = distance_along(&m[k].nears[i], m[k].t, s);
     for (int k = 0; k < ABREAST; k++)
-        h[k] = least_of(h[k], own[k]);
+        h[k] = v_min(h[k], own[k]);
 }
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
 __attribute__((always_inline)) static inline void
-nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, real *h) {
+nearest_bulbs(const struct march *m, const struct prepared *scene, bool leaving, vfloat *h) {
     COUNT(nearest_bulbs, call);
-    mask done[ABREAST];
+    vmask done[ABREAST];
     for (int k = 0; k < ABREAST; k++) {
-        h[k] = set(INFINITY);
+        h[k] = v_splat(INFINITY);
         done[k] = m[k].done;
     }
     EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
 }
 
-INLINE void put_behind(int i, const struct march *m, real q, const struct known *scene,
-                       mask *behind) {
+INLINE void put_behind(int i, const struct march *m, vfloat q, const struct known *scene,
+                       vmask *behind) {
     const struct placed *s = &scene->placed[i];
     const struct near *near = &m->nears[i];
-    if (!any(*behind))
+    if (!v_any(*behind))
         return;
     if (s->way == LINEAR) {
         COUNT(behind_all, plane);
-        *behind = both(*behind, not_less(near->direction.x, q));
+        *behind = v_and(*behind, v_cmp_ge(near->direction.x, q));
         return;
     }
     COUNT(behind_all, solid);
-    real share = set(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
+    vfloat share = v_splat(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
     struct vec p = vec_along(near->origin, near->direction, m->t);
-    real square = vec_dot(p, p), per = inverse_root(most_of(square, set(1e-30f)));
-    mask away = not_less(share * vec_dot(p, near->direction) * per, q);
-    mask far = not_less(share * (square * per - set(s->bound)), q * m->t);
-    *behind = both(*behind, both(away, far));
+    vfloat square = vec_dot(p, p), per = inverse_root(v_max(square, v_splat(1e-30f)));
+    vmask away = v_cmp_ge(share * vec_dot(p, near->direction) * per, q);
+    vmask far = v_cmp_ge(share * (square * per - v_splat(s->bound)), q * m->t);
+    *behind = v_and(*behind, v_and(away, far));
 }
 
 // Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
 // slope q at which no term is less than 0.866·strength·q.
-static inline mask behind_all(const struct march *m, float per_strength,
-                              const struct prepared *scene) {
-    ACTIVE(LANES - count_of(m->done));
+static inline vmask behind_all(const struct march *m, float per_strength,
+                               const struct prepared *scene) {
+    ACTIVE(LANES - v_count(m->done));
     COUNT(behind_all, call);
     COUNT(behind_all, scalar);
-    real q = root(m->square / m->divisor) * set(per_strength / 0.866f);
-    mask behind = not_in(m->done);
+    vfloat q = v_sqrt(m->square / m->divisor) * v_splat(per_strength / 0.866f);
+    vmask behind = v_not(m->done);
     EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
     return behind;
 }
@@ -103,18 +106,18 @@ static unsigned move_rays(struct pool *to, unsigned there, const struct pool *fr
     there = first_bits(there, a < b ? a : b);
     here = first_bits(here, a < b ? a : b);
     size_t march = offsetof(struct pool, march) + offsetof(struct march, t);
-    move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
-               here, MARCH_REALS);
+    v_move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
+                 here, MARCH_REALS);
     for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
         float *row = (float *)&to->nears[k]; // its origin, and the direction behind it
         const float *old = (const float *)&from->nears[k];
         bool linear = KNOWN(scene)->placed[k].way == LINEAR;
-        move_lanes(row, there, old, here, linear ? 1 : 6);
+        v_move_lanes(row, there, old, here, linear ? 1 : 6);
         if (linear)
-            move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
+            v_move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
     }
-    move_lanes(to->ray, there, from->ray, here, 1);
-    move_lanes(to->born, there, from->born, here, 1);
+    v_move_lanes(to->ray, there, from->ray, here, 1);
+    v_move_lanes(to->born, there, from->born, here, 1);
     to->live |= there;
     return here;
 }
@@ -135,12 +138,12 @@ static void answer(const struct pool *from, unsigned which, const struct convex 
     ACTIVE(__builtin_popcount(which));
     COUNT(answer, some);
     float lit[LANES];
-    mask dark = less(from->march.square, from->march.divisor * set(DARK * DARK));
+    vmask dark = v_cmp_lt(from->march.square, from->march.divisor * v_splat(DARK * DARK));
     COUNT(answer, scalar);
     float last = LAST * (float)KNOWN(work->scene)->model.shadow_strength *
                  (float)work->scene->model.march.hit_distance;
-    real all = root(from->march.square / from->march.divisor);
-    unload(choose(dark, least_of(all, set(last) / from->march.t), all), lit);
+    vfloat all = v_sqrt(from->march.square / from->march.divisor);
+    v_store(v_select(dark, v_min(all, v_splat(last) / from->march.t), all), lit);
     for (unsigned rest = which; rest; rest &= rest - 1)
         add_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], work->desk);
 }
@@ -156,14 +159,14 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next, int ste
             struct rays r;
             waiting(desk->shadow, next, desk->shadows, &r);
             begin(&r, ready->nears, &desk->casters[0], work, &ready->march);
-            ready->live = bits(r.active) & ~bits(ready->march.done);
+            ready->live = v_mask_bits(r.active) & ~v_mask_bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)
                 ready->ray[lane] = (float)(next + lane);
-            ACTIVE(count_of(r.active));
+            ACTIVE(v_count(r.active));
             COUNT(refill_shadows, packet);
             // Those that have left the bounds; what is dark from the start adds nothing.
-            mask left = both(ready->march.done, greater(ready->march.square, set(0.0f)));
-            answer(ready, bits(r.active) & bits(left), work);
+            vmask left = v_and(ready->march.done, v_cmp_gt(ready->march.square, v_splat(0.0f)));
+            answer(ready, v_mask_bits(r.active) & v_mask_bits(left), work);
             next += LANES;
         }
         if (!ready->live)
@@ -171,8 +174,9 @@ static int refill_shadows(struct pool *to, struct pool *ready, int next, int ste
         ready->live &= ~move_rays(to, ended, ready, ready->live, work->scene);
         ended &= ~to->live;
     }
-    unload(choose(lanes_of(all & to->live), set((float)steps), load(to->born)), to->born);
-    to->march.done = lanes_of(~to->live);
+    v_store(v_select(v_mask_of_bits(all & to->live), v_splat((float)steps), v_load(to->born)),
+            to->born);
+    to->march.done = v_mask_of_bits(~to->live);
     return next;
 }
 
@@ -188,29 +192,29 @@ struct pools {
 // in packets of such rays: one iteration each. `over`: where a plane is nearer for good, and was at the step before, too,
 // so that the next term is of its distances alone. For good: at 3 and beyond the estimate is above 0.33·|p|·ln|p|, whose slope
 // along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
-INLINE void over_bulb(int i, const struct march *m, const struct known *scene, mask *over) {
+INLINE void over_bulb(int i, const struct march *m, const struct known *scene, vmask *over) {
     const struct near *near = &m->nears[i];
     if (scene->placed[i].type != SHAPE_MANDELBULB)
         return;
     if (scene->plane < 0) {
-        *over = no_lane();
+        *over = v_mask_none();
         return;
     }
     COUNT(over, plane);
     const struct near *plane = &m->nears[scene->plane];
     struct vec p = vec_along(near->origin, near->direction, m->from);
-    real square = vec_dot(p, p), r = root(square), grown = log_of(r);
-    real slope = plane->direction.x, height = mul_add(m->from, slope, plane->origin.x);
-    mask under = less(height, r * grown * set(0.33f));
-    mask stays =
-        not_less(mul_add(grown, set(0.33f), set(0.33f)) * vec_dot(p, near->direction), slope * r);
-    mask beyond = both(greater(square, set(9.0f)), both(under, stays));
-    *over = both(*over, beyond);
+    vfloat square = vec_dot(p, p), r = v_sqrt(square), grown = v_log(r);
+    vfloat slope = plane->direction.x, height = v_madd(m->from, slope, plane->origin.x);
+    vmask under = v_cmp_lt(height, r * grown * v_splat(0.33f));
+    vmask stays = v_cmp_ge(
+        v_madd(grown, v_splat(0.33f), v_splat(0.33f)) * vec_dot(p, near->direction), slope * r);
+    vmask beyond = v_and(v_cmp_gt(square, v_splat(9.0f)), v_and(under, stays));
+    *over = v_and(*over, beyond);
 }
 
-static inline mask over(const struct march *m, const struct prepared *scene) {
+static inline vmask over(const struct march *m, const struct prepared *scene) {
     COUNT(over, call);
-    mask over = all_lanes();
+    vmask over = v_mask_all();
     EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
     return over;
 }
@@ -218,26 +222,26 @@ static inline mask over(const struct march *m, const struct prepared *scene) {
 static void see_off(struct pools *pools, const struct convex *work) {
     COUNT(see_off, call);
     const struct known_model *model = &KNOWN(work->scene)->model;
-    real strength = set((float)model->shadow_strength),
-         hit = set((float)work->scene->model.march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength),
+           hit = v_splat((float)work->scene->model.march.hit_distance);
     struct march m[ABREAST];
     int ended = 0;
     for (int k = 0; k < ABREAST; k++) {
-        pools->out[k].march.done = lanes_of(~pools->out[k].live);
+        pools->out[k].march.done = v_mask_of_bits(~pools->out[k].live);
         m[k] = pools->out[k].march;
     }
     for (int i = 1; ended < ABREAST * LANES; i++) {
         COUNT(see_off, step);
-        real oldest = set((float)i - (float)work->scene->model.march.max_steps);
-        real h[ABREAST];
+        vfloat oldest = v_splat((float)i - (float)work->scene->model.march.max_steps);
+        vfloat h[ABREAST];
         nearest_bulbs(m, work->scene, true, h);
         ended = 0;
         for (int k = 0; k < ABREAST; k++) {
             step(&m[k], h[k], strength, hit, 0.0f);
-            m[k].done = either(m[k].done, over(&m[k], work->scene));
+            m[k].done = v_or(m[k].done, over(&m[k], work->scene));
             COUNT(see_off, packet);
-            m[k].done = either(m[k].done, not_less(oldest, load(pools->out[k].born)));
-            ended += count_of(m[k].done);
+            m[k].done = v_or(m[k].done, v_cmp_ge(oldest, v_load(pools->out[k].born)));
+            ended += v_count(m[k].done);
         }
     }
     for (int k = 0; k < ABREAST; k++) {
@@ -249,14 +253,14 @@ static void see_off(struct pools *pools, const struct convex *work) {
 }
 
 static void retire_shadows(struct pool *from, struct pools *pools, const struct convex *work) {
-    unsigned ended = from->live & bits(from->march.done), leaving = ended & from->leaving;
+    unsigned ended = from->live & v_mask_bits(from->march.done), leaving = ended & from->leaving;
     answer(from, ended & ~leaving, work);
     from->live &= ~ended;
     from->leaving &= ~ended;
     if (leaving) {
-        mask which = lanes_of(leaving);
-        from->march.previous = choose(which, load(from->previous), from->march.previous);
-        from->march.from = choose(which, load(from->from), from->march.from);
+        vmask which = v_mask_of_bits(leaving);
+        from->march.previous = v_select(which, v_load(from->previous), from->march.previous);
+        from->march.from = v_select(which, v_load(from->from), from->march.from);
     }
     while (leaving) {
         struct pool *to = &pools->out[pools->leaving / LANES];
@@ -273,32 +277,32 @@ static void retire_shadows(struct pool *from, struct pools *pools, const struct 
 static inline int step_all(struct march *m, struct pool *pool, int steps,
                            const struct convex *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    real strength = set((float)model->shadow_strength),
-         hit = set((float)work->scene->model.march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength),
+           hit = v_splat((float)work->scene->model.march.hit_distance);
     COUNT(step_all, call);
     // Rays that old have had their steps.
-    real oldest = set((float)steps - (float)work->scene->model.march.max_steps);
-    real h[ABREAST];
+    vfloat oldest = v_splat((float)steps - (float)work->scene->model.march.max_steps);
+    vfloat h[ABREAST];
     int ended = 0;
     nearest_bulbs(m, work->scene, false, h);
     for (int k = 0; k < ABREAST; k++) {
-        mask behind = no_lane();
+        vmask behind = v_mask_none();
         if (steps % LOOK_EVERY == 0)
             behind = behind_all(&m[k], 1.0f / (float)model->shadow_strength, work->scene);
         step(&m[k], h[k], strength, hit, DARK * DARK);
         COUNT(step_all, packet);
-        m[k].done = either(m[k].done, not_less(oldest, load(pool[k].born)));
-        behind = but_not(m[k].done, behind);
-        if (any(behind)) {
+        m[k].done = v_or(m[k].done, v_cmp_ge(oldest, v_load(pool[k].born)));
+        behind = v_andnot(m[k].done, behind);
+        if (v_any(behind)) {
             COUNT(step_all, behind);
-            real born = load(pool[k].born);
-            unload(choose(behind, born - set((float)steps), born), pool[k].born);
-            unload(choose(behind, m[k].previous, load(pool[k].previous)), pool[k].previous);
-            unload(choose(behind, m[k].from, load(pool[k].from)), pool[k].from);
-            pool[k].leaving |= bits(behind);
-            m[k].done = either(m[k].done, behind);
+            vfloat born = v_load(pool[k].born);
+            v_store(v_select(behind, born - v_splat((float)steps), born), pool[k].born);
+            v_store(v_select(behind, m[k].previous, v_load(pool[k].previous)), pool[k].previous);
+            v_store(v_select(behind, m[k].from, v_load(pool[k].from)), pool[k].from);
+            pool[k].leaving |= v_mask_bits(behind);
+            m[k].done = v_or(m[k].done, behind);
         }
-        ended += count_of(m[k].done);
+        ended += v_count(m[k].done);
     }
     return ended;
 }
@@ -320,7 +324,7 @@ void cast_streams(const struct convex *work) {
             next = refill_shadows(&pools.work[k], pools.ready, next, steps, work);
             live |= pools.work[k].live;
             m[k] = pools.work[k].march;
-            ended += count_of(m[k].done);
+            ended += v_count(m[k].done);
         }
         if (!live)
             break;

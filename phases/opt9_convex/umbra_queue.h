@@ -8,17 +8,17 @@
 static void waiting(float field[][QUEUE_ROOM], int first, int count, struct rays *r) {
     COUNT(waiting, call);
     int left = count - first;
-    r->active = first_lanes(left < 0 ? 0 : left < LANES ? left : LANES);
+    r->active = v_mask_first(left < 0 ? 0 : left < LANES ? left : LANES);
     r->point = load_vec(field + S_POINT, first);
     r->local = load_vec(field + S_LOCAL, first);
     r->to_light = load_vec(field + S_TO_LIGHT, first);
-    r->facing = load(&field[S_FACING][first]);
-    r->shape = load(&field[S_SHAPE][first]);
-    r->end = set(0.0f);
-    r->alone = set(INFINITY);
-    r->on_plane = r->some = r->many = no_lane();
-    r->first = set(INFINITY);
-    r->cosine = set(1.0f);
+    r->facing = v_load(&field[S_FACING][first]);
+    r->shape = v_load(&field[S_SHAPE][first]);
+    r->end = v_splat(0.0f);
+    r->alone = v_splat(INFINITY);
+    r->on_plane = r->some = r->many = v_mask_none();
+    r->first = v_splat(INFINITY);
+    r->cosine = v_splat(1.0f);
     r->floor = false;
 }
 

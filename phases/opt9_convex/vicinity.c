@@ -1,5 +1,6 @@
 // See beam.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
 #include "beam.h"
+#include "numerics.h"
 #include "seek.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
@@ -13,12 +14,12 @@
 // How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
 #define LENGTH 0.7f
 
-static inline mask within_reach(struct vec centre, real radius, const void *with) {
+static inline vmask within_reach(struct vec centre, vfloat radius, const void *with) {
     COUNT(within_reach, call);
     const struct vicinity *v = with;
     struct vec off = vec_off(v, centre);
-    real r = set(v->within) + radius;
-    return less(vec_dot(off, off), r * r);
+    vfloat r = v_splat(v->within) + radius;
+    return v_cmp_lt(vec_dot(off, off), r * r);
 }
 
 static void find_close_by(struct beam *beam, float slack, const struct prepared *scene) {
@@ -27,8 +28,8 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     struct vicinity *v = &beam->near;
     const float *place = beam->place;
     struct vicinity around = *v;
-    around.start = (struct vec){v->start.x + set(place[0]), v->start.y + set(place[1]),
-                                v->start.z + set(place[2])};
+    around.start = (struct vec){v->start.x + v_splat(place[0]), v->start.y + v_splat(place[1]),
+                                v->start.z + v_splat(place[2])};
     around.within = v->within * (1 + 1e-4f) + slack;
     v->solids = list_those(&scene->tree, within_reach, &around, v->list);
     v->count = and_planes(scene, v->list, v->solids);
@@ -42,20 +43,20 @@ static void find_close_by(struct beam *beam, float slack, const struct prepared 
     }
 }
 
-void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
+void vicinity_about(struct beam *beam, const struct walk *w, vfloat h, vmask last,
                     const struct convex *work) {
-    ACTIVE(count_of(last));
+    ACTIVE(v_count(last));
     COUNT(vicinity_about, call);
     COUNT(vicinity_about, scalar);
     const struct prepared *scene = work->scene;
     struct vicinity *v = &beam->near;
     struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
-    int one = __builtin_ctz(bits(last));
+    int one = __builtin_ctz(v_mask_bits(last));
     float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
     v->within = larger(WIDER * near, VICINITY * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
     float on = larger(AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
-    struct vec ahead = vec_along(p, l, set(on));
+    struct vec ahead = vec_along(p, l, v_splat(on));
     v->start = vec_of_lane(&ahead, one);
     v->along = vec_of_lane(&l, one);
     float most = LENGTH * scene->tree.spacing, rest = left - on;
@@ -64,33 +65,34 @@ void vicinity_about(struct beam *beam, const struct walk *w, real h, mask last,
     find_close_by(beam, slack, scene);
     for (int i = 0; i < beam->count; i++) {
         struct walk *each = &beam->walk[i];
-        ACTIVE(LANES - count_of(each->march.done));
+        ACTIVE(LANES - v_count(each->march.done));
         COUNT(vicinity_about, packet);
         struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
-        each->waits = not_less(distance_off(v, at), set(v->room));
+        each->waits = v_cmp_ge(distance_off(v, at), v_splat(v->room));
     }
 }
 
 static inline struct vec from_centre(const struct close_by *c, struct vec at) {
-    return (struct vec){at.x - set(c->place[0]), at.y - set(c->place[1]), at.z - set(c->place[2])};
+    return (struct vec){at.x - v_splat(c->place[0]), at.y - v_splat(c->place[1]),
+                        at.z - v_splat(c->place[2])};
 }
 
 // How far the solid's bounding sphere is, whose centre is `square` away squared, by an approximate root, to 10 bits and less by
 // that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
 // stays above its tangent.
-static inline real surely_off(const struct close_by *c, const struct walk *w, struct vec from,
-                              real square, struct below *below) {
+static inline vfloat surely_off(const struct close_by *c, const struct walk *w, struct vec from,
+                                vfloat square, struct below *below) {
     COUNT(surely_off, call);
-    square = most_of(square, set(1e-30f));
-    real guess = root_guess(square);
-    real far = square * guess * set(1 - 0x1p-10f) - set(c->bound);
-    below->slope = mul_sub(vec_dot(from, w->rays.to_light), guess, set(0x1p-10f));
-    below->rest = neg_mul_add(below->slope + set(0x1p-18f), w->march.t, far);
+    square = v_max(square, v_splat(1e-30f));
+    vfloat guess = root_guess(square);
+    vfloat far = square * guess * v_splat(1 - 0x1p-10f) - v_splat(c->bound);
+    below->slope = v_msub(vec_dot(from, w->rays.to_light), guess, v_splat(0x1p-10f));
+    below->rest = v_nmadd(below->slope + v_splat(0x1p-18f), w->march.t, far);
     return far;
 }
 
-static inline real beginning(const struct walk *w) {
-    return choose(stands_still(w), set(-INFINITY), set(INFINITY));
+static inline vfloat beginning(const struct walk *w) {
+    return v_select(stands_still(w), v_splat(-INFINITY), v_splat(INFINITY));
 }
 
 void vicinity_below(struct beam *beam) {
@@ -98,46 +100,46 @@ void vicinity_below(struct beam *beam) {
     struct vicinity *v = &beam->near;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
-        ACTIVE(LANES - count_of(stands_still(w)));
+        ACTIVE(LANES - v_count(stands_still(w)));
         COUNT(vicinity_below, packet);
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
-        real nearest = beginning(w);
+        vfloat nearest = beginning(w);
         struct below *below = v->below + i;
         int recent = 0, solids = v->solids;
         const struct close_by *shapes = v->shapes;
         for (int k = 0; k < solids; k++, below += BEAM) {
             COUNT(vicinity_below, shape);
             struct vec from = from_centre(&shapes[k], w->at);
-            real far = surely_off(&shapes[k], w, from, vec_dot(from, from), below);
-            recent = any(less(far, nearest)) ? k : recent;
-            nearest = least_of(far, nearest);
+            vfloat far = surely_off(&shapes[k], w, from, vec_dot(from, from), below);
+            recent = v_any(v_cmp_lt(far, nearest)) ? k : recent;
+            nearest = v_min(far, nearest);
         }
         w->recent = recent;
         for (int k = solids; k < v->count; k++, below += BEAM)
-            *below = (struct below){set(-INFINITY), set(0.0f)};
+            *below = (struct below){v_splat(-INFINITY), v_splat(0.0f)};
     }
 }
 
 // Of rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is noise in the
 // third digit, that of its power is not.
-static real own_distance(const struct walk *w, const struct placed *s) {
+static vfloat own_distance(const struct walk *w, const struct placed *s) {
     COUNT(own_distance, call);
-    real t = w->march.t;
+    vfloat t = w->march.t;
     if (s->type != SHAPE_SPHERE) {
         COUNT(own_distance, other);
-        return distance_at(vec_along(w->rays.local, w->local_to, t), s, no_lane());
+        return distance_at(vec_along(w->rays.local, w->local_to, t), s, v_mask_none());
     }
     COUNT(own_distance, sphere);
-    real slope = set(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
-    return power / (root(most_of(power + set(s->bound_sq), set(0.0f))) + set(s->a));
+    vfloat slope = v_splat(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
+    return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
 }
 
-static inline real distance_to(const struct close_by *c, const struct walk *w) {
+static inline vfloat distance_to(const struct close_by *c, const struct walk *w) {
     COUNT(distance_to, call);
     const struct placed *s = c->shape;
     if (s->way == LINEAR) {
         COUNT(distance_to, plane);
-        return height_along(s, both(w->rays.active, same_shape(w->rays.shape, (int)s->index)), w);
+        return height_along(s, v_and(w->rays.active, same_shape(w->rays.shape, (int)s->index)), w);
     }
     if ((int)s->index == w->solid)
         return own_distance(w, s);
@@ -147,17 +149,17 @@ static inline real distance_to(const struct close_by *c, const struct walk *w) {
     // nothing.
     if (s->type == SHAPE_SPHERE || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
         return sdf_rounded_box(p, s);
-    return distance_at(p, s, no_lane());
+    return distance_at(p, s, v_mask_none());
 }
 
 // c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
 static inline void ask_about(const struct close_by *c, int k, struct walk *w, struct below *below) {
     COUNT(ask_about, call);
-    real h = distance_to(c, w);
-    *below = (struct below){(h + w->march.t) * set(1.0f - 0x1p-18f), set(-1.0f)};
-    int kept = any(less(h, w->least)) - 1; // no branch: it would wait for the root
+    vfloat h = distance_to(c, w);
+    *below = (struct below){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
+    int kept = v_any(v_cmp_lt(h, w->least)) - 1; // no branch: it would wait for the root
     w->recent = (w->recent & kept) | (k & ~kept);
-    w->least = least_of(h, w->least);
+    w->least = v_min(h, w->least);
 }
 
 // Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
@@ -165,31 +167,31 @@ static inline void ask_about(const struct close_by *c, int k, struct walk *w, st
 static inline bool too_far(const struct close_by *c, const struct walk *w, struct below *below) {
     COUNT(too_far, call);
     struct vec from = from_centre(c, w->at);
-    real square = vec_dot(from, from);
-    real reach = mul_add(w->march.t, set(0x1p-18f), w->least + set(c->bound));
-    reach = most_of(reach, set(0.0f)); // 0 of rays that stand still
+    vfloat square = vec_dot(from, from);
+    vfloat reach = v_madd(w->march.t, v_splat(0x1p-18f), w->least + v_splat(c->bound));
+    reach = v_max(reach, v_splat(0.0f)); // 0 of rays that stand still
     surely_off(c, w, from, square, below);
-    return !any(not_less(reach * reach, square * set(1 - 0x1p-16f))); // so it is of no plane
+    return !v_any(v_cmp_ge(reach * reach, square * v_splat(1 - 0x1p-16f))); // so it is of no plane
 }
 
 enum { AT_ONCE = 64 }; // shapes, of each a bit
 
-static inline real may_be(const struct below *below, real t) {
-    return mul_add(below->slope, t, below->rest);
+static inline vfloat may_be(const struct below *below, vfloat t) {
+    return v_madd(below->slope, t, below->rest);
 }
 
 // Of the shapes from `first` on, AT_ONCE at most, the bits of those that may be nearer to one of a packet's rays than what is.
 static inline unsigned long long wake(const struct below *below, int count, const struct walk *w) {
     COUNT(wake, call);
-    real least = w->least, t = w->march.t;
+    vfloat least = w->least, t = w->march.t;
     unsigned long long awake = 0;
     for (int k = 0; k < count;
          k += 4, below += 4 * BEAM) { // what is read behind the last is of no shape
         COUNT(wake, four);
-        unsigned long long which = any_of_four(not_less(least, may_be(&below[0], t)),
-                                               not_less(least, may_be(&below[BEAM], t)),
-                                               not_less(least, may_be(&below[2 * BEAM], t)),
-                                               not_less(least, may_be(&below[3 * BEAM], t)));
+        unsigned long long which = v_any_of_four(v_cmp_ge(least, may_be(&below[0], t)),
+                                                 v_cmp_ge(least, may_be(&below[BEAM], t)),
+                                                 v_cmp_ge(least, may_be(&below[2 * BEAM], t)),
+                                                 v_cmp_ge(least, may_be(&below[3 * BEAM], t)));
         awake |= which << k;
     }
     return count < AT_ONCE ? awake & ((1ull << count) - 1) : awake;
@@ -207,9 +209,9 @@ void vicinity_nearest(struct beam *beam) {
     unsigned walking = 0;
     for (int i = 0; i < beam->moving; i++) {
         struct walk *w = &beam->walk[i];
-        if (all(stands_still(w)))
+        if (v_all(stands_still(w)))
             continue;
-        ACTIVE(LANES - count_of(stands_still(w)));
+        ACTIVE(LANES - v_count(stands_still(w)));
         COUNT(vicinity_nearest, packet);
         walking |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
@@ -224,7 +226,7 @@ void vicinity_nearest(struct beam *beam) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             const struct walk *w = &beam->walk[i];
-            ACTIVE(LANES - count_of(stands_still(w)));
+            ACTIVE(LANES - v_count(stands_still(w)));
             unsigned once = (unsigned)(asked[i] - first); // more than there are, of another row
             which[i] = wake(&below[i], lesser(v->count - first, AT_ONCE), w);
             which[i] &= ~(once < AT_ONCE ? 1ull << once : 0);
@@ -232,7 +234,7 @@ void vicinity_nearest(struct beam *beam) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             const struct walk *w = &beam->walk[i];
-            ACTIVE(LANES - count_of(stands_still(w)));
+            ACTIVE(LANES - v_count(stands_still(w)));
             unsigned long long near = 0;
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);
@@ -243,7 +245,7 @@ void vicinity_nearest(struct beam *beam) {
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
             struct walk *w = &beam->walk[i];
-            ACTIVE(LANES - count_of(stands_still(w)));
+            ACTIVE(LANES - v_count(stands_still(w)));
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);
                 ask_about(&these[k], first + k, w, &below[k * BEAM + i]);

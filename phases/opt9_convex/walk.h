@@ -7,67 +7,66 @@
 // One axis: the ray is at the middle of its cell at `middle` = base + count·step, and there within `half` of the
 // box about the copy, within `wall` of the cell. All in units of t, of which `size` are as long as 1 along it.
 struct axis {
-    real base, step, half, wall, count, middle, size;
+    vfloat base, step, half, wall, count, middle, size;
 };
 
-static inline struct axis axis_of(real o, real d, float cell, float half) {
+static inline struct axis axis_of(vfloat o, vfloat d, float cell, float half) {
     COUNT(axis_of, call);
     COUNT(axis_of, scalar);
-    real zero = set(0.0f), per = inverse_of(d), size = absolute(per), base = zero - o * per;
-    real wall = set(0.5f * cell) * size;
+    vfloat zero = v_splat(0.0f), per = inverse_of(d), size = v_abs(per), base = zero - o * per;
+    vfloat wall = v_splat(0.5f * cell) * size;
     if (!(cell > 0.0f))
-        wall = set(INFINITY);
-    return (struct axis){base, set(cell) * size, set(half) * size, wall, zero, base, size};
+        wall = v_splat(INFINITY);
+    return (struct axis){base, v_splat(cell) * size, v_splat(half) * size, wall, zero, base, size};
 }
 
-static inline real leaves_at(const struct axis *x, const struct axis *y, const struct axis *z) {
-    return least_of(x->middle + x->wall, least_of(y->middle + y->wall, z->middle + z->wall));
+static inline vfloat leaves_at(const struct axis *x, const struct axis *y, const struct axis *z) {
+    return v_min(x->middle + x->wall, v_min(y->middle + y->wall, z->middle + z->wall));
 }
 
-static inline void go_on(struct axis *a, mask going, real leaves) {
-    mask through = both(going, not_less(leaves, a->middle + a->wall));
-    a->count = a->count + keep(through, set(1.0f));
-    a->middle = mul_add(a->count, a->step, a->base);
+static inline void go_on(struct axis *a, vmask going, vfloat leaves) {
+    vmask through = v_and(going, v_cmp_ge(leaves, a->middle + a->wall));
+    a->count = a->count + v_select_or_zero(through, v_splat(1.0f));
+    a->middle = v_madd(a->count, a->step, a->base);
 }
 
 struct walk {
     struct axis x, y, z;
-    real end;
+    vfloat end;
 };
 
 // Into the next cells; those that are not at their end there.
-static inline mask next_cells(struct walk *w, mask going) {
-    ACTIVE(count_of(going));
+static inline vmask next_cells(struct walk *w, vmask going) {
+    ACTIVE(v_count(going));
     COUNT(next_cells, call);
-    real leaves = leaves_at(&w->x, &w->y, &w->z);
-    going = both(going, less(leaves, w->end));
+    vfloat leaves = leaves_at(&w->x, &w->y, &w->z);
+    going = v_and(going, v_cmp_lt(leaves, w->end));
     go_on(&w->x, going, leaves);
     go_on(&w->y, going, leaves);
     go_on(&w->z, going, leaves);
     return going;
 }
 
-static inline real into_box(const struct walk *w) {
-    return most_of(w->x.middle - w->x.half,
-                   most_of(w->y.middle - w->y.half, w->z.middle - w->z.half));
+static inline vfloat into_box(const struct walk *w) {
+    return v_max(w->x.middle - w->x.half, v_max(w->y.middle - w->y.half, w->z.middle - w->z.half));
 }
 
 // Where the rays meet the next box; of `skip` not the first.
-static inline mask next_box(struct walk *w, mask going, mask skip) {
+static inline vmask next_box(struct walk *w, vmask going, vmask skip) {
     COUNT(next_box, call);
-    mask met = no_lane();
-    while (any(going)) {
-        ACTIVE(count_of(going));
+    vmask met = v_mask_none();
+    while (v_any(going)) {
+        ACTIVE(v_count(going));
         COUNT(next_box, cell);
-        real in = into_box(w);
-        real out = least_of(w->x.middle + w->x.half,
-                            least_of(w->y.middle + w->y.half, w->z.middle + w->z.half));
-        mask here =
-            both(both(going, not_less(out, in)), both(greater(out, set(0.0f)), less(in, w->end)));
-        here = but_not(skip, here);
-        skip = no_lane();
-        met = either(met, here);
-        going = next_cells(w, but_not(here, going));
+        vfloat in = into_box(w);
+        vfloat out =
+            v_min(w->x.middle + w->x.half, v_min(w->y.middle + w->y.half, w->z.middle + w->z.half));
+        vmask here = v_and(v_and(going, v_cmp_ge(out, in)),
+                           v_and(v_cmp_gt(out, v_splat(0.0f)), v_cmp_lt(in, w->end)));
+        here = v_andnot(skip, here);
+        skip = v_mask_none();
+        met = v_or(met, here);
+        going = next_cells(w, v_andnot(here, going));
     }
     return met;
 }
