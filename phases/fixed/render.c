@@ -10,13 +10,13 @@
 #include "path_distance.h"
 #include "phase.h"
 #include "scene_tables.h"
-#include "threads.h"
+#include "workers/workers.h"
 
 struct prepared {
     struct model model;
     struct settings settings;
     struct scene_tables *scene; // a frame may change its format, which must fit camera and light
-    struct team *team;
+    struct workers *workers;
     int lanes;
     char *settings_text;
 };
@@ -145,8 +145,8 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     char error[512];
     settings_read(getenv("STEPWISE_FIXED"), &prepared->settings, error);
     prepared->lanes = variant_here().lanes;
-    prepared->team = team_start(threads, (size_t)model->shape_count * sizeof(int));
-    if (!prepared->team) {
+    prepared->workers = workers_start(threads, (size_t)model->shape_count * sizeof(int));
+    if (!prepared->workers) {
         release(prepared);
         return NULL;
     }
@@ -158,17 +158,17 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 }
 
 void phase_release(struct prepared *prepared) {
-    team_end(prepared->team);
+    workers_end(prepared->workers);
     release(prepared);
 }
 
 // In cache lines of its own: all workers read it while the caller writes its stack.
 struct frame_job {
-    alignas(APART) struct job job;
+    alignas(WORKERS_APART) struct job job;
     int lanes;
 };
 
-void render_tile(const void *data, int tile, void *scratch) {
+static void render_tile(const void *data, int tile, void *scratch) {
     const struct frame_job *job = data;
     render_tile_in_lanes(job->lanes, &job->job, tile, scratch);
 }
@@ -197,7 +197,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     settings_say(&scene->format, prepared->settings_text);
     tables_set_view(scene, &prepared->model, view, frame);
     struct frame_job job = {{scene, frame}, prepared->lanes};
-    team_run(prepared->team, &job, tiles_of(frame));
+    workers_run(prepared->workers, render_tile, &job, tiles_of(frame));
     return true;
 }
 

@@ -143,7 +143,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     struct primitive *primitives = calloc((size_t)model->shape_count, sizeof *primitives);
     if (threaded && primitives)
         threaded->workers =
-            workers_start(threads, (size_t)model->shape_count * sizeof(struct local_ray));
+            threads_start(threads, (size_t)model->shape_count * sizeof(struct local_ray));
     if (!threaded || !primitives || !threaded->workers) {
         free(threaded);
         free(primitives);
@@ -156,7 +156,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 
 void phase_release(struct prepared *prepared) {
     struct threaded *threaded = (struct threaded *)prepared; // its first member
-    workers_end(threaded->workers);
+    threads_end(threaded->workers);
     free(prepared->primitives);
     free(threaded);
 }
@@ -260,7 +260,7 @@ bool phase_render(const struct prepared *prepared, const struct view *view, stru
     int across = (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
     int down = (frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT;
     struct job job = {prepared, view, frame, point_from_doubles(view->position), across};
-    workers_run(threaded->workers, &job, across * down);
+    threads_run(threaded->workers, &job, across * down);
     return true;
 }
 

@@ -130,7 +130,7 @@ static void state_unpinned(struct workers *workers, int failed, int error) {
     workers->stated = workers->stated || failed > 0;
 }
 
-struct workers *workers_start(int threads, size_t scratch_size) {
+struct workers *threads_start(int threads, size_t scratch_size) {
     size_t size = sizeof(struct workers) + (size_t)threads * sizeof(struct worker);
     struct workers *workers =
         aligned_alloc(WORKERS_APART, (size + WORKERS_APART - 1) / WORKERS_APART * WORKERS_APART);
@@ -158,13 +158,13 @@ struct workers *workers_start(int threads, size_t scratch_size) {
     state_unpinned(workers, failed, error);
     for (int i = 0; i < workers->count; i++)
         if (!workers->worker[i].scratch) {
-            workers_end(workers);
+            threads_end(workers);
             return NULL;
         }
     return workers;
 }
 
-void workers_run(struct workers *workers, const void *job, int tiles) {
+void threads_run(struct workers *workers, const void *job, int tiles) {
     struct worker *self = &workers->worker[0];
     pthread_mutex_lock(&workers->lock);
     workers->job = job;
@@ -193,7 +193,7 @@ void workers_run(struct workers *workers, const void *job, int tiles) {
     pthread_mutex_unlock(&workers->lock);
 }
 
-void workers_end(struct workers *workers) {
+void threads_end(struct workers *workers) {
     pthread_mutex_lock(&workers->lock);
     workers->ending = true;
     pthread_cond_broadcast(&workers->begin);

@@ -17,13 +17,13 @@ void render_tile(const void *job, int tile, void *scratch);
 // Returns the workers, or NULL when memory is short. Each has `scratch_size` bytes of scratch memory,
 // zeroed. A worker that cannot be started or pinned is reported on standard error: the others do its
 // share, or it runs unpinned.
-struct workers *workers_start(int threads, size_t scratch_size);
+struct workers *threads_start(int threads, size_t scratch_size);
 
 // Draws the tiles 0 ... tiles − 1, each once, and returns when all are done. A free worker takes the
 // next tile, so that tiles of unequal cost keep all cores busy.
-void workers_run(struct workers *workers, const void *job, int tiles);
+void threads_run(struct workers *workers, const void *job, int tiles);
 
 // Ends the threads and frees their memory.
-void workers_end(struct workers *workers);
+void threads_end(struct workers *workers);
 
 #endif
