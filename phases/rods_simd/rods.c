@@ -45,7 +45,7 @@ static struct size size_of(int side, const struct job *job, struct point eye) {
 }
 
 static void set_out_rods(int first, int count, int left, int top, const struct size *size,
-                         const struct job *job, struct point eye, struct world *world, int k,
+                         const struct job *job, struct point eye, struct trace_context *world, int k,
                          const struct rod_list *rods, struct flight *flight) {
     ACTIVE(count);
     COUNT(set_out_rods, call);
@@ -79,7 +79,7 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
 
 // What float makes of a distance, 2⁻¹⁸ of t at most, is taken off it before it is believed. False after the last step.
 static inline bool rod_step(struct flight *rod, int k, const struct size *size,
-                            struct group *group) {
+                            struct packet_group *group) {
     vmask live = group->live[k];
     ACTIVE(v_count(live));
     COUNT(rod_step, call);
@@ -133,9 +133,9 @@ static void land_rods(int first, int count, int across, int down, const struct s
 
 // All rods of a size, as many packets at a time as a group holds.
 static void march_size(int left, int top, const struct size *size, const struct job *job,
-                       struct point eye, struct world *world, struct survey *survey) {
+                       struct point eye, struct trace_context *world, struct survey *survey) {
     COUNT(march_size, call);
-    struct group *group = &world->group;
+    struct packet_group *group = &world->group;
     const struct rod_list *rods = &survey->now;
     struct flight flight[GROUP];
     for (int first = 0; first < rods->count; first += GROUP * LANES) {
@@ -156,7 +156,7 @@ static void march_size(int left, int top, const struct size *size, const struct 
             if (v_any(group->live[k]))
                 group->list[group->count++] = k;
         }
-        struct alone alone = {.shape = -1};
+        struct sole_shape alone = {.shape = -1};
         while (group->count > 0) {
             scene_distances(group, world->scene, &alone);
             for (int i = 0; i < group->count;) {
@@ -174,7 +174,7 @@ static void march_size(int left, int top, const struct size *size, const struct 
     }
 }
 
-void march_rods(int left, int top, const struct job *job, struct point eye, struct world *world,
+void march_rods(int left, int top, const struct job *job, struct point eye, struct trace_context *world,
                 struct survey *survey) {
     COUNT(march_rods, call);
     const struct settings *settings = &job->prepared->settings;

@@ -1,0 +1,137 @@
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
+// ("each_variant" of phase.json), built twice.
+#include <stdalign.h>
+#include <stdlib.h>
+
+#include "counting/flops.h"
+#include "driver/variant.h"
+#include "kernel/kernel.h"
+#include "workers/workers.h"
+
+// Of a generated kernel; without a Mandelbulb half as many are a crowd.
+enum { MAX_KERNEL_SHAPES = 64 };
+
+// What a tile reads is `prepared`; the team stands behind it.
+struct phase_state {
+    struct prepared prepared;
+    struct workers *workers;
+    bool sixteen; // lanes, not eight
+    struct loaded_kernel loaded;
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+// A kernel has its shapes' places as constants: where they move general code runs, and the record says so.
+#define REASON_MOVING "the shapes move: a kernel is generated for one place of each"
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    struct loaded_kernel *loaded = &((struct phase_state *)prepared)->loaded; // its first member
+    prepare_shapes(prepared, model);
+    if (loaded->kernel) {
+        kernel_unload(loaded);
+        loaded->facts = (struct kernel_facts){.reason = REASON_MOVING};
+    }
+    return true;
+}
+
+static void make_kernel(struct phase_state *kept) {
+    struct loaded_kernel *loaded = &kept->loaded;
+#ifdef STEPWISE_COUNT
+    loaded->facts.reason = "a counting build counts the general kernels";
+#else
+    if (!kept->prepared.solids)
+        loaded->facts.reason = "the scene is marched: no kernel is generated for that";
+    else if (kept->prepared.tree.levels)
+        loaded->facts.reason =
+            "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
+    else if (kept->prepared.model.shape_count > MAX_KERNEL_SHAPES)
+        loaded->facts.reason = "more shapes than a generated kernel gains from";
+    else if (kept->prepared.model.animated)
+        loaded->facts.reason = REASON_MOVING; // not compiled, to be dropped by the first update
+    else
+        kernel_load(&kept->prepared, variant_here().lanes, variant_here().flags, loaded);
+#endif
+}
+
+const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
+    return &((const struct phase_state *)prepared)->loaded.facts;
+}
+
+// A kernel's tiles may need more of a worker's own memory than the general code's.
+static struct workers *start_team(struct phase_state *kept, const struct model *model, int threads) {
+    size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
+    if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
+        own = kept->loaded.kernel->own_size;
+    return workers_start(threads, own);
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct phase_state *kept = calloc(1, sizeof *kept);
+    if (!kept)
+        return NULL;
+    kept->sixteen = variant_here().lanes == 16;
+    if (place_room(&kept->prepared, model->shape_count)) {
+        prepare_shapes(&kept->prepared, model);
+        make_kernel(kept);
+        kept->workers = start_team(kept, model, threads);
+    }
+    if (!kept->workers) {
+        kernel_unload(&kept->loaded);
+        place_free(&kept->prepared);
+        free(kept);
+        return NULL;
+    }
+    return &kept->prepared;
+}
+
+void phase_release(struct prepared *prepared) {
+    struct phase_state *kept = (struct phase_state *)prepared; // its first member
+    workers_end(kept->workers);
+    kernel_unload(&kept->loaded);
+    place_free(prepared);
+    free(kept);
+}
+
+// Apart from what the caller writes on its stack: all workers read it.
+struct frame_job {
+    alignas(WORKERS_APART) struct job job;
+    const struct scene_kernel *kernel; // NULL: the general ones
+    bool sixteen;
+};
+
+static void render_tile(const void *data, int tile, void *own) {
+    const struct frame_job *job = data;
+    if (job->kernel)
+        job->kernel->tile(&job->job, tile, own);
+    else if (job->sixteen)
+        lanes16_tile(&job->job, tile, own);
+    else
+        lanes8_tile(&job->job, tile, own);
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame, prepared->eyes,
+                             tile_height(prepared, frame->height),
+                             prepared->solids && set_local_cameras(prepared, view, kept->sixteen)},
+                            NULL,
+                            kept->sixteen};
+    if (job.job.solids)
+        job.kernel = kept->loaded.kernel;
+    workers_run(kept->workers, render_tile, &job,
+                job.kernel      ? job.kernel->tiles(&job.job)
+                : kept->sixteen ? lanes16_tiles(&job.job)
+                                : lanes8_tiles(&job.job));
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
+                         : lanes8_distances(prepared, count, points, distance, nearest);
+}

@@ -1,0 +1,255 @@
+// The system's compiler: found on PATH, run without a shell and not for ever.
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "kernel/kernel.h"
+
+extern char **environ;
+
+enum { MAX_ARGUMENTS = 64, SECONDS = 60 };
+
+static bool is_program(const char *path) {
+    struct stat found;
+    return stat(path, &found) == 0 && S_ISREG(found.st_mode) && access(path, X_OK) == 0;
+}
+
+static bool on_path(const char *name, char path[4096]) {
+    size_t name_length = strlen(name);
+    if (strchr(name, '/')) {
+        if (name_length < 4096)
+            memcpy(path, name, name_length + 1);
+        return name_length < 4096 && is_program(path);
+    }
+    const char *at = getenv("PATH");
+    while (at && *at) {
+        size_t length = strcspn(at, ":");
+        if (length > 0 && length + name_length + 2 <= 4096) {
+            memcpy(path, at, length);
+            path[length] = '/';
+            memcpy(path + length + 1, name, name_length + 1);
+            if (is_program(path))
+                return true;
+        }
+        at += length + (at[length] == ':');
+    }
+    return false;
+}
+
+void find_compiler(char path[4096], char reason[256]) {
+    const char *own = getenv("STEPWISE_CC"), *cc = getenv("CC");
+    *reason = '\0';
+    if (own && *own) {
+        if (strcmp(own, "none") == 0)
+            snprintf(reason, 256, "STEPWISE_CC is none");
+        else if (!on_path(own, path))
+            snprintf(reason, 256, "there is no compiler %.120s (STEPWISE_CC)", own);
+#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
+    } else {
+        snprintf(reason, 256, "a sanitizer is in use, and STEPWISE_CC does not name its compiler");
+    }
+    (void)cc;
+#else
+    } else if (!(cc && *cc && on_path(cc, path)) && !on_path("cc", path) && !on_path("gcc", path) &&
+               !on_path("clang", path))
+        snprintf(reason, 256, "there is no compiler cc, gcc or clang on PATH");
+#endif
+    if (*reason)
+        *path = '\0';
+}
+
+// In seconds; 0: what the environment says is no such number.
+static double time_limit(void) {
+    const char *limit = getenv("STEPWISE_CC_SECONDS");
+    char *end;
+    double seconds = limit && *limit ? strtod(limit, &end) : SECONDS;
+    return limit && *limit && (*end || !(seconds > 0)) ? 0 : seconds;
+}
+
+// While the compiler runs, in a group of its own: what ends this process ends that too; and a caller's SIG_IGN for
+// SIGCHLD, which is inherited, would have the kernel keep its status to itself.
+static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
+enum { SIGNALS = sizeof signals / sizeof *signals };
+static volatile sig_atomic_t interrupted;
+
+static void interrupt(int number) {
+    interrupted = number;
+}
+
+static void watch_signals(struct sigaction before[SIGNALS]) {
+    interrupted = 0;
+    for (int i = 0; i < SIGNALS; i++) {
+        struct sigaction now = {.sa_handler = i == 0 ? SIG_DFL : interrupt};
+        sigaction(signals[i], NULL, &before[i]);
+        if (i == 0 || before[i].sa_handler != SIG_IGN) // nohup stays nohup
+            sigaction(signals[i], &now, NULL);
+    }
+}
+
+static void restore_signals(const struct sigaction before[SIGNALS]) {
+    for (int i = 0; i < SIGNALS; i++)
+        sigaction(signals[i], &before[i], NULL);
+}
+
+// Waits for the process, but not longer than that: false then.
+static bool wait_for(pid_t pid, int *status, double seconds) {
+    struct timespec pause = {0, 2000000}, begin, now;
+    clock_gettime(CLOCK_MONOTONIC, &begin);
+    for (;;) {
+        pid_t ended = waitpid(pid, status, WNOHANG);
+        if (ended == pid || (ended < 0 && errno != EINTR))
+            return ended == pid;
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        if (interrupted ||
+            !((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
+              seconds)) {
+            kill(-pid, SIGKILL); // its own group: the driver's children too
+            waitpid(pid, status, 0);
+            return false;
+        }
+        nanosleep(&pause, NULL);
+    }
+}
+
+// The first line of what the compiler said that names an error, or its first that is not blank.
+static void first_error(const char *log, char text[128]) {
+    FILE *file = fopen(log, "r");
+    char line[512];
+    *text = '\0';
+    while (file && fgets(line, sizeof line, file)) {
+        line[strcspn(line, "\n")] = '\0';
+        const char *error = strstr(line, "error");
+        if (error || (!*text && line[strspn(line, " \t")]))
+            snprintf(text, 128, ": %.120s", error ? error : line);
+        if (error)
+            break;
+    }
+    char *to = text; // a quotation mark for what is not ASCII, as a rule one
+    for (const char *c = text; *c; c++)
+        if ((*c & 0xc0) != 0x80)
+            *to++ = (char)(*c < 0 ? '\'' : *c < ' ' ? ' ' : *c);
+    *to = '\0';
+    if (file)
+        fclose(file);
+}
+
+static int spawn(char **arguments, const char *log, pid_t *pid) {
+    posix_spawn_file_actions_t files;
+    posix_spawnattr_t attributes;
+    int error = posix_spawn_file_actions_init(&files);
+    if (error)
+        return error;
+    error = posix_spawnattr_init(&attributes);
+    if (!error) {
+        posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
+        posix_spawn_file_actions_addopen(&files, 1, log, O_WRONLY | O_CREAT | O_TRUNC, 0600);
+        posix_spawn_file_actions_adddup2(&files, 1, 2);
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+        posix_spawnattr_setpgroup(&attributes, 0);
+        error = posix_spawn(pid, arguments[0], &files, &attributes, arguments, environ);
+        posix_spawnattr_destroy(&attributes);
+    }
+    posix_spawn_file_actions_destroy(&files);
+    return error;
+}
+
+static bool compile(const char *compiler, const char *flags, int lanes, const char *tag,
+                    const char *source_path, const char *object_path, char reason[256]) {
+    char lanes_is[32], tag_is[64], words[2048], log[4096];
+    char *arguments[MAX_ARGUMENTS] = {(char *)compiler};
+    int count = 1;
+    snprintf(lanes_is, sizeof lanes_is, "-DLANES=%d", lanes);
+    snprintf(tag_is, sizeof tag_is, "-DKERNEL_TAG=\"%s\"", tag);
+    snprintf(log, sizeof log, "%s.log", source_path);
+    if (snprintf(words, sizeof words,
+                 "-std=c11 -D_GNU_SOURCE -w -fPIC -shared -fvisibility=default %s",
+                 flags) >= (int)sizeof words) {
+        snprintf(reason, 256, "the flags are too long");
+        return false;
+    }
+    char *rest[] = {lanes_is, tag_is, (char *)source_path, "-o", (char *)object_path, "-lm"};
+    enum { REST = sizeof rest / sizeof *rest };
+    for (char *word = strtok(words, " "); word; word = strtok(NULL, " ")) {
+        if (count + REST + 1 == MAX_ARGUMENTS) { // the last one is NULL
+            snprintf(reason, 256, "the flags are too many");
+            return false;
+        }
+        arguments[count++] = word;
+    }
+    for (size_t i = 0; i < REST; i++)
+        arguments[count++] = rest[i];
+    pid_t pid;
+    double seconds = time_limit();
+    if (seconds == 0) {
+        snprintf(reason, 256, "STEPWISE_CC_SECONDS is %.60s: a number above 0 is required",
+                 getenv("STEPWISE_CC_SECONDS"));
+        return false;
+    }
+    struct sigaction before[SIGNALS];
+    watch_signals(before);
+    int status = 0, error = spawn(arguments, log, &pid);
+    bool in_time = !error && wait_for(pid, &status, seconds);
+    restore_signals(before);
+    if (interrupted) { // by now, with nothing left behind
+        const char *left[] = {log, source_path, object_path};
+        for (size_t i = 0; i < sizeof left / sizeof *left; i++)
+            unlink(left[i]);
+        raise(interrupted);
+    }
+    char said[128] = "";
+    if (error)
+        snprintf(reason, 256, "%.80s cannot be run: %s", compiler, strerror(error));
+    else if (!in_time)
+        snprintf(reason, 256, "%.80s took longer than its time limit, %g s", compiler, seconds);
+    else if (WIFSIGNALED(status))
+        snprintf(reason, 256, "%.80s was killed: %.60s", compiler, strsignal(WTERMSIG(status)));
+    else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+        first_error(log, said);
+        snprintf(reason, 256, "%.80s failed%s", compiler, said);
+    } else
+        *reason = '\0';
+    unlink(log);
+    return *reason == '\0';
+}
+
+// How gcc, from 12 on, is told to copy structs (phases/opt6_wide/NOTES.md).
+static const char *const copies[] = {
+    "-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
+enum { COPIES = sizeof copies / sizeof *copies };
+
+// Flags without those. Returns whether the compiler complained of one of them.
+static bool fewer_flags(const char *flags, const char *reason, char fewer[2048]) {
+    bool complained = false;
+    for (int i = 0; i < COPIES; i++)
+        complained |= strstr(reason, copies[i]) != NULL;
+    size_t count = 0;
+    for (size_t length; complained && *flags; flags += length + (flags[length] == ' ')) {
+        bool copy = false;
+        length = strcspn(flags, " ");
+        for (int i = 0; i < COPIES; i++)
+            copy |= strncmp(flags, copies[i], strlen(copies[i])) == 0;
+        if (copy)
+            continue;
+        memcpy(fewer + count, flags, length);
+        count += length;
+        fewer[count++] = ' ';
+    }
+    fewer[count] = '\0';
+    return complained;
+}
+
+bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
+                    const char *source_path, const char *object_path, char reason[256]) {
+    char fewer[2048];
+    return compile(compiler, flags, lanes, tag, source_path, object_path, reason) ||
+           (strlen(flags) < sizeof fewer - 1 && fewer_flags(flags, reason, fewer) &&
+            compile(compiler, fewer, lanes, tag, source_path, object_path, reason));
+}

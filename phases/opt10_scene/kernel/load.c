@@ -1,0 +1,166 @@
+// A scene's kernel: found in the cache or made, checked, loaded.
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "kernel/kernel.h"
+
+static uint64_t now_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+// A kernel's whole text: before its source a line of what else tells it from others, its flags and the compiler, by the
+// file it is. To be freed; NULL: memory is short.
+static char *text_of(const char *source, const char *flags, int lanes, const char *compiler) {
+    char vfloat[4096], *text;
+    struct stat file = {0};
+    const char *path = realpath(compiler, vfloat) ? vfloat : compiler;
+    if (stat(path, &file) != 0)
+        file.st_size = 0;
+    if (asprintf(&text, "// %d lanes; %s; %s: %lld bytes of %lld.%09ld, inode %lld.\n", lanes,
+                 flags, path, (long long)file.st_size, (long long)file.st_mtim.tv_sec,
+                 file.st_mtim.tv_nsec, (long long)file.st_ino) < 0)
+        return NULL;
+    size_t head = strlen(text), length = strlen(source);
+    for (size_t i = 0; i + 1 < head; i++)
+        text[i] = text[i] == '\n' ? ' ' : text[i]; // of the path: it must stay a comment
+    char *whole = realloc(text, head + length + 1);
+    if (whole)
+        memcpy(whole + head, source, length + 1);
+    else
+        free(text);
+    return whole;
+}
+
+// Under a name of this process's own, then renamed: who reads it finds all of it or nothing.
+static bool make_object(const char *source, const char *folder, const char *compiler,
+                        const char *flags, int lanes, const char *tag, const char *object,
+                        const char *kept, char reason[256]) {
+    char text[4400], made[4400];
+    struct stat found;
+    snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
+    cache_sweep(folder);
+    int opened =
+        mkostemps(text, 2, O_CLOEXEC); // not by a process's number: containers may share the folder
+    FILE *file = opened < 0 ? NULL : fdopen(opened, "w");
+    if (opened >= 0 && !file)
+        close(opened);
+    bool done = file && fputs(source, file) >= 0;
+    done = file && fclose(file) == 0 && done;
+    snprintf(made, sizeof made, "%.*s.so", (int)strlen(text) - 2, text);
+    if (!done)
+        snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
+    else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
+        done = false;
+    else if (stat(made, &found) != 0 || !S_ISREG(found.st_mode)) { // a pipe would be read for ever
+        snprintf(reason, 256, "%.160s wrote no object", compiler);
+        done = false;
+    } else {
+        done = cache_seal(made, tag, source) && rename(made, object) == 0;
+        if (!done)
+            snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
+        else if (rename(text, kept) != 0)
+            unlink(kept); // without it the kernel is used now and made anew next time
+    }
+    unlink(text);
+    remove(made); // a folder, if the compiler made one
+    return done;
+}
+
+static bool open_object(const char *object, const char *tag, const char *text,
+                        struct loaded_kernel *loaded) {
+    if (!cache_sealed(object, tag, text))
+        return false;
+    loaded->library = dlopen(object, RTLD_NOW | RTLD_LOCAL);
+    if (!loaded->library)
+        return false;
+    const struct scene_kernel *kernel = dlsym(loaded->library, "stepwise_kernel");
+    if (kernel && strcmp(kernel->tag, tag) == 0) {
+        loaded->kernel = kernel;
+        return true;
+    }
+    dlclose(loaded->library);
+    loaded->library = NULL;
+    return false;
+}
+
+static void say_why_not(const char *object, struct loaded_kernel *loaded) {
+    const char *why = dlerror(); // begins with the file's name
+    snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s", why ? why : object);
+}
+
+// The name is a hash, which two sources may share: what is found is taken if the source kept beside it is this one.
+static void find_or_make(const char *text, int lanes, const char *flags, const char *compiler,
+                         struct loaded_kernel *loaded) {
+    char folder[4096], object[4400], kept[4400];
+    if (!cache_folder(folder, loaded->reason))
+        return;
+    const char *tag = loaded->hash;
+    snprintf(loaded->hash, sizeof loaded->hash, "%016llx", fnv(FNV_BEGIN, text, strlen(text)));
+    snprintf(object, sizeof object, "%s/%s.so", folder, tag);
+    snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
+    uint64_t begin = now_ns();
+    cache_used(kept); // before it is opened: whoever sweeps now leaves it
+    cache_used(object);
+    bool same = cache_holds(kept, text);
+    if (!same || !open_object(object, tag, text, loaded)) {
+        if (same && cache_sealed(object, tag, text)) { // made anew it would be the same
+            say_why_not(object, loaded);               // so it is in a folder without execution
+            return;
+        }
+        uint64_t compile = now_ns();
+        bool made =
+            make_object(text, folder, compiler, flags, lanes, tag, object, kept, loaded->reason);
+        begin = now_ns();
+        loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
+        if (!made)
+            return;
+        if (!open_object(object, tag, text, loaded))
+            say_why_not(object, loaded);
+    }
+    loaded->facts.load_ns = now_ns() - begin;
+}
+
+void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
+                 struct loaded_kernel *loaded) {
+    *loaded = (struct loaded_kernel){0};
+    uint64_t begin = now_ns();
+    char compiler[4096];
+    find_compiler(compiler, loaded->reason);
+    char *scene = *compiler ? generate_scene(prepared) : NULL;
+    char *source = scene ? kernel_source(scene) : NULL;
+    char *text = source ? text_of(source, flags, lanes, compiler) : NULL;
+    loaded->facts.generate_ns = now_ns() - begin;
+    if (text)
+        find_or_make(text, lanes, flags, compiler, loaded);
+    else if (!*loaded->reason)
+        snprintf(loaded->reason, sizeof loaded->reason, "memory is short");
+    free(text);
+    free(source);
+    free(scene);
+    struct kernel_facts *facts = &loaded->facts;
+    facts->generated = loaded->kernel != NULL;
+    facts->reason = facts->generated ? NULL : loaded->reason;
+    facts->hash = facts->generated ? loaded->hash : NULL;
+    facts->compiler = facts->generated ? loaded->kernel->compiler : NULL;
+    const char *asked = getenv("STEPWISE_CC"); // who asks for none needs no word
+    if (!facts->generated && !(asked && strcmp(asked, "none") == 0))
+        fprintf(stderr,
+                "opt10_scene: no kernel for this scene (%s); its general code runs instead\n",
+                loaded->reason);
+}
+
+void kernel_unload(struct loaded_kernel *loaded) {
+    if (loaded->library)
+        dlclose(loaded->library);
+    loaded->library = NULL;
+    loaded->kernel = NULL;
+}

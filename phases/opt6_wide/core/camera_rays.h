@@ -1,0 +1,36 @@
+// The camera's rays through the pixels of a block.
+#ifndef CAMERA_H
+#define CAMERA_H
+
+#include "core/pixel_block.h"
+
+// Of a block's lanes: twice the column, and the row.
+static const float twice_right[16] = {0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6, 0, 2, 4, 6};
+static const float row_below[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+
+static inline vmask in_picture(struct pixel_block block) {
+    return v_and(v_cmp_lt(v_load(twice_right), v_splat(2.0f * (float)block.across)),
+                 v_cmp_lt(v_load(row_below), v_splat((float)block.down)));
+}
+
+static inline struct vec get_direction(struct pixel_block block, const struct frame *frame,
+                                       const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, scalar);
+    double per_height = view->tan_half_fov / frame->height, top = frame->height - 1.0;
+    // By masks: a register that is loaded from floats just stored one by one waits for all of them.
+    vfloat y = v_splat(0.0f);
+    for (int i = 0; i < BLOCK_HEIGHT; i++) {
+        COUNT(get_direction, row);
+        vfloat row = v_splat((float)((top - 2.0 * (block.row + i)) * per_height));
+        y = i == 0 ? row : v_select(v_cmp_lt(v_load(row_below), v_splat((float)i)), y, row);
+    }
+    vfloat columns =
+        v_load(twice_right) + v_splat((float)(2 * block.column + 1 - frame->width)); // exact
+    vfloat x = columns * v_splat((float)per_height);
+    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
+    d = vec_along(d, vec_from_doubles(view->up), y);
+    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
+}
+
+#endif

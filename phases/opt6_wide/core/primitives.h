@@ -1,0 +1,80 @@
+// Frames and sizes of shapes, for core/primitives.c.
+#ifndef PLACE_H
+#define PLACE_H
+
+#include <math.h>
+#include <string.h>
+
+#include "core/primitive.h"
+
+// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
+// then (x,z), then (x,y).
+static inline void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static inline void to_floats(const double from[3], float to[3]) {
+    for (int i = 0; i < 3; i++)
+        to[i] = (float)from[i];
+}
+
+// See struct primitive. A plane that is not repeated has one row.
+static inline void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3]) {
+    bool linear = p->way == EVAL_LINEAR;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const double *n = shape->plane.normal;
+            p->row[i][j] =
+                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
+        }
+        p->centre[i] = shape->position[i];
+    }
+    if (p->way == EVAL_POWER) {
+        p->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)p->radius_sq;
+    }
+    if (linear) {
+        p->offset = shape->plane.offset;
+        to_floats(p->row[0], p->normal);
+    }
+}
+
+// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
+// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// cheaper, and from many radii away more exact. 1e15: its square is a float.
+static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+    if (repeated)
+        return EVAL_POINT;
+    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
+        shape->sphere.radius < 1e15)
+        return EVAL_POWER;
+    return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
+}
+
+// From a shape's centre to its furthest point; of a plane, which is nowhere near, nothing.
+static inline float extent_of(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return (float)shape->sphere.radius;
+    case SHAPE_BOX: return (float)hypot(hypot(half[0], half[1]), half[2]);
+    case SHAPE_ROUNDED_BOX:
+        return (float)(hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding);
+    case SHAPE_TORUS: return (float)(shape->torus.major_radius + shape->torus.minor_radius);
+    case SHAPE_CONE:
+        return (float)hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                            shape->cone.half_height);
+    case SHAPE_OCTAHEDRON: return (float)shape->octahedron.radius;
+    default: return 0.0f;
+    }
+}
+
+#endif

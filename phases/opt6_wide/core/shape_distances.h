@@ -1,0 +1,269 @@
+// Signed distances of one shape from as many points at once as there are lanes. Sphere, box, torus, capped cone,
+// octahedron: I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
+// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
+// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+#ifndef SHAPES_H
+#define SHAPES_H
+
+#include "core/primitive.h"
+#include "simd/point.h"
+#include "simd/pow.h"
+
+// Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
+// |p|² − radius² is power + t·(t + slope).
+struct local_ray {
+    struct vec origin, direction;
+    vfloat power, slope;
+};
+
+static inline struct vec turned(const struct primitive *placed, struct vec v) {
+    COUNT(turned, call);
+    if (!placed->turned)
+        return v;
+    COUNT(turned, rotation);
+    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
+                        vec_dot(vec_set(placed->turn[2]), v)};
+}
+
+// Back from the shape's frame: the matrix is orthogonal, so its transpose.
+static inline struct vec turned_back(const struct primitive *placed, struct vec v) {
+    COUNT(turned_back, call);
+    if (!placed->turned)
+        return v;
+    COUNT(turned_back, rotation);
+    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
+    out = vec_along(out, vec_set(placed->turn[1]), v.y);
+    return vec_along(out, vec_set(placed->turn[2]), v.z);
+}
+
+static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
+    return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
+}
+
+static inline struct vec vec_wrapped(const struct primitive *placed, struct vec p) {
+    COUNT(vec_wrapped, call);
+    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
+                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
+                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+}
+
+static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
+    vdouble turns = v_double_floor(v_double_sub(v_double_mul(x, per_cell), -0.5));
+    return v_double_madd(turns, -cell, x);
+}
+
+// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
+// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
+static inline vfloat coordinate(const struct primitive *placed, struct vec_double from, int axis) {
+    COUNT(coordinate, call);
+    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
+    if (placed->repeated) {
+        COUNT(coordinate, wrap);
+        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+    }
+    return v_double_to_float(x);
+}
+
+static inline vfloat power_at(struct vec_double from, double square) {
+    COUNT(power_at, call);
+    struct vec_double p = from;
+    vhalf each = v_half_splat(square);
+    return v_double_to_float(
+        (vdouble){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
+                  p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
+}
+
+static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
+    COUNT(sdf_sphere, call);
+    return vec_norm(p) - v_splat(s->a);
+}
+
+// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
+static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
+    COUNT(sdf_power, call);
+    return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
+}
+
+static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
+    COUNT(sdf_plane, call);
+    return vec_dot(p, vec_set(s->size)) - v_splat(s->a);
+}
+
+static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
+    COUNT(sdf_box, call);
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->size[2]);
+    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
+}
+
+static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, s) - v_splat(s->a);
+}
+
+static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
+    COUNT(sdf_torus, call);
+    vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->a);
+    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->b);
+}
+
+static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
+    COUNT(sdf_cone, call);
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c); // from the top rim
+    vfloat rim = v_select(v_cmp_lt(p.y, zero), v_splat(s->a), v_splat(s->b));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->c);
+    vfloat across = v_madd(x, v_splat(s->slope[0]), y * v_splat(s->slope[1]));
+    vfloat along = v_min(v_max(across * v_splat(-s->per_slope_sq), zero), one);
+    vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
+    vmask inside = v_and(v_signbit(side_x), v_signbit(cap_y));
+    vfloat square =
+        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    return v_negate_where(inside, v_sqrt(square));
+}
+
+static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
+    COUNT(sdf_octahedron, call);
+    vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
+    vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
+    vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
+    vmask over_yz = v_cmp_lt(x, third), over_zx = v_cmp_lt(y, third), over_xy = v_cmp_lt(z, third);
+    vfloat face = m * v_splat(0.57735026918962576451f); // 1/√3
+    vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
+    if (!v_any(edges))
+        return face;
+    COUNT(sdf_octahedron, edges);
+    vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
+    vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
+    vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
+    vfloat k = v_min(v_max(v_splat(0.5f) * (c - b + radius), zero), radius);
+    vfloat beside = b - radius + k, above = c - k;
+    vfloat edge = v_sqrt(v_madd(a, a, v_madd(beside, beside, above * above)));
+    return v_select(edges, edge, face);
+}
+
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
+// have (the paper's Fig. 5).
+struct bulb_orbit {
+    struct vec p, w;
+    vfloat m, dz;
+    vmask far, inside;
+};
+
+static inline struct bulb_orbit bulb_start(struct vec p, vmask live) {
+    COUNT(bulb_start, call);
+    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
+    // to a float's precision, after the one iteration that escapes.
+    vfloat m = vec_dot(p, p);
+    vmask far = v_cmp_gt(m, v_splat(1024.0f));
+    return (struct bulb_orbit){p, p, m, v_splat(1.5f), far, v_andnot(far, live)};
+}
+
+static inline void bulb_iterate(struct bulb_orbit *b, vfloat bailout) {
+    ACTIVE(v_count(b->inside));
+    COUNT(bulb_iterate, call);
+    vfloat x = b->w.x, y = b->w.y, z = b->w.z, m = b->m;
+    vfloat x2 = x * x, y2 = y * y, z2 = z * z;
+    vfloat k3 = x2 + z2, k4 = k3 - y2;
+    vfloat per_k3 =
+        v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3); // 0 on the axis
+    vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
+    vfloat cos2 = (x2 - z2) * per_k3, sin2 = v_splat(2.0f) * (x * z) * per_k3;
+    vfloat cos4 = v_nmadd(sin2 + sin2, sin2, v_splat(1.0f)), sin4 = (sin2 + sin2) * cos2;
+    vfloat k2 = v_splat(8.0f) * y * k4 * k1 * v_sqrt(k3), k2_sin4 = k2 * (sin4 + sin4);
+    x = v_madd(k2_sin4, cos4, b->p.x);      // p.x + k2·sin8
+    z = v_madd(k2_sin4, sin4, b->p.z - k2); // p.z − k2·cos8
+    y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, b->p.y));
+    vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), b->dz, v_splat(1.0f));
+    vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
+    b->w = (struct vec){x, y, z};
+    b->m = v_select(b->inside, grown, m);
+    b->dz = v_select(b->inside, slope, b->dz);
+    b->inside = v_cmp_ngt_in(b->inside, b->m, bailout);
+}
+
+static inline vfloat bulb_estimate(const struct bulb_orbit *b) {
+    COUNT(bulb_estimate, call);
+    // r·ln(r)/3 is √m·ln(m)/6.
+    vfloat per = v_select(b->far, v_splat(1.0f / 6.0f), v_splat(0.25f) / b->dz);
+    vfloat distance = v_sqrt(b->m) * per * v_log(b->m);
+    return v_select_or_zero(v_cmp_gt(b->m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
+}
+
+static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask live) {
+    COUNT(sdf_mandelbulb, call);
+    struct bulb_orbit bulb = bulb_start(p, live);
+    for (int i = 0; i < s->iterations; i++) {
+        bulb_iterate(&bulb, v_splat(s->bailout));
+        if (!v_any(bulb.inside))
+            break;
+    }
+    ACTIVE(v_count(live));
+    return bulb_estimate(&bulb);
+}
+
+// What the estimate is not less than from a place at distance √square from the centre on, as long as that
+// falls no faster than t grows. Beyond r = 3/2 the first iteration ends at w ≥ r⁸ − r, so that the estimate,
+// ½·w·ln(w)/(12·r⁷ + 1) and hardly less by further iterations, is over 0.18 + (r − 3/2)/2.
+static inline vfloat bulb_wake_bound(vfloat square, vfloat t) {
+    COUNT(bulb_wake_bound, call);
+    vfloat out = v_sqrt_below(square) - v_splat(1.5f);
+    vfloat bound = v_min(out, v_madd(out, v_splat(0.5f), v_splat(0.18f)));
+    return v_madd(v_splat(1.0f - 0x1p-10f), bound, t);
+}
+
+// At a point of the shape's own frame, wrapped if it is repeated. What way and type are is known where it
+// is inlined in group_distances().
+__attribute__((always_inline)) static inline vfloat
+distance_at(struct vec p, const struct primitive *placed, enum shape_type type, vmask live) {
+    switch (type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, placed);
+    case SHAPE_BOX: return sdf_box(p, placed);
+    case SHAPE_TORUS: return sdf_torus(p, placed);
+    case SHAPE_CONE: return sdf_cone(p, placed);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
+    case SHAPE_PLANE: return sdf_plane(p, placed);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
+    default: return sdf_mandelbulb(p, placed, live);
+    }
+}
+
+// Distance to one shape at distance t along the rays.
+__attribute__((always_inline)) static inline vfloat
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed, bool repeated,
+                  enum eval_kind way, enum shape_type type, vmask live) {
+    COUNT(distance_to_shape, call);
+    if (way == EVAL_POWER) {
+        COUNT(distance_to_shape, power);
+        return sdf_power(v_madd(t, t + a->slope, a->power), placed);
+    }
+    if (way == EVAL_LINEAR) {
+        COUNT(distance_to_shape, linear);
+        return v_madd(t, a->direction.x, a->origin.x);
+    }
+    COUNT(distance_to_shape, point);
+    struct vec p = vec_along(a->origin, a->direction, t);
+    if (repeated)
+        p = vec_wrapped(placed, p);
+    return distance_at(p, placed, type, live);
+}
+
+// From t on: the distance to a steady shape falls no faster than t grows, so that distance + t is what no later
+// distance + t can be less than. It is taken 2^-18 too small, of itself and of the shape: sixteen times what
+// float makes of it, as the place in the shape's frame is no further from it than distance + t + shape.
+static inline vfloat wake_bound(vfloat sum, const struct primitive *placed) {
+    return v_madd(sum, v_splat(1.0f - 0x1p-18f), v_splat(-placed->slack));
+}
+
+// The same from a place that may be inside.
+static inline vfloat wake_bound_inside(vfloat sum, const struct primitive *placed) {
+    return v_min(wake_bound(sum, placed),
+                 v_madd(sum, v_splat(1.0f + 0x1p-18f), v_splat(-placed->slack)));
+}
+
+#endif

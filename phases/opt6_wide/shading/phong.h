@@ -1,0 +1,72 @@
+// What a hit looks like in the light: B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975).
+#ifndef PHONG_H
+#define PHONG_H
+
+#include "simd/pow.h"
+#include "core/trace.h"
+
+// Materials of hits, gathered.
+struct surfaces {
+    struct vec color;
+    vfloat reflectivity, shininess;
+};
+
+static inline struct surfaces gather(vfloat shape, vmask found, const struct model *model) {
+    float id[LANES], values[5][LANES];
+    v_store(v_select(found, shape, v_splat(0.0f)), id);
+    for (int lane = 0; lane < LANES; lane++) {
+        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
+        for (int i = 0; i < 3; i++)
+            values[i][lane] = (float)m->color[i];
+        values[3][lane] = (float)m->reflectivity;
+        values[4][lane] = (float)m->shininess;
+    }
+    return (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
+                             v_load(values[3]),
+                             v_load(values[4])};
+}
+
+static inline struct vec from_to(struct point from, const double to[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(to[i], &hi[i], &lo[i]);
+    return vec_scale(point_sub(from, hi, lo), v_splat(-1.0f));
+}
+
+static inline struct lighting light_from(struct point p, struct vec n, vmask found,
+                                         const struct view *view) {
+    COUNT(light_from, call);
+    COUNT(light_from, scalar);
+    vfloat zero = v_splat(0.0f);
+    struct vec to_light = from_to(p, view->light_position);
+    vfloat distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
+    vfloat facing = vec_dot(n, to_light);
+    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
+    return (struct lighting){to_light, distance, facing, lit};
+}
+
+static inline struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
+                                  vfloat shadow, const struct surfaces *surface,
+                                  const struct view *view) {
+    COUNT(light_at, call);
+    struct vec base = surface->color, color = vec_scale(base, v_splat(0.01f)); // ambient
+    if (!v_any(light->lit))
+        return color;
+    ACTIVE(v_count(light->lit));
+    COUNT(light_at, lit);
+    vfloat reach = shadow / light->distance, facing = light->facing;
+    // Of the light's direction: minus the paper's R.
+    vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
+    vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
+    specular = v_select_or_zero(v_cmp_gt(shine, v_splat(0.0f)), specular);
+    const double *e = view->light_emission;
+    struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
+    struct vec bright = {v_madd(emission.x * v_madd(base.x, facing, specular), reach, color.x),
+                         v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
+                         v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
+    return vec_select(light->lit, bright, color);
+}
+
+#endif

@@ -1,0 +1,127 @@
+// Camera rays that may meet a Mandelbulb: all of a tile's in one stream (shadow/lane_refill.h), before its patches are shaded.
+#include "cones/distance_bounds.h"
+#include "shadow/lane_refill.h"
+#include "simd/point.h"
+
+// Of rays of unit length those that come near the ball of one; what float makes of |v|² − (v·d)² is 2^-20 of it at most.
+// `out`: where the last of the balls is behind them.
+static vmask meets_bulbs(struct vec direction, vmask active, const struct trace_context *world,
+                         vfloat *out) {
+    COUNT(meets_bulbs, call);
+    vmask meets = v_mask_none();
+    *out = v_splat(0.0f);
+    for (int i = 0; i < world->scene->model.shape_count; i++) {
+        const struct primitive *s = &world->scene->placed[i];
+        if (s->type != SHAPE_MANDELBULB)
+            continue;
+        if (s->repeated) {
+            *out = v_splat(INFINITY);
+            return active;
+        }
+        ACTIVE(v_count(active));
+        COUNT(meets_bulbs, bulb);
+        COUNT(meets_bulbs, scalar);
+        struct vec v = point_sub(world->eye, s->position, s->position_lo);
+        vfloat along = vec_dot(v, direction), square = vec_dot(v, v);
+        vfloat room = v_madd(square, v_splat(0x1p-20f), v_splat(s->a * s->a));
+        vmask towards = v_or(v_cmp_lt(along, v_splat(0.0f)), v_cmp_lt(square, room));
+        vfloat half_sq = v_madd(along, along, room - square);
+        meets = v_or(meets, v_and(towards, v_cmp_ge(half_sq, v_splat(0.0f))));
+        *out = v_max(v_sqrt(v_max(half_sq, v_splat(0.0f))) - along, *out);
+    }
+    return v_and(active, meets);
+}
+
+void queue_camera_rays(struct vec direction, vmask active, int slot, struct trace_context *world) {
+    struct worker_scratch *scratch = world->scratch;
+    vfloat out, zero = v_splat(0.0f);
+    vmask meets = meets_bulbs(direction, active, world, &out);
+    v_store(zero, &scratch->marched[MARCH_T][slot]);
+    v_store(zero, &scratch->marched[MARCH_LAST_STEP][slot]);
+    v_store(zero, &scratch->marched[MARCH_EVALS][slot]);
+    v_store(v_select(meets, v_splat(0.0f), v_splat(-1.0f)), &scratch->marched[MARCH_FOUND][slot]);
+    if (!v_any(meets))
+        return;
+    scratch->camera_slot[scratch->camera_packets] = slot;
+    scratch->camera_active[scratch->camera_packets++] = v_mask_bits(meets);
+    v_store(direction.x, &scratch->gaze[0][slot]);
+    v_store(direction.y, &scratch->gaze[1][slot]);
+    v_store(direction.z, &scratch->gaze[2][slot]);
+}
+
+bool next_camera_packet(struct ray_stream *stream, int number, struct trace_context *world) {
+    struct worker_scratch *scratch = world->scratch;
+    int slot = scratch->camera_slot[number];
+    struct vec direction = {v_load(&scratch->gaze[0][slot]), v_load(&scratch->gaze[1][slot]),
+                            v_load(&scratch->gaze[2][slot])};
+    vmask waiting = v_mask_of_bits(scratch->camera_active[number]);
+    ACTIVE(v_count(waiting));
+    COUNT(next_camera_packet, call);
+    stream->beam = eye_rays(world->own, world->scene);
+    approach_origins(world->eye, world->scene, &stream->beam);
+    approach_directions(direction, world->scene, &stream->beam);
+    stream->ready.shade.exit = bounds_exit_of(world->eye, direction, &world->scene->model);
+    stream->ready.evals = stream->t = v_splat(0.0f);
+    stream->ready.ray = v_iota() + v_splat((float)slot);
+    meets_bulbs(direction, v_mask_all(), world, &stream->ready.length);
+    prepare_packet(stream, waiting, world->scene);
+    return true;
+}
+
+// For resume_march().
+void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t, struct worker_scratch *scratch) {
+    float values[MARCH_FIELDS][LANES], ray[LANES];
+    v_store(t, values[MARCH_T]);
+    v_store(v_select_or_zero(pool->found, pool->last), values[MARCH_LAST_STEP]);
+    v_store(pool->evals, values[MARCH_EVALS]);
+    v_store(v_select(pool->passed, v_splat(-1.0f), v_select_or_zero(pool->found, v_splat(1.0f))),
+            values[MARCH_FOUND]);
+    v_store(pool->ray, ray);
+    for (unsigned rest = v_mask_bits(ended); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), at = (int)ray[lane];
+        for (int i = 0; i < MARCH_FIELDS; i++)
+            scratch->marched[i][at] = values[i][lane];
+    }
+}
+
+// How many lanes are still at work.
+static inline int camera_stream_step(struct refilled_packet *pool, int k, vfloat cap, struct trace_context *world) {
+    struct packet_group *group = &world->group;
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
+    COUNT(camera_stream_step, call);
+    vfloat t = group->t[k], distance = group->distance[k];
+    vfloat hit_distance = v_splat((float)world->scene->model.march.hit_distance);
+    vmask going = v_cmp_nlt_in(live, distance, min_step(t, hit_distance));
+    vmask reached = v_andnot(going, live);
+    group->t[k] = t = v_add_where(going, t, distance);
+    pool->last = v_select(reached, distance, pool->last);
+    pool->evals = v_add_where(live, pool->evals, v_splat(1.0f));
+    vmask inside = v_cmp_ngt_in(going, outside_of_bounds(pool->shade.exit, t), v_splat(0.0f));
+    inside = v_cmp_lt_in(inside, pool->evals, cap);
+    vmask on = v_cmp_ngt_in(inside, t, pool->length);
+    pool->found = v_or(pool->found, reached);
+    pool->passed = v_or(pool->passed, v_andnot(on, inside));
+    group->live[k] = on;
+    group->high[k] = v_select(on, group->high[k], v_splat(-INFINITY));
+    return __builtin_popcount(v_mask_bits(on));
+}
+
+void march_camera_stream(struct trace_context *world) {
+    struct packet_group *group = &world->group;
+    struct ray_stream stream;
+    stream_begin(&stream, world->scratch->camera_packets, false, world);
+    vfloat cap = v_splat((float)step_cap(&world->scene->model));
+    for (int live; (live = refill_lanes(&stream, world)) > 0;) {
+        struct sole_shape alone = {.shape = -1}; // rays that are filled in bring wakes of their own
+        for (int least = refill_threshold(&stream, live); live > least;) {
+            scene_distances(group, world->scene, &alone);
+            live = 0;
+            for (int i = 0; i < group->count; i++) {
+                int k = group->list[i];
+                live += camera_stream_step(&stream.pool[k], k, cap, world);
+            }
+        }
+    }
+    world->scratch->camera_packets = 0;
+}

@@ -1,0 +1,187 @@
+// Cones: see cones/tile_cones.h. A cone's axis stands at t; its rays are within spread·t of it. All of them may go
+// on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
+// distance is taken off it before it is believed.
+#include "cones/distance_bounds.h"
+#include "simd/point.h"
+#include "core/ray_queues.h"
+
+enum { MAX_CONE_STEPS = 512 };
+
+// A cone meets a shape once the gap to it is below this part of the cone's radius.
+#define TOUCH_GAP 0.5f
+
+static size_t even_count(int shapes) { // so many that whole numbers behind masks are aligned
+    return ((size_t)shapes + 1) / 2 * 2;
+}
+
+size_t march_scratch_size(int shapes) {
+    return even_count(shapes) *
+           ((GROUP + 1) * (sizeof(struct local_ray) + sizeof(vfloat)) + GROUP * sizeof(vfloat) +
+            sizeof(struct local_ray) + (STRIP_TILES + 1) * sizeof(vmask) + 8 * sizeof(int) + sizeof(bool));
+}
+
+struct march_scratch march_scratch_of(void *memory, int shapes) {
+    size_t n = even_count(shapes);
+    struct march_scratch own = {.wake = memory};
+    own.approach = (struct local_ray *)(own.wake + GROUP * n);
+    own.eye_wake = (vfloat *)(own.approach + GROUP * n);
+    own.eye = (struct local_ray *)(own.eye_wake + GROUP * n);
+    own.distance = (vfloat *)(own.eye + n);
+    own.axis = (struct local_ray *)(own.distance + n);
+    own.met = (vmask *)(own.axis + n);
+    own.offered = (int *)(own.met + (STRIP_TILES + 1) * n);
+    own.tile = own.offered + 2 * n;
+    own.mirror = own.tile + 2 * n;
+    own.shadow = own.mirror + 2 * n;
+    own.wanted = (bool *)(own.shadow + 2 * n);
+    return own;
+}
+
+// One step of the cones: what they touch where they are, how far to the nearest of what they have not met
+// (`least`), how deep they are in what they have.
+struct cone_step {
+    vmask touched;
+    vfloat least, depth;
+};
+
+static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
+                                 struct shape_list offered, const struct prepared *scene,
+                                 struct march_scratch *own) {
+    struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
+    for (int n = 0; n < offered.count; n++) {
+        int i = offered.shape[n];
+        const struct primitive *placed = &scene->placed[i];
+        if (placed->trust == BOUND_NONE)
+            continue;
+        COUNT(march_cones, shape);
+        vfloat d = lower_bound(&own->axis[i], t, placed);
+        vmask here = v_cmp_lt_in(live, d, touch);
+        vmask met = own->met[i] = v_or(own->met[i], here);
+        found.touched = v_or(found.touched, here);
+        found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
+        if (placed->trust != BOUND_LIPSCHITZ)
+            continue;
+        COUNT(march_cones, depth);
+        vfloat depth = upper_bound(d, placed) + radius;
+        found.depth = v_min(v_select(met, depth, v_splat(INFINITY)), found.depth);
+    }
+    return found;
+}
+
+static void touch_all(vmask lanes, struct shape_list offered, vmask *met) {
+    for (int n = 0; n < offered.count; n++)
+        met[offered.shape[n]] = v_or(met[offered.shape[n]], lanes);
+}
+
+static struct packet_rays axis_rays(struct march_scratch *own, struct shape_list list) {
+    return (struct packet_rays){own->axis, list, own->eye_wake, v_splat(0.0f)};
+}
+
+void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own) {
+    struct packet_rays beam = axis_rays(own, scene->all);
+    approach_origins(eye, scene, &beam);
+}
+
+void march_cones(struct point eye, vmask active, struct shape_list offered, struct cone_packet *cones,
+                 const struct prepared *scene, struct march_scratch *own) {
+    ACTIVE(v_count(active));
+    COUNT(march_cones, call);
+    const struct limits *limits = &scene->model.march;
+    vfloat zero = v_splat(0.0f), bounds = v_splat((float)limits->bounds_radius);
+    vfloat from_centre = vec_dot(eye.hi, eye.hi);
+    vfloat linear = v_splat(2.0f) * vec_dot(eye.hi, cones->axis);
+    vfloat furthest = (bounds + v_sqrt(from_centre)) * v_splat(1.0f + 0x1p-10f);
+    vfloat close = v_splat(near_distance(limits)), t = cones->start;
+    vfloat gap = cones->spread * v_splat(TOUCH_GAP), outer = bounds * v_splat(1.0f + 0x1p-16f);
+    struct packet_rays beam = axis_rays(own, offered);
+    approach_directions(cones->axis, scene, &beam);
+    // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
+    vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
+    vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->met[i] = v_mask_none();
+    for (int n = 0; n < offered.count; n++) {
+        int i = offered.shape[n];
+        own->met[i] = scene->placed[i].trust == BOUND_NONE ? active : v_andnot(live, active);
+        met = v_or(met, own->met[i]);
+    }
+    for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
+        ACTIVE(v_count(live));
+        COUNT(march_cones, step);
+        vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
+        vfloat touch = v_madd(gap, t, radius);
+        struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, own);
+        vmask first = v_andnot(met, around.touched);
+        cones->start = v_select(first, t, cones->start);
+        met = v_or(met, around.touched);
+        // A ray from within a shape is hit behind it, near to whatever is there.
+        if (step == 0 && v_any(v_and(first, at_camera))) {
+            touch_all(v_and(first, at_camera), offered, own->met);
+            live = v_andnot(v_and(first, at_camera), live);
+        }
+        // Each of its rays has been hit by now, or is out of the bounds.
+        vmask hit = v_cmp_lt(around.depth, zero);
+        t = v_add_where(live, t, around.least - radius);
+        vfloat wide = v_madd(cones->spread, t, outer);
+        vmask out =
+            v_or(v_cmp_gt(v_madd(t, t + linear, from_centre), wide * wide), v_cmp_ge(t, furthest));
+        cones->start = v_select(v_and(live, v_andnot(met, out)), v_splat(INFINITY), cones->start);
+        live = v_andnot(v_or(hit, out), live);
+    }
+    if (v_any(live)) { // out of steps: known as far as they are
+        cones->start = v_select(v_andnot(met, live), t, cones->start);
+        touch_all(live, offered, own->met);
+    }
+    cones->start =
+        v_select(v_cmp_lt(cones->start, v_splat(INFINITY)),
+                 v_max(v_nmadd(cones->start, v_splat(0x1p-18f), cones->start), zero), cones->start);
+}
+
+struct shape_list list_wanted(const bool *wanted, const struct prepared *scene, int *shapes) {
+    const struct shape_list *all = &scene->all;
+    int count = 0, same = 0, steady = 0, *order = shapes + all->count;
+    for (int n = 0; n < all->count; n++) {
+        shapes[count] = n;
+        count += wanted[n];
+        order[same] = all->order[n];
+        same += wanted[all->order[n]];
+        steady += n < all->steady && wanted[all->order[n]];
+    }
+    return (struct shape_list){count, steady, shapes, order};
+}
+
+struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *scene, int *shapes) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (wanted[i] && scene->placed[i].trust == BOUND_BALL)
+            return scene->all;
+    return list_wanted(wanted, scene, shapes);
+}
+
+struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
+                       struct march_scratch *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
+    return list_wanted(own->wanted, scene, own->offered);
+}
+
+struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own, float *start) {
+    COUNT(list_of_cone, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        own->wanted[i] = v_mask_bits(own->met[i]) >> lane & 1;
+        if (own->wanted[i] && scene->placed[i].trust == BOUND_BALL)
+            *start = 0.0f;
+    }
+    return list_wanted_hits(own->wanted, scene, own->tile);
+}
+
+struct shape_list list_without_bulbs(const struct prepared *scene, struct march_scratch *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = own->wanted[i] && scene->placed[i].trust != BOUND_BALL;
+    return list_wanted(own->wanted, scene, own->tile);
+}
+
+struct shape_list list_other_shapes(const struct prepared *scene, struct march_scratch *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = scene->placed[i].trust != BOUND_BALL;
+    return list_wanted(own->wanted, scene, own->shadow);
+}

@@ -1,0 +1,193 @@
+// The shapes as the march wants them, anew whenever the scene has moved.
+#include "core/primitives.h"
+
+#include <stdlib.h>
+
+// Beyond it the power-8 map's orbits escape (|w|⁸ − r ≥ 1.9 from |w| = r = 1.15 on), and its estimate is at least half
+// of the distance to that ball: tests/py/test_tiles.py samples it.
+#define BALL_RADIUS 1.15f
+
+// A wrapped distance is a distance where the shape is the mirror image of itself at its cell's walls.
+static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
+    if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
+        return BOUND_NONE;
+    return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
+}
+
+// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+static double bounding_radius(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_ROUNDED_BOX:
+        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
+    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
+    case SHAPE_CONE:
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                     shape->cone.half_height) *
+               (1 + 1e-5);
+    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    case SHAPE_MANDELBULB: return BALL_RADIUS;
+    default: return INFINITY;
+    }
+}
+
+static void prepare_solid(struct primitive *p, const struct shape *shape, const struct model *model) {
+    double bound = bounding_radius(shape);
+    p->bound = (float)bound;
+    p->bound_sq = (float)(bound * bound);
+    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    if (p->way == EVAL_LINEAR)
+        p->over = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
+                          p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
+    const struct material *m = &model->materials[shape->material];
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+}
+
+// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
+// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+static float lit_slope_soft(double strength) {
+    double low = 0, high = 1;
+    for (int i = 0; i < 60; i++) {
+        double q = (low + high) / 2, r = (1 + q) / 2;
+        double away = q * sqrt(1 - r * r) / (1 - q * r);
+        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
+    }
+    return (float)(high * (1 + 1e-5));
+}
+
+// Of a hard shadow: such a ray is nowhere within twice the hit distance of a surface.
+static float lit_slope_hard(const struct limits *limits) {
+    return (float)fmax(1e-3, 2.0 * limits->hit_distance / limits->surface_offset);
+}
+
+// Outside of its ball a Mandelbulb's estimate is at least half of the distance to that: so much for hard shadows.
+// None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
+// step's length, or to nearly 2·previous with no surface where the proof (NOTES.md) has one.
+static void prepare_cone(struct primitive *p, float q, bool soft) {
+    p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
+    p->lean = p->slope_lit * p->bound;
+    p->wide = 1 - p->slope_lit * p->slope_lit;
+}
+
+static struct primitive prepare_shape(int index, const struct shape *shape,
+                                 const struct limits *limits) {
+    struct primitive p = {.type = shape->type, .index = (float)index};
+    double turn[3][3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++) {
+        split(shape->position[i], &p.position[i], &p.position_lo[i]);
+        to_floats(turn[i], p.turn[i]);
+        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.repeated = p.repeated || shape->repeat[i] > 0.0;
+        p.cell[i] = (float)shape->repeat[i];
+        p.wide_cell[i] = shape->repeat[i];
+        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.per_cell[i] = (float)p.wide_per_cell[i];
+    }
+    p.way = eval_kind_of(shape, p.repeated, limits);
+    prepare_rows(&p, shape, turn);
+    switch (shape->type) {
+    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
+    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
+    case SHAPE_TORUS:
+        p.a = (float)shape->torus.major_radius;
+        p.b = (float)shape->torus.minor_radius;
+        break;
+    case SHAPE_CONE: {
+        double across = shape->cone.top_radius - shape->cone.bottom_radius;
+        double up = 2.0 * shape->cone.half_height;
+        p.a = (float)shape->cone.bottom_radius;
+        p.b = (float)shape->cone.top_radius;
+        p.c = (float)shape->cone.half_height;
+        p.slope[0] = (float)across;
+        p.slope[1] = (float)up;
+        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
+        break;
+    }
+    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
+    case SHAPE_PLANE:
+        to_floats(shape->plane.normal, p.size);
+        p.a = (float)shape->plane.offset;
+        break;
+    default:
+        p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
+        p.bailout = (float)shape->mandelbulb.bailout;
+        p.iterations = shape->mandelbulb.iterations;
+        break;
+    }
+    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
+    p.trust = bound_kind_of(shape, p.repeated);
+    p.error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p.a) : 1.0f);
+    p.slack = 0x1p-18f * extent_of(shape);
+    return p;
+}
+
+static bool is_single_bulb(const struct prepared *prepared) {
+    const struct model *model = &prepared->model;
+    int planes = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        const struct primitive *p = &prepared->placed[i];
+        if (p->type == SHAPE_MANDELBULB) {
+            const double *at = p->centre;
+            double away = sqrt(at[0] * at[0] + at[1] * at[1] + at[2] * at[2]);
+            if (p->repeated || !(away + p->a < model->march.bounds_radius * (1 - 1e-6)))
+                return false;
+        } else if (p->way == EVAL_LINEAR)
+            planes++;
+        else
+            return false;
+    }
+    return prepared->bulbs == 1 && planes <= 1 && model->march.hit_distance < BULB_SINGLE_HIT;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    int next = 0, *each = (int *)prepared->all.shape, *order = (int *)prepared->all.order;
+    prepared->told = true;
+    prepared->bulbs = model->features.count[SHAPE_MANDELBULB];
+    prepared->lit_slope = model->shadows == SHADOWS_HARD ? lit_slope_hard(&model->march)
+                                                         : lit_slope_soft(model->shadow_strength);
+    prepared->all.count = model->shape_count;
+    prepared->all.steady = 0;
+    for (int i = 0; i < model->shape_count; i++)
+        each[i] = i;
+    for (int i = 0; i < model->shape_count; i++) {
+        struct primitive *p = &prepared->placed[i];
+        *p = prepare_shape(i, &model->shapes[i], &model->march);
+        prepare_solid(p, &model->shapes[i], model);
+        prepare_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
+        prepared->told = prepared->told && !p->repeated && p->way != EVAL_POWER;
+    }
+    prepared->lone = is_single_bulb(prepared);
+    for (int steady = 1; steady >= 0; steady--)
+        for (int type = 0; type < SHAPE_TYPES; type++)
+            for (int i = 0; i < model->shape_count; i++)
+                if (prepared->placed[i].steady == steady && (int)prepared->placed[i].type == type) {
+                    order[next++] = i;
+                    prepared->all.steady += steady;
+                }
+    return true;
+}
+
+bool shapes_reserve(struct prepared *prepared, const struct model *model) {
+    prepared->placed = calloc((size_t)model->shape_count, sizeof *prepared->placed);
+    int *both = calloc((size_t)model->shape_count, 2 * sizeof *both);
+    prepared->all.shape = both;
+    prepared->all.order = both ? both + model->shape_count : NULL;
+    return prepared->placed && both;
+}
+
+void shapes_release(struct prepared *prepared) {
+    free(prepared->placed);
+    free((void *)prepared->all.shape); // and order
+}

@@ -1,0 +1,245 @@
+// What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+#include "simd/permute.h"
+#include "simd/point.h"
+#include "simd/pow.h"
+#include "core/ray_queues.h"
+
+// Materials of hits.
+struct surface {
+    struct vec color;
+    vfloat share, shininess, shine_from;
+};
+
+// Once for each shape that the packet hit.
+static struct surface surface_of(const struct hit *hit, const struct prepared *scene) {
+    COUNT(surface_of, call);
+    float id[LANES];
+    v_store(hit->shape, id);
+    struct surface all = {0};
+    for (unsigned rest = v_mask_bits(hit->found); rest;) {
+        COUNT(surface_of, shape);
+        const struct primitive *s = &scene->placed[(int)id[__builtin_ctz(rest)]];
+        vmask same = v_and(hit->found, is_shape(hit->shape, (int)s->index));
+        rest &= ~v_mask_bits(same);
+        all.color = vec_select(same, vec_set(s->color), all.color);
+        all.share = v_select(same, v_splat(s->share), all.share);
+        all.shininess = v_select(same, v_splat(s->shininess), all.shininess);
+        all.shine_from = v_select(same, v_splat(s->shine_from), all.shine_from);
+    }
+    return all;
+}
+
+static struct vec from_to(struct point from, const double to[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(to[i], &hi[i], &lo[i]);
+    return vec_scale(point_sub(from, hi, lo), v_splat(-1.0f));
+}
+
+static struct lighting light_from(struct point p, struct vec n, vmask found,
+                                  const struct view *view) {
+    COUNT(light_from, call);
+    COUNT(light_from, scalar);
+    vfloat zero = v_splat(0.0f);
+    struct vec to_light = from_to(p, view->light_position);
+    vfloat distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
+    vfloat facing = vec_dot(n, to_light);
+    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
+    return (struct lighting){to_light, distance, facing, lit};
+}
+
+// What the light brings to the pixel where nothing is in its way.
+static struct vec light_at(struct vec n, struct vec direction, const struct lighting *light,
+                           vfloat weight, const struct surface *surface, const struct view *view) {
+    ACTIVE(v_count(light->lit));
+    COUNT(light_at, call);
+    struct vec base = surface->color;
+    vfloat reach = weight / light->distance, facing = light->facing;
+    // Of the light's direction: minus the paper's R.
+    vfloat shine = vec_dot(vec_reflect(light->to_light, n), direction);
+    vfloat specular = v_splat(0.0f);
+    vmask shines = v_and(light->lit, v_cmp_gt(shine, surface->shine_from));
+    if (v_any(shines)) {
+        ACTIVE(v_count(shines));
+        COUNT(light_at, shines);
+        specular = v_select_or_zero(
+            shines, v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess));
+    }
+    ACTIVE(v_count(light->lit));
+    const double *e = view->light_emission;
+    return (struct vec){v_splat((float)e[0]) * v_madd(base.x, facing, specular) * reach,
+                        v_splat((float)e[1]) * v_madd(base.y, facing, specular) * reach,
+                        v_splat((float)e[2]) * v_madd(base.z, facing, specular) * reach};
+}
+
+static void queue_shadow(vmask m, const struct hit *hit, const struct lighting *light,
+                         struct vec bright, vfloat pixel, struct worker_scratch *scratch) {
+    int at = scratch->shadows;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    pack_vec(m, hit->point.hi, field + S_HI, at);
+    pack_vec(m, hit->point.lo, field + S_LO, at);
+    pack_vec(m, light->to_light, field + S_TO_LIGHT, at);
+    v_compress_store(m, light->distance, &field[S_DISTANCE][at]);
+    pack_vec(m, bright, field + S_LIGHT, at);
+    v_compress_store(m, pixel, &field[S_PIXEL][at]);
+    scratch->shadows += __builtin_popcount(v_mask_bits(m));
+}
+
+static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, vfloat weight,
+                         vfloat share, vfloat pixel, vfloat bounce, const struct trace_context *world) {
+    ACTIVE(v_count(m));
+    COUNT(queue_mirror, call);
+    struct worker_scratch *scratch = world->scratch;
+    int at = scratch->mirrors;
+    float (*field)[QUEUE_ROOM] = scratch->mirror;
+    vfloat offset = v_splat((float)world->scene->model.march.surface_offset);
+    struct point from = point_at(hit->point, hit->normal, offset, v_splat(0.0f));
+    pack_vec(m, from.hi, field + M_HI, at);
+    pack_vec(m, from.lo, field + M_LO, at);
+    pack_vec(m, vec_reflect(direction, hit->normal), field + M_DIRECTION, at);
+    v_compress_store(m, weight * share, &field[M_WEIGHT][at]);
+    v_compress_store(m, pixel, &field[M_PIXEL][at]);
+    v_compress_store(m, bounce + v_splat(1.0f), &field[M_BOUNCE][at]);
+    scratch->mirrors += __builtin_popcount(v_mask_bits(m));
+}
+
+// Of cleared rays: their own shape's terms, where it rises slowly.
+static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const struct hit *hit,
+                         const struct lighting *light, const struct packet_rays *beam,
+                         const struct prepared *scene) {
+    float id[LANES];
+    v_store(hit->shape, id);
+    COUNT(scale_by_self_shadow, call);
+    vmask grazes = v_cmp_lt_in(clear, light->facing, v_splat(scene->lit_slope));
+    for (unsigned rest = v_mask_bits(grazes); rest;) {
+        ACTIVE(v_count(grazes));
+        COUNT(scale_by_self_shadow, shape);
+        int i = (int)id[__builtin_ctz(rest)];
+        vmask same = v_and(grazes, is_shape(hit->shape, i));
+        rest &= ~v_mask_bits(same);
+        vfloat lit = self_shadow(&scene->placed[i], beam->approach[i].origin, hit->normal, light,
+                                &scene->model);
+        bright = vec_select(same, vec_scale(bright, lit), bright);
+    }
+    return bright;
+}
+
+// The light on a packet's hits: what is told at once is added, what is not waits.
+static struct vec lit_color(struct vec color, struct vec bright, const struct hit *hit,
+                            const struct lighting *light, vfloat pixel, const struct packet_rays *beam,
+                            struct trace_context *world) {
+    const struct prepared *scene = world->scene;
+    bool soft = scene->model.shadows == SHADOWS_SOFT;
+    vmask open = light->lit;
+    if (scene->model.shadows != SHADOWS_NONE) {
+        open = scene->told ? trivially_lit(hit, light, beam, world) : v_mask_none();
+        vmask asked = v_andnot(open, light->lit);
+        if (v_any(asked))
+            queue_shadow(asked, hit, light, bright, pixel, world->scratch);
+        if (soft && v_any(open))
+            bright = scale_by_self_shadow(bright, open, hit, light, beam, scene);
+    }
+    ACTIVE(v_count(open));
+    COUNT(lit_color, call);
+    return (struct vec){v_add_where(open, color.x, bright.x), v_add_where(open, color.y, bright.y),
+                        v_add_where(open, color.z, bright.z)};
+}
+
+// A packet's hits, whose lighting is known.
+static struct vec color_of(const struct ray_group *rays, int k, const struct hit *hit,
+                           const struct lighting *light, const struct packet_rays *beam,
+                           struct trace_context *world) {
+    const struct model *model = &world->scene->model;
+    ACTIVE(v_count(rays->active[k]));
+    COUNT(color_of, call);
+    const double *b = model->background;
+    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
+    struct vec color = vec_scale(background, rays->weight[k]);
+    if (!v_any(hit->found))
+        return color;
+    ACTIVE(v_count(hit->found));
+    COUNT(color_of, found);
+    vfloat weight = rays->weight[k];
+    struct surface surface = surface_of(hit, world->scene);
+    if (model->features.fog) {
+        COUNT(color_of, fog);
+        struct vec p = hit->point.hi;
+        vfloat far_sq = vec_dot(p, p);
+        weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
+    }
+    color =
+        vec_select(hit->found, vec_scale(surface.color, weight * v_splat(0.01f)), color); // ambient
+    if (v_any(light->lit)) {
+        struct vec bright =
+            light_at(hit->normal, rays->direction[k], light, weight, &surface, world->view);
+        color = lit_color(color, bright, hit, light, rays->pixel[k], beam, world);
+    }
+    if (model->features.mirrors) {
+        ACTIVE(v_count(hit->found));
+        COUNT(color_of, mirror);
+        vmask on = v_cmp_lt(rays->bounce[k], v_splat((float)model->march.max_bounces));
+        vmask mirror = v_and(hit->found, v_and(on, v_cmp_gt(surface.share, v_splat(0.0f))));
+        if (v_any(mirror))
+            queue_mirror(mirror, hit, rays->direction[k], weight, surface.share, rays->pixel[k],
+                         rays->bounce[k], world);
+    }
+    return color;
+}
+
+void trace(const struct ray_group *rays, struct trace_context *world, struct vec color[GROUP],
+           struct hit hit[GROUP]) {
+    COUNT(trace, call);
+    if (world->scratch->shadows > QUEUE - GROUP_RAYS) {
+        struct shape_list list = world->group.beam[0].list;
+        cast_shadows(world);
+        for (int k = 0; k < GROUP; k++)
+            world->group.beam[k].list = list;
+    }
+    struct lighting light[GROUP];
+    vmask lit = v_mask_none();
+    ray_march(rays, world, hit);
+    for (int k = 0; k < GROUP; k++) {
+        ACTIVE(v_count(hit[k].found));
+        light[k].lit = v_mask_none();
+        if (v_any(hit[k].found))
+            light[k] = light_from(hit[k].point, hit[k].normal, hit[k].found, world->view);
+        lit = v_or(lit, light[k].lit);
+    }
+    if (v_any(lit) && world->scene->model.shadows != SHADOWS_NONE)
+        list_occluders(hit, light, world);
+    for (int k = 0; k < GROUP; k++)
+        if (v_any(rays->active[k]))
+            color[k] = color_of(rays, k, &hit[k], &light[k], &world->group.beam[k], world);
+}
+
+// The last of the rays that wait first: what they see may make more of them.
+void follow_mirrors(struct trace_context *world) {
+    COUNT(follow_mirrors, call);
+    struct worker_scratch *scratch = world->scratch;
+    float (*field)[QUEUE_ROOM] = scratch->mirror;
+    while (scratch->mirrors > 0) {
+        int count = scratch->mirrors < GROUP_RAYS ? scratch->mirrors : GROUP_RAYS;
+        int first = scratch->mirrors -= count;
+        struct ray_group rays = {.start = v_splat(0.0f), .marched = -1};
+        for (int k = 0; k < GROUP; k++, first += LANES, count -= LANES) {
+            rays.origin[k] =
+                (struct point){load_vec(field + M_HI, first), load_vec(field + M_LO, first)};
+            rays.direction[k] = load_vec(field + M_DIRECTION, first);
+            COUNT(follow_mirrors, packet);
+            rays.active[k] = lanes_until(count);
+            rays.weight[k] = v_load(&field[M_WEIGHT][first]);
+            rays.pixel[k] = v_load(&field[M_PIXEL][first]);
+            rays.bounce[k] = v_load(&field[M_BOUNCE][first]);
+        }
+        list_for_bundle(&rays, NULL, LIST_HIT, world, world->own->mirror);
+        struct vec color[GROUP];
+        struct hit hit[GROUP];
+        trace(&rays, world, color, hit);
+        for (int k = 0; k < GROUP; k++)
+            if (v_any(rays.active[k]))
+                add_light(rays.active[k], color[k], rays.pixel[k], scratch);
+    }
+}

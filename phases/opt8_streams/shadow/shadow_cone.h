@@ -1,0 +1,98 @@
+// Cones about shadow rays, and what they say of a shape's distance along the ray: NOTES.md has the proofs.
+#ifndef CONE_H
+#define CONE_H
+
+#include "core/ray_queues.h"
+
+// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
+struct shadow_cone {
+    vfloat need, lean; // |v|² − R², v·l + q·R
+};
+
+static inline struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s) {
+    return (struct shadow_cone){vec_dot(v, v) - v_splat(s->bound_sq), vec_dot(v, l) + v_splat(s->lean)};
+}
+
+static inline vmask cone_misses(struct shadow_cone c, const struct primitive *s) {
+    vfloat lean = v_max(c.lean, v_splat(0.0f));
+    return v_cmp_lt(lean * lean, v_splat(s->wide) * c.need);
+}
+
+static inline struct vec to_centre(const struct primitive *s, struct vec p) {
+    return (struct vec){v_splat(s->position[0]) - p.x, v_splat(s->position[1]) - p.y,
+                        v_splat(s->position[2]) - p.z};
+}
+
+// Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
+// its radius of curvature, by 32²/2 to 0.05 %; the nearest edge by EDGE_FACTOR less of them, for those steps are no longer
+// than 1.4.
+#define FLAT_OFFSETS 32.0f
+#define EDGE_FACTOR 16.0f
+
+// The least of both, an edge's distance times EDGE_FACTOR, of a point on the surface.
+static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
+    COUNT(flat_radius, call);
+    switch (s->type) {
+    case SHAPE_SPHERE: return v_splat(s->a);
+    case SHAPE_BOX: { // the least of three is 0 here, the second is how far the next face is
+        COUNT(flat_radius, box);
+        vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
+        vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
+        vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
+        return v_splat(EDGE_FACTOR) * v_max(v_min(x, y), v_min(v_max(x, y), z));
+    }
+    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // flat here, round there: march
+    case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
+        COUNT(flat_radius, octahedron);
+        return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
+    case SHAPE_CONE: {
+        COUNT(flat_radius, cone);
+        COUNT(flat_radius, cone_scalar);
+        vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+        vfloat below = v_max(v_abs(radius - v_splat(s->a)), v_abs(p.y + v_splat(s->c)));
+        vfloat above = v_max(v_abs(radius - v_splat(s->b)), v_abs(p.y - v_splat(s->c)));
+        vmask cap = v_cmp_lt(v_abs(v_abs(p.y) - v_splat(s->c)), v_splat(1e-5f * s->c));
+        return v_min(v_splat(EDGE_FACTOR) * v_min(below, above),
+                     v_select(cap, v_splat(INFINITY), radius));
+    }
+    default: return v_splat(s->b);
+    }
+}
+
+// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
+// and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
+// first two steps of a march tell the shadow (shadow/shadow_cull.c), if they are short beside what the shape curves by.
+static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
+                           const struct prepared *scene) {
+    COUNT(convex_from, call);
+    if (s->type == SHAPE_MANDELBULB)
+        return v_mask_none();
+    COUNT(convex_from, solid);
+    vmask may = v_mask_all();
+    if (!s->convex) {
+        COUNT(convex_from, hull);
+        COUNT(convex_from, hull_scalar);
+        may = v_cmp_ge(v_madd(local.x, local.x, local.z * local.z), v_splat(s->a * s->a));
+    }
+    vmask grazes = v_cmp_lt(facing, v_splat(scene->lit_slope));
+    if (!v_any(grazes))
+        return may;
+    COUNT(convex_from, grazes);
+    COUNT(convex_from, grazes_scalar);
+    float short_of = FLAT_OFFSETS * (float)scene->model.march.surface_offset;
+    return v_and(may, v_or(v_not(grazes), v_cmp_ge(flat_radius(local, s), v_splat(short_of))));
+}
+
+static inline vfloat height_over(const struct primitive *s, struct vec p) {
+    return vec_dot(p, vec_set(s->normal)) - v_splat(s->over);
+}
+
+// Above the plane, and rising over the cone's slope, or still above it where the ray leaves the bounds.
+static inline vmask plane_clears(vfloat height, vfloat slope, float q, const struct model *model) {
+    vfloat furthest = v_splat(2.0f * (float)model->march.bounds_radius), zero = v_splat(0.0f);
+    vmask rises = v_or(v_cmp_ge(slope, v_splat(q)),
+                       v_cmp_gt(v_madd(furthest, slope - v_splat(q), height), zero));
+    return v_and(v_cmp_gt(height, zero), rises);
+}
+
+#endif

@@ -1,0 +1,157 @@
+// Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
+// steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
+// that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
+#include "shadow/shadow_cone.h"
+#include "core/numerics.h"
+
+// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+struct light_bundle {
+    float centre[3], radius, to_light[3], spread;
+};
+
+static bool light_bundle_of(const struct hit hit[GROUP], const struct lighting light[GROUP],
+                    const struct view *view, struct light_bundle *ball) {
+    COUNT(light_bundle_of, call);
+    COUNT(light_bundle_of, scalar);
+    vfloat none = v_splat(INFINITY);
+    struct vec least = {none, none, none}, most = {-none, -none, -none};
+    for (int k = 0; k < GROUP; k++) {
+        vmask lit = light[k].lit;
+        if (!v_any(lit))
+            continue;
+        struct vec p = hit[k].point.hi;
+        COUNT(light_bundle_of, packet);
+        least = (struct vec){v_select(lit, v_min(p.x, least.x), least.x),
+                             v_select(lit, v_min(p.y, least.y), least.y),
+                             v_select(lit, v_min(p.z, least.z), least.z)};
+        most = (struct vec){v_select(lit, v_max(p.x, most.x), most.x),
+                            v_select(lit, v_max(p.y, most.y), most.y),
+                            v_select(lit, v_max(p.z, most.z), most.z)};
+    }
+    const vfloat low[3] = {least.x, least.y, least.z}, high[3] = {most.x, most.y, most.z};
+    float square = 0, distance = 0;
+    for (int k = 0; k < 3; k++) {
+        float a = v_reduce_min(low[k]), b = -v_reduce_min(-high[k]);
+        ball->centre[k] = 0.5f * (a + b);
+        square += 0.25f * (b - a) * (b - a);
+        ball->to_light[k] = (float)view->light_position[k] - ball->centre[k];
+        distance += ball->to_light[k] * ball->to_light[k];
+    }
+    distance = sqrtf(distance);
+    ball->radius = sqrtf(square) * (1 + 1e-4f);
+    ball->spread = ball->radius / (distance - ball->radius);
+    for (int k = 0; k < 3; k++)
+        ball->to_light[k] /= distance;
+    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+}
+
+// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s) {
+    COUNT(bundle_misses, call);
+    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
+    float q = s->slope_lit + ball->spread;
+    for (int k = 0; k < 3; k++) {
+        float v = s->position[k] - ball->centre[k];
+        along += v * ball->to_light[k];
+        need += v * v;
+    }
+    float lean = along + q * radius;
+    if (!(need > 0 && q < 1))
+        return false;
+    if (lean <= 0)
+        return true;
+    COUNT(bundle_misses, leans);
+    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
+}
+
+void list_occluders(const struct hit hit[GROUP], const struct lighting light[GROUP],
+                    struct trace_context *world) {
+    COUNT(list_occluders, call);
+    const struct prepared *scene = world->scene;
+    struct worker_scratch *scratch = world->scratch;
+    struct light_bundle ball;
+    bool known = light_bundle_of(hit, light, world->view, &ball);
+    scratch->occluder_count = 0;
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *s = &scene->placed[i];
+        if (!known || s->way == EVAL_LINEAR || !bundle_misses(&ball, s))
+            scratch->occluders[scratch->occluder_count++] = i;
+    }
+}
+
+vmask trivially_lit(const struct hit *hit, const struct lighting *light, const struct packet_rays *beam,
+              const struct trace_context *world) {
+    COUNT(trivially_lit, call);
+    const struct prepared *scene = world->scene;
+    float q = scene->lit_slope;
+    struct vec point = hit->point.hi;
+    vmask clear = light->lit;
+    if (scene->model.shadows == SHADOWS_HARD) // of its own shape it asks for the slope, too
+        clear = v_and(clear, v_cmp_ge(light->facing, v_splat(q)));
+    for (int k = 0; k < world->scratch->occluder_count && v_any(clear); k++) {
+        int i = world->scratch->occluders[k];
+        const struct primitive *s = &scene->placed[i];
+        vmask own = v_and(is_shape(hit->shape, i), hit->smooth), here;
+        if (s->way == EVAL_LINEAR) {
+            COUNT(trivially_lit, plane);
+            vfloat slope = vec_dot(vec_set(s->normal), light->to_light);
+            here = v_or(own, plane_clears(height_over(s, point), slope, q, &scene->model));
+        } else {
+            COUNT(trivially_lit, solid);
+            here = cone_misses(shadow_cone_to(to_centre(s, point), light->to_light, s), s);
+            if (v_any(v_and(own, v_andnot(here, clear))))
+                here = v_or(here,
+                            v_and(own, convex_from(s, beam->approach[i].origin, light->facing, scene)));
+        }
+        clear = v_and(clear, here);
+    }
+    return clear;
+}
+
+// Half of how fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+static vfloat half_curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
+                             const struct primitive *s) {
+    COUNT(half_curvature, call);
+    vfloat zero = v_splat(0.0f);
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(half_curvature, sphere);
+        COUNT(half_curvature, scalar);
+        return v_nmadd(facing, facing, v_splat(1.0f)) * v_splat(0.5f / s->a);
+    }
+    if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
+        return zero;
+    COUNT(half_curvature, round);
+    vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
+    vfloat round = v_msub(p.x, l.z, p.z * l.x),
+           round_sq = round * round; // along the ring, times its radius
+    vfloat ring = v_splat(0.5f) * round_sq * v_madd(n.x, p.x, n.z * p.z) / (square * square);
+    if (s->type == SHAPE_CONE)
+        return ring;
+    COUNT(half_curvature, torus);
+    COUNT(half_curvature, scalar);
+    vfloat tangent = v_nmadd(facing, facing, v_splat(1.0f));
+    return v_madd(v_max(tangent - round_sq / square, zero), v_splat(0.5f / s->b), ring);
+}
+
+vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
+                  const struct lighting *light, const struct model *model) {
+    COUNT(self_shadow, call);
+    vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength),
+           facing = light->facing;
+    vfloat t = v_splat((float)model->march.surface_offset),
+           hit = v_splat((float)model->march.hit_distance);
+    vfloat half = v_splat(0.0f);
+    if (s->way != EVAL_LINEAR)
+        half = half_curvature(local, turned(s, normal), turned(s, light->to_light), facing, s);
+    vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
+    vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
+    vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
+    vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
+                  v_nmadd(v_splat(0.5f) * ratio, v, one);
+    // A march that is within the hit distance at its first step has no term at all.
+    vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
+    if (model->march.max_steps < 2)
+        second = v_mask_none();
+    vfloat least = v_select(first, v_min(one, strength * u), one);
+    return v_select(second, v_min(least, term), least);
+}

@@ -1,0 +1,67 @@
+// A step of a shadow ray: of whole packets (shadow/soft_shadow.c), and of lanes that are filled again (shadow/ray_segment.c).
+#ifndef UMBRA_H
+#define UMBRA_H
+
+#include "core/ray_queues.h"
+
+struct shadow_state {
+    vfloat least_sq; // of the light so far: the root is taken once, of what is left in the end
+    vfloat twice_previous;
+    struct bounds_exit exit;
+};
+
+// The rays that are still under way, after some have ended.
+__attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live, struct packet_group *group) {
+    group->live[k] = live;
+    group->high[k] = v_select(live, group->high[k], v_splat(-INFINITY));
+    return v_any(live);
+}
+
+// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
+// this step: of those that are not, the shade stays as it is.
+static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq, struct packet_group *group,
+                              const struct model *model) {
+    vmask live = group->live[k];
+    ACTIVE(v_count(live));
+    COUNT(soft_step, call);
+    vfloat t = group->t[k], h = group->distance[k], zero = v_splat(0.0f);
+    vmask going = v_cmp_nlt_in(live, h, min_step(t, v_splat((float)model->march.hit_distance)));
+    if (!v_any(going))
+        return going;
+    ACTIVE(v_count(going));
+    COUNT(soft_step, step);
+    // y = h²/(2·previous); inside = h² − y², past = t − y. Asked without a division: both times 2·previous.
+    vfloat twice = ray->twice_previous;
+    vfloat square = h * h, scale = twice * twice, inside = scale - square;
+    vfloat past = v_msub(twice, t, square);
+    // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+    // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+    vmask sound = v_cmp_lt_in(v_cmp_lt_in(going, scale * v_splat(2e-5f), inside), zero, past);
+    // (strength·h·√inside/past)² < least², asked without the division: it is seldom so.
+    vfloat term = v_splat(strength_sq) * square * inside, per = past * past;
+    vmask darker = v_cmp_lt_in(sound, term, ray->least_sq * per);
+    if (v_any(darker)) {
+        ACTIVE(v_count(darker));
+        COUNT(soft_step, darker);
+        ray->least_sq = v_select(darker, term / past / past, ray->least_sq); // past² may overflow
+    }
+    ray->twice_previous = v_select(going, h + h, twice);
+    group->t[k] = t = v_add_where(going, t, h);
+    return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), zero);
+}
+
+static inline vmask hard_step(struct shadow_state *ray, vfloat distance, int k, struct packet_group *group,
+                              const struct model *model) {
+    // Past the light a ray is lit, and has taken one evaluation too many.
+    ACTIVE(v_count(group->live[k]));
+    COUNT(hard_step, call);
+    vfloat t = group->t[k], h = group->distance[k];
+    vmask live = group->live[k], before = v_cmp_lt_in(live, t, distance);
+    vmask going = v_cmp_nlt_in(before, h, min_step(t, v_splat((float)model->march.hit_distance)));
+    ray->least_sq = v_zero_where(v_andnot(going, before), ray->least_sq);
+    group->t[k] = t = v_add_where(going, t, h);
+    return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), v_splat(0.0f));
+}
+
+#endif

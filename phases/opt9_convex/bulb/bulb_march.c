@@ -1,0 +1,352 @@
+// Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
+// it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
+// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other
+// shapes"); rays that miss the bounding sphere take none.
+// Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
+// Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+#include "bulb/bulb_chebyshev.h"
+#include "simd/permute.h"
+#include "simd/point.h"
+
+// Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
+#define COARSE_HIT_DISTANCE 1e-4f
+
+struct bulb_lanes {
+    vfloat field[B_LANE];
+    unsigned live; // a bit for each lane
+};
+
+static int refill_bulb(struct bulb_lanes *to, int next, int count, float steps,
+                       float (*from)[BULB_ROOM]) {
+    COUNT(refill_bulb, call);
+    unsigned ended = ~to->live & ((1u << LANES) - 1);
+    int more = __builtin_popcount(ended) - (count - next);
+    for (; more > 0; more--)
+        ended &= ended - 1;
+    if (!ended)
+        return next;
+    ACTIVE(__builtin_popcount(ended));
+    COUNT(refill_bulb, taken);
+    v_expand_rows(to->field, B_LANE, ended, &from[0][next], BULB_ROOM);
+    to->field[B_BORN] =
+        v_select(v_mask_of_bits(ended), v_splat(steps) - to->field[B_BORN], to->field[B_BORN]);
+    to->live |= ended;
+    return next + __builtin_popcount(ended);
+}
+
+struct bulb_packet {
+    struct vec origin, direction;
+    vfloat t, rest, to, born; // t: two floats
+    vfloat height, slope;     // of the plane
+    vmask done, met, close;
+};
+
+static inline struct vec vec_of_fields(const struct bulb_lanes *from, int first) {
+    return (struct vec){from->field[first], from->field[first + 1], from->field[first + 2]};
+}
+
+static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
+    return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
+                           vec_of_fields(from, B_DIRECTION),
+                           from->field[B_T],
+                           from->field[B_MORE],
+                           from->field[B_TO],
+                           from->field[B_BORN],
+                           from->field[B_HEIGHT],
+                           from->field[B_SLOPE],
+                           v_mask_of_bits(~from->live),
+                           v_mask_none(),
+                           v_mask_none()};
+}
+
+// `oldest`: rays that old have had their steps. close: of such an estimate a ray goes on in bulb/bulb_chebyshev.h.
+static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat oldest,
+                           vfloat close) {
+    ACTIVE(LANES - v_count(p->done));
+    COUNT(advance_bulb, call);
+    p->born = v_select(p->done, p->born + v_splat(1.0f), p->born); // waiting for others is no step
+    vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
+    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
+    vfloat step = v_select_or_zero(live, least + p->rest), t = p->t + step;
+    p->rest = v_select(live, step - (t - p->t), p->rest);
+    p->t = t;
+    p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
+    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, p->to);
+    live = v_cmp_nge_in(live, oldest, p->born);
+    p->close = v_or(p->close, v_cmp_lt_in(live, h, close));
+    p->done = v_or(v_not(live), p->close);
+}
+
+// What has ended gives its answer, what is close waits, and both are no longer live.
+static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, float steps,
+                        struct worker_scratch *scratch) {
+    ACTIVE(v_count(v_mask_of_bits(from->live)));
+    COUNT(retire_bulb, call);
+    struct vec at = vec_along(p->origin, p->direction, p->t);
+    float place[3][LANES], way[LANES], slots[LANES];
+    v_store(at.x, place[0]);
+    v_store(at.y, place[1]);
+    v_store(at.z, place[2]);
+    v_store(from->field[B_BEFORE] + p->t, way);
+    v_store(from->field[B_SLOT], slots);
+    from->field[B_T] = p->t;
+    from->field[B_MORE] = p->rest;
+    from->field[B_BORN] = p->born;
+    unsigned ended = v_mask_bits(p->done) & from->live;
+    for (unsigned rest = ended & v_mask_bits(p->met); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest), slot = (int)slots[lane];
+        if (way[lane] < scratch->met[slot]) {
+            scratch->met[slot] = way[lane];
+            scratch->met_shape[slot] = scratch->shape;
+            for (int i = 0; i < 3; i++)
+                scratch->met_at[i][slot] = place[i][lane];
+        }
+    }
+    vmask close = v_and(p->close, v_mask_of_bits(ended));
+    if (v_any(close)) {
+        COUNT(retire_bulb, close);
+        queue_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_BORN],
+                   scratch);
+    }
+    from->live &= ~ended;
+}
+
+// A step of all packets. How many lanes have ended.
+__attribute__((always_inline)) static inline int step_bulbs(const struct primitive *s,
+                                                            struct bulb_packet *p, bool soon,
+                                                            vfloat hit_distance, vfloat oldest,
+                                                            vfloat close) {
+    struct vec at[INTERLEAVED];
+    vmask done[INTERLEAVED];
+    vfloat h[INTERLEAVED];
+    COUNT(step_bulbs, call);
+    for (int k = 0; k < INTERLEAVED; k++) {
+        ACTIVE(LANES - v_count(p[k].done));
+        COUNT(step_bulbs, packet);
+        at[k] = vec_along(p[k].origin, p[k].direction, p[k].t);
+        done[k] = p[k].done;
+    }
+    bulbs(s, at, done, soon, true, h);
+    int ended = 0;
+    for (int k = 0; k < INTERLEAVED; k++) {
+        advance_bulb(&p[k], h[k], hit_distance, oldest, close);
+        ended += v_count(p[k].done);
+    }
+    return ended;
+}
+
+// The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
+// until a ray of theirs ends.
+static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
+                          const struct limits *limits, vfloat hit_distance, float close) {
+    COUNT(step_first_together, call);
+    for (int first = 0; first < count; first += INTERLEAVED * LANES) {
+        struct bulb_packet p[INTERLEAVED];
+        vfloat t[INTERLEAVED], rest[INTERLEAVED]; // before the last step
+        int before = 0, steps = 0;
+        for (int k = 0; k < INTERLEAVED; k++) {
+            int from = first + k * LANES, left = count - from;
+            left = left < 0 ? 0 : left < LANES ? left : LANES;
+            struct bulb_lanes lanes = {.live = (1u << left) - 1};
+            for (int i = 0; i < B_LANE; i++)
+                lanes.field[i] = left ? v_load(&rays[i][from]) : v_splat(2.0f);
+            p[k] = bulb_packet_of(&lanes);
+            t[k] = p[k].t;
+            rest[k] = p[k].rest;
+            before += v_count(p[k].done);
+        }
+        for (; steps < limits->max_steps - 1; steps++) {
+            if (step_bulbs(s, p, true, hit_distance, v_splat(-INFINITY), v_splat(close)) > before)
+                break;
+            for (int k = 0; k < INTERLEAVED; k++) {
+                t[k] = p[k].t;
+                rest[k] = p[k].rest;
+            }
+        }
+        for (int k = 0; k < INTERLEAVED; k++) {
+            int from = first + k * LANES;
+            if (from >= count)
+                break;
+            v_store(t[k], &rays[B_T][from]);
+            v_store(rest[k], &rays[B_MORE][from]);
+            v_store(v_splat((float)steps), &rays[B_BORN][from]);
+        }
+    }
+}
+
+static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
+                         const struct limits *limits, float close, struct worker_scratch *scratch) {
+    COUNT(march_floats, call);
+    struct bulb_lanes lanes[INTERLEAVED];
+    for (int k = 0; k < INTERLEAVED; k++) {
+        lanes[k].live = 0;
+        for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
+            lanes[k].field[i] = v_splat(2.0f);
+    }
+    float hit = (float)limits->hit_distance;
+    vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
+    float most = (float)limits->max_steps, steps = 0.0f;
+    int next = 0;
+    unsigned live;
+    do {
+        struct bulb_packet p[INTERLEAVED];
+        int ended = 0;
+        for (int k = 0; k < INTERLEAVED; k++) {
+            next = refill_bulb(&lanes[k], next, count, steps, rays);
+            ACTIVE(v_count(v_mask_of_bits(lanes[k].live)));
+            COUNT(march_floats, packet);
+            p[k] = bulb_packet_of(&lanes[k]);
+            ended += v_count(p[k].done);
+        }
+        int enough = next < count ? ended + REFILL : INTERLEAVED * LANES;
+        while (ended < enough && steps < STEPS_COUNTED) {
+            COUNT(march_floats, step);
+            steps += 1.0f;
+            ended = step_bulbs(s, p, false, hit_distance, v_splat(steps - most), v_splat(close));
+        }
+        live = 0;
+        for (int k = 0; k < INTERLEAVED; k++) {
+            retire_bulb(&p[k], &lanes[k], steps, scratch);
+            live |= lanes[k].live;
+        }
+        if (!(steps < STEPS_COUNTED)) {
+            for (int k = 0; k < INTERLEAVED; k++)
+                lanes[k].field[B_BORN] = lanes[k].field[B_BORN] - v_splat(steps);
+            steps = 0.0f;
+        }
+    } while (next < count || live);
+}
+
+void march_bulb(const struct primitive *s, int count, const struct limits *limits, struct worker_scratch *scratch) {
+    COUNT(march_bulb, call);
+    scratch->shape = s->index;
+    bool coarse = !((float)limits->hit_distance < COARSE_HIT_DISTANCE);
+    float close = coarse ? 0.0f : CLOSE_ESTIMATE;
+    float hit = (float)limits->hit_distance;
+    step_first_together(s, scratch->bulb, count, limits, v_splat(hit > 0x1p-24f ? hit : 0x1p-24f), close);
+    march_floats(s, scratch->bulb, count, limits, close, scratch);
+    if (coarse)
+        return;
+    struct chebyshev_lanes lanes[INTERLEAVED];
+    struct ray_pieces pieces = {.next = 0, .count = 0};
+    memset(lanes, 0, sizeof lanes);
+    float steps = 0.0f;
+    for (;;) {
+        march_chebyshev(s, limits, lanes, &pieces, &steps, scratch);
+        if (scratch->open_count == 0)
+            break;
+        int opens = scratch->open_count;
+        scratch->open_count = 0;
+        march_floats(s, scratch->open, opens, limits, CLOSE_ESTIMATE, scratch);
+    }
+    scratch->close_count = scratch->close_first = 0;
+}
+
+static inline vdouble v_double_times(vdouble a, vdouble b) {
+    return (vdouble){a.low * b.low, a.high * b.high};
+}
+
+static inline vdouble v_double_product(struct vec_double a, struct vec_double b) {
+    return v_double_along(v_double_along(v_double_times(a.x, b.x), a.y, b.y), a.z, b.z);
+}
+
+static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
+    vfloat near = v_double_to_float(a);
+    v_compress_store(m, near, field[0] + at);
+    v_compress_store(
+        m, v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)}),
+        field[B_REST] + at);
+}
+
+int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
+                const struct packet_ray *ray, vfloat end, int slot, const struct prepared *scene,
+                struct worker_scratch *scratch) {
+    ACTIVE(v_count(ray->active));
+    COUNT(queue_bulb_rays, call);
+    vfloat height = v_splat(INFINITY), slope = v_splat(0.0f);
+    if (KNOWN(scene)->plane >= 0) {
+        COUNT(queue_bulb_rays, plane);
+        const struct primitive *plane = &KNOWN(scene)->placed[KNOWN(scene)->plane];
+        height = height_over(plane, ray->origin);
+        slope = add_dot(plane->normal, ray->direction);
+    }
+    // `before`, the way to where the ray is nearest to the centre, is taken off: the rest is of the shape's size.
+    vdouble way = v_double_product(o, d),
+            back = {v_half_splat(0.0) - way.low, v_half_splat(0.0) - way.high};
+    struct vec_double c = {v_double_along(o.x, d.x, back), v_double_along(o.y, d.y, back),
+                           v_double_along(o.z, d.z, back)};
+    vfloat zero = v_splat(0.0f), before = v_double_to_float(back);
+    vfloat half =
+        v_sqrt(v_max(v_splat(s->bound_sq) - v_double_to_float(v_double_product(c, c)), zero));
+    vfloat to = v_min(before + half, end);
+    vmask near = v_and(v_and(ray->active, v_cmp_gt(half, zero)),
+                       v_and(v_cmp_lt(before - half, to), v_cmp_gt(to, zero)));
+    if (!v_any(near))
+        return count;
+    ACTIVE(v_count(near));
+    COUNT(queue_bulb_rays, near);
+    float (*field)[BULB_ROOM] = scratch->bulb;
+    const vdouble values[] = {c.x, c.y, c.z, d.x, d.y, d.z};
+    for (int i = 0; i < 6; i++)
+        pack_wide(near, values[i], field + i, count);
+    vfloat t = v_double_to_float(way);
+    v_compress_store(near, t, field[B_T] + count);
+    v_compress_store(
+        near, v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)}),
+        field[B_MORE] + count);
+    v_store(v_iota() + v_splat((float)count), field[B_RAY] + count);
+    v_store(v_splat(0.0f), field[B_BORN] + count);
+    v_compress_store(near, to - before, field[B_TO] + count);
+    v_compress_store(near, v_iota() + v_splat((float)slot), field[B_SLOT] + count);
+    v_compress_store(near, before, field[B_BEFORE] + count);
+    v_compress_store(near, v_madd(before, slope, height), field[B_HEIGHT] + count);
+    v_compress_store(near, slope, field[B_SLOPE] + count);
+    return count + v_count(near);
+}
+
+void take_bulb_hits(struct shading_packet *at, int slot, const struct worker_scratch *scratch) {
+    ACTIVE(v_count(at->ray.active));
+    COUNT(take_bulb_hits, call);
+    vfloat t = v_load(scratch->met + slot), shape = v_load(scratch->met_shape + slot);
+    vmask met = v_and(at->ray.active, v_cmp_lt(t, at->hit.t));
+    if (!v_any(met))
+        return;
+    struct vec local = {v_load(scratch->met_at[0] + slot), v_load(scratch->met_at[1] + slot),
+                        v_load(scratch->met_at[2] + slot)};
+    at->hit.found = v_or(at->hit.found, met);
+    at->hit.t = v_select(met, t, at->hit.t);
+    at->hit.shape = v_select(met, shape, at->hit.shape);
+    at->hit.local = vec_select(met, local, at->hit.local);
+}
+
+void clear_bulb_hits(struct worker_scratch *scratch, int slots) {
+    for (int i = 0; i < slots; i += LANES) {
+        v_store(v_splat(INFINITY), scratch->met + i);
+        v_store(v_splat(-1.0f), scratch->met_shape + i);
+    }
+}
+
+static struct vec_double to_doubles(struct vec v) {
+    vfloat zero = v_splat(0.0f);
+    return (struct vec_double){v_double_sum(v.x, zero), v_double_sum(v.y, zero),
+                               v_double_sum(v.z, zero)};
+}
+
+INLINE void meet_bulb(int i, const struct shading_packet *stage, int packets, const struct tile_context *work) {
+    const struct primitive *s = &KNOWN(work->scene)->placed[i];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    int count = 0;
+    for (int k = 0; k < packets; k++)
+        count = queue_bulb_rays(count, s, to_doubles(to_local(s, stage[k].ray.origin)),
+                            to_doubles(turned(s, stage[k].ray.direction)), &stage[k].ray,
+                            stage[k].hit.t, k * LANES, work->scene, work->scratch);
+    march_bulb(s, count, &work->scene->model.march, work->scratch);
+}
+
+void hit_bulbs(struct shading_packet *stage, int packets, const struct tile_context *work) {
+    clear_bulb_hits(work->scratch, packets * LANES);
+    EACH_SHAPE(work->scene, meet_bulb, stage, packets, work);
+    for (int k = 0; k < packets; k++)
+        take_bulb_hits(&stage[k], k * LANES, work->scratch);
+}

@@ -1,0 +1,154 @@
+// See bvh/bvh.h. Halved along the longest axis, at whole nodes, until a node is left.
+#include "bvh/bvh.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+static int nodes_for(int entries) {
+    return (entries + TREE_WIDTH - 1) / TREE_WIDTH;
+}
+
+bool bvh_reserve(struct bvh *tree, int leaves) {
+    int room[TREE_LEVELS], all = 0;
+    for (int level = 0, entries = leaves; level < TREE_LEVELS; level++) {
+        room[level] = nodes_for(entries) * TREE_WIDTH;
+        all += room[level];
+        entries = nodes_for(entries);
+    }
+    *tree = (struct bvh){.memory = calloc((size_t)all * 4, sizeof(float)),
+                          .shape = calloc((size_t)room[0], sizeof(int))};
+    if (!tree->memory || !tree->shape) {
+        bvh_free(tree);
+        return false;
+    }
+    float *next = tree->memory;
+    for (int level = 0; level < TREE_LEVELS; level++, next += 4 * room[level - 1])
+        tree->level[level] = (struct sphere_array){0, next, next + room[level], next + 2 * room[level],
+                                              next + 3 * room[level]};
+    return true;
+}
+
+void bvh_free(struct bvh *tree) {
+    free(tree->memory);
+    free(tree->shape);
+    *tree = (struct bvh){0};
+}
+
+// The shape's number decides between equals, so that the order is the same everywhere.
+static int by_key(const void *a, const void *b) {
+    const struct bvh_leaf *left = a, *right = b;
+    if (left->key != right->key)
+        return left->key < right->key ? -1 : 1;
+    return (left->shape > right->shape) - (left->shape < right->shape);
+}
+
+static int longest_axis(const struct bvh_leaf *leaves, int count) {
+    int axis = 0;
+    float longest = -1;
+    for (int k = 0; k < 3; k++) {
+        float least = INFINITY, most = -INFINITY;
+        for (int i = 0; i < count; i++) {
+            least = fminf(least, leaves[i].centre[k]);
+            most = fmaxf(most, leaves[i].centre[k]);
+        }
+        if (most - least > longest) {
+            longest = most - least;
+            axis = k;
+        }
+    }
+    return axis;
+}
+
+// `part`: how many leaves an entry of the level holds that is being divided into entries.
+static void split_leaves(struct bvh_leaf *leaves, int count, int part) {
+    if (count <= part) {
+        if (part > TREE_WIDTH)
+            split_leaves(leaves, count, part / TREE_WIDTH);
+        return;
+    }
+    int axis = longest_axis(leaves, count), parts = (count + part - 1) / part;
+    for (int i = 0; i < count; i++)
+        leaves[i].key = leaves[i].centre[axis];
+    qsort(leaves, (size_t)count, sizeof *leaves, by_key);
+    int first = parts / 2 * part;
+    split_leaves(leaves, first, part);
+    split_leaves(leaves + first, count - first, part);
+}
+
+static void set_sphere(struct sphere_array *to, int i, const float *centre, float radius) {
+    to->x[i] = centre[0];
+    to->y[i] = centre[1];
+    to->z[i] = centre[2];
+    to->radius[i] = radius;
+}
+
+// A sphere about the box of a node's spheres; 1e-5: what is rounded must not cut them.
+static void enclosing_sphere(const struct sphere_array *below, int node, float centre[3], float *about) {
+    int first = node * TREE_WIDTH, end = first + TREE_WIDTH;
+    if (end > below->count)
+        end = below->count;
+    const float *axes[3] = {below->x, below->y, below->z};
+    float radius = 0;
+    for (int k = 0; k < 3; k++) {
+        float least = INFINITY, most = -INFINITY;
+        for (int i = first; i < end; i++) {
+            least = fminf(least, axes[k][i] - below->radius[i]);
+            most = fmaxf(most, axes[k][i] + below->radius[i]);
+        }
+        centre[k] = 0.5f * (least + most);
+    }
+    for (int i = first; i < end; i++) {
+        double square = 0;
+        for (int k = 0; k < 3; k++)
+            square += ((double)axes[k][i] - centre[k]) * ((double)axes[k][i] - centre[k]);
+        radius = fmaxf(radius, (float)(sqrt(square) + below->radius[i]));
+    }
+    *about = radius * (1 + 1e-5f);
+}
+
+void bvh_build(struct bvh *tree, struct bvh_leaf *leaves, int count) {
+    split_leaves(leaves, count, TREE_WIDTH * TREE_WIDTH);
+    tree->level[0].count = count;
+    for (int i = 0; i < count; i++) {
+        set_sphere(&tree->level[0], i, leaves[i].centre, leaves[i].radius);
+        tree->shape[i] = leaves[i].shape;
+    }
+    tree->levels = count > 0;
+    for (int entries = count; entries > TREE_WIDTH; tree->levels++) {
+        struct sphere_array *to = &tree->level[tree->levels];
+        entries = to->count = nodes_for(entries);
+        for (int node = 0; node < entries; node++) {
+            float centre[3], radius;
+            enclosing_sphere(&tree->level[tree->levels - 1], node, centre, &radius);
+            set_sphere(to, node, centre, radius);
+        }
+    }
+    if (count > 0)
+        enclosing_sphere(&tree->level[tree->levels - 1], 0, tree->centre, &tree->radius);
+    double sum = 0;
+    const struct sphere_array *nodes = &tree->level[tree->levels > 1];
+    for (int i = 0; i < nodes->count; i++)
+        sum += nodes->radius[i];
+    tree->spacing = nodes->count ? (float)(sum / nodes->count) : 0;
+}
+
+static float distance_to(const struct sphere_array *s, int i, const float from[3]) {
+    float x = s->x[i] - from[0], y = s->y[i] - from[1], z = s->z[i] - from[2];
+    return sqrtf(x * x + y * y + z * z) - s->radius[i];
+}
+
+float bvh_gap(const struct bvh *tree, int i) {
+    const struct sphere_array *leaves = &tree->level[0];
+    float from[3] = {leaves->x[i], leaves->y[i], leaves->z[i]}, least = INFINITY;
+    int nodes = nodes_for(leaves->count);
+    for (int k = 0; k < nodes && least > 0; k++) {
+        int node = (i / TREE_WIDTH + k) % nodes; // its own first
+        if (tree->levels > 1 && distance_to(&tree->level[1], node, from) >= least)
+            continue;
+        int end = (node + 1) * TREE_WIDTH < leaves->count ? (node + 1) * TREE_WIDTH : leaves->count;
+        for (int other = node * TREE_WIDTH; other < end; other++)
+            if (other != i)
+                least = fminf(least, distance_to(leaves, other, from));
+    }
+    return least;
+}

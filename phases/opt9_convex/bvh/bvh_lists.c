@@ -1,0 +1,309 @@
+// See bvh/bvh_lists.h. What is asked is the same as of a small scene, first of the spheres about nodes: what those rule out
+// they rule out for all in them.
+#include "shadow/flat_faces.h"
+#include "bvh/bvh_traversal.h"
+#include "hit/tile_frustum.h"
+
+static int list_marked(struct worker_scratch *scratch, const struct prepared *scene, int *list) {
+    int count = 0;
+    for (int word = 0; word <= (scene->model.shape_count - 1) / 64; word++) {
+        for (unsigned long long rest = scratch->marks[word]; rest; rest &= rest - 1)
+            list[count++] = word * 64 + __builtin_ctzll(rest);
+        scratch->marks[word] = 0;
+    }
+    return count;
+}
+
+static inline void mark(struct worker_scratch *scratch, int shape) {
+    scratch->marks[shape / 64] |= 1ull << shape % 64;
+}
+
+static void mark_planes(struct worker_scratch *scratch, const struct prepared *scene) {
+    for (int k = 0; k < scene->plane_count; k++)
+        mark(scratch, scene->planes[k]);
+}
+
+struct window_query {
+    struct vec eye, right, up, ahead;
+    vfloat reach, left, rights, bottom, top, sides[4];
+};
+
+static inline vmask sphere_in_window(struct vec centre, vfloat radius, const void *with) {
+    COUNT(sphere_in_window, call);
+    const struct window_query *w = with;
+    struct vec v = {centre.x - w->eye.x, centre.y - w->eye.y, centre.z - w->eye.z};
+    vfloat x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
+    vfloat r = radius_with_rounding(radius, v, w->reach);
+    vmask in = v_cmp_gt(z, v_splat(0.0f) - r);
+    in = v_and(in, v_cmp_lt(v_msub(w->left, z, x), r * w->sides[0]));
+    in = v_and(in, v_cmp_lt(v_nmadd(w->rights, z, x), r * w->sides[1]));
+    in = v_and(in, v_cmp_lt(v_msub(w->bottom, z, y), r * w->sides[2]));
+    return v_and(in, v_cmp_lt(v_nmadd(w->top, z, y), r * w->sides[3]));
+}
+
+static float manhattan_length(const double a[3]) {
+    double sum = 0;
+    for (int k = 0; k < 3; k++)
+        sum += a[k] < 0 ? -a[k] : a[k];
+    return (float)sum;
+}
+
+void bvh_list_in_window(const struct window *w, const struct job *job, struct worker_scratch *scratch) {
+    COUNT(bvh_list_in_window, call);
+    const struct prepared *scene = job->prepared;
+    const struct view *view = job->view;
+    struct window_query seen = {
+        vec_from_doubles(view->position),
+        vec_from_doubles(view->right),
+        vec_from_doubles(view->up),
+        vec_from_doubles(view->forward),
+        v_splat(manhattan_length(view->position)),
+        v_splat(w->left),
+        v_splat(w->right),
+        v_splat(w->bottom),
+        v_splat(w->top),
+        {v_sqrt(v_splat(1 + w->left * w->left)), v_sqrt(v_splat(1 + w->right * w->right)),
+         v_sqrt(v_splat(1 + w->bottom * w->bottom)), v_sqrt(v_splat(1 + w->top * w->top))}};
+    scratch->far = scratch->leaf = -1;
+    int *list = scratch->camera_list_count.index, count = bvh_list(&scene->tree, sphere_in_window, &seen, list);
+    for (int k = 0; k < count; k++)
+        mark(scratch, list[k]);
+    for (int k = 0; k < scene->plane_count; k++)
+        if (plane_in_window(w, job->prepared->eyes[scene->planes[k]].centre))
+            mark(scratch, scene->planes[k]);
+    scratch->camera_list_count.count = list_marked(scratch, scene, list);
+}
+
+// The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
+void bvh_list_in_row(const struct window *row, float across, const struct job *job,
+                  struct worker_scratch *scratch) {
+    _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
+    ACTIVE(GROUP);
+    COUNT(bvh_list_in_row, call);
+    COUNT(bvh_list_in_row, scalar);
+    vfloat left = v_madd(v_iota(), v_splat(across), v_splat(row->left)),
+           right = left + v_splat(across);
+    vfloat left_side = v_sqrt(v_madd(left, left, v_splat(1.0f))),
+           right_side = v_sqrt(v_madd(right, right, v_splat(1.0f)));
+    float bottom = sqrtf(1 + row->bottom * row->bottom), top = sqrtf(1 + row->top * row->top);
+    for (int k = 0; k < GROUP; k++)
+        scratch->row_counts[k] = 0;
+    const struct prepared *scene = job->prepared;
+    const int *list = scratch->camera_list_count.index, count = scratch->camera_list_count.count;
+    for (int k = 0; k < count; k++) {
+        int i = list[k];
+        const struct primitive *s = &scene->placed[i];
+        const float *c = job->eyes[i].centre;
+        unsigned which = (1u << GROUP) - 1;
+        if (s->way != EVAL_LINEAR) {
+            COUNT(bvh_list_in_row, solid);
+            float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
+            // Both at once, if the compiler will: gcc 12 asks one after the other.
+            if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
+                continue;
+            COUNT(bvh_list_in_row, blocks);
+            vfloat x = v_splat(c[0]), z = v_splat(c[2]);
+            which &= v_mask_bits(v_and(v_cmp_lt(v_msub(left, z, x), v_splat(r) * left_side),
+                                       v_cmp_lt(v_nmadd(right, z, x), v_splat(r) * right_side)));
+        }
+        for (; which; which &= which - 1) {
+            int block = __builtin_ctz(which);
+            scratch->row_list[block * scene->model.shape_count + scratch->row_counts[block]++] = i;
+        }
+    }
+}
+
+static struct bundle_cone bundle_cone_from(const float centre[3], float radius, const float to_light[3],
+                               float q) {
+    COUNT(bundle_cone_from, call);
+    float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
+    return bundle_cone_of(vec_set(centre), vec_set(to_light), radius, v_splat(size), q);
+}
+
+void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
+                         const struct tile_context *work) {
+    COUNT(bvh_list_towards_light, call);
+    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    struct shape_set *shading = &work->scratch->occluders;
+    int count = bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, shading->index);
+    shading->count = append_planes(work->scene, shading->index, count);
+}
+
+void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
+                      const struct tile_context *work) {
+    COUNT(bvh_list_for_batch, call);
+    const struct prepared *scene = work->scene;
+    struct worker_scratch *scratch = work->scratch;
+    scratch->batch_count = -1;
+    if (radius > scene->tree.spacing)
+        return;
+    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    int count = bvh_list(&scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
+    if (count > BATCH_CANDIDATES_ROOM)
+        return;
+    scratch->batch_count = count;
+    for (int k = 0; k < count; k++) {
+        const struct primitive *s = &scene->placed[scratch->ahead[k]];
+        for (int i = 0; i < 3; i++)
+            scratch->batch_sphere[i][k] = s->position[i];
+        scratch->batch_sphere[3][k] = s->bound;
+        scratch->batch_shape[k] = scratch->ahead[k];
+    }
+}
+
+void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
+                        const struct tile_context *work) {
+    COUNT(bvh_list_for_packet, call);
+    struct worker_scratch *scratch = work->scratch;
+    struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
+    scratch->entry_count = 0;
+    if (scratch->batch_count < 0) {
+        scratch->entry_count = bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
+        return;
+    }
+    for (int first = 0; first < scratch->batch_count; first += LANES) {
+        ACTIVE(int_min(LANES, scratch->batch_count - first));
+        COUNT(bvh_list_for_packet, spheres);
+        struct vec at = {v_load(&scratch->batch_sphere[0][first]), v_load(&scratch->batch_sphere[1][first]),
+                         v_load(&scratch->batch_sphere[2][first])};
+        unsigned which = v_mask_bits(v_and(sphere_in_bundle_cone(at, v_load(&scratch->batch_sphere[3][first]), &shaft),
+                                           v_mask_first(scratch->batch_count - first)));
+        for (; which; which &= which - 1)
+            scratch->ahead[scratch->entry_count++] = scratch->batch_shape[first + __builtin_ctz(which)];
+    }
+}
+
+struct ray_bundle {
+    struct vec origin, direction;
+    vmask active;
+    struct worker_scratch *scratch;
+};
+
+static inline bool sphere_met_by_ray(const float centre[3], float radius, void *with) {
+    COUNT(sphere_met_by_ray, call);
+    COUNT(sphere_met_by_ray, scalar);
+    const struct ray_bundle *b = with;
+    struct vec v = {v_splat(centre[0]) - b->origin.x, v_splat(centre[1]) - b->origin.y,
+                    v_splat(centre[2]) - b->origin.z};
+    vfloat along = vec_dot(v, b->direction), square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    return v_any(v_and(b->active, v_or(ahead, v_cmp_lt(need, v_splat(0.0f)))));
+}
+
+static inline void mark_leaf(int shape, void *with) {
+    mark(((struct ray_bundle *)with)->scratch, shape);
+}
+
+int bvh_list_along(struct vec origin, struct vec direction, vmask active, const struct tile_context *work,
+                int *list) {
+    struct ray_bundle bundle = {origin, direction, active, work->scratch};
+    bvh_visit(&work->scene->tree, sphere_met_by_ray, mark_leaf, &bundle);
+    mark_planes(work->scratch, work->scene);
+    return list_marked(work->scratch, work->scene, list);
+}
+
+// Behind the sphere about all solids no term comes below 1.
+static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
+    COUNT(end_behind_bvh, call);
+    COUNT(end_behind_bvh, scalar);
+    const struct bvh *tree = &scene->tree;
+    float q = scene->known.lit_slope;
+    vfloat wide = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
+    struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
+                    v_splat(tree->centre[2]) - r->point.z};
+    vfloat lean = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
+    vfloat need = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
+    vfloat square = v_msub(lean, lean, wide * need);
+    vmask met = v_or(v_cmp_lt(need, zero), v_and(v_cmp_gt(lean, zero), v_cmp_ge(square, zero)));
+    vfloat leaves = (lean + v_sqrt(v_max(square, zero))) / wide;
+    if (!(q < 1.0f)) { // as in candidate_solid()
+        met = v_mask_all();
+        leaves = v_splat(INFINITY);
+    }
+    r->end = v_select(met, v_max(leaves, r->end), r->end);
+}
+
+// Rays from planes, and where something else can be as near to them as their plane: not before `alone`.
+struct leap_query {
+    struct shadow_rays *rays;
+    vmask able;
+    const struct prepared *scene;
+};
+
+static inline vfloat earliest_approach(const float centre[3], float radius, const struct shadow_rays *r) {
+    COUNT(earliest_approach, call);
+    COUNT(earliest_approach, scalar);
+    struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
+                    v_splat(centre[2]) - r->point.z};
+    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), c = r->facing;
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vfloat lean = v_madd(c, v_splat(radius), vec_dot(v, r->to_light)),
+           narrow = v_nmadd(c, c, v_splat(1.0f));
+    vfloat rest = v_msub(lean, lean, narrow * need);
+    vfloat meets = need / (lean + v_sqrt(v_max(rest, zero)));
+    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
+    return v_select(v_cmp_gt(need, zero), meets, zero);
+}
+
+static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
+    COUNT(sphere_limits_leap, call);
+    struct leap_query *l = with;
+    return v_any(v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
+}
+
+static inline void limit_leap(int shape, void *with) {
+    COUNT(limit_leap, call);
+    struct leap_query *l = with;
+    const struct primitive *s = &l->scene->placed[shape];
+    struct shadow_rays *r = l->rays;
+    r->alone = v_min(r->alone, earliest_approach(s->position, s->bound, r));
+}
+
+// Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
+static inline vmask may_enter_sphere(const struct primitive *s, int i, const struct shadow_rays *r) {
+    COUNT(may_enter_sphere, call);
+    COUNT(may_enter_sphere, scalar);
+    struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
+                    v_splat(s->position[2]) - r->point.z};
+    vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    ahead = v_and(ahead,
+                  v_cmp_lt(along - v_splat(s->bound * (1 + 1e-4f)), r->first * v_splat(1 + 1e-5f)));
+    vmask may = v_or(ahead, v_cmp_lt(need, v_splat(0.0f)));
+    return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
+}
+
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears, const struct tile_context *work) {
+    ACTIVE(v_count(r->active));
+    COUNT(bvh_first_entry, call);
+    const struct prepared *scene = work->scene;
+    for (int k = 0; k < scene->plane_count; k++) {
+        COUNT(bvh_first_entry, plane);
+        r->on_plane = v_or(r->on_plane, is_shape(r->shape, scene->planes[k]));
+    }
+    for (int k = 0; k < scene->plane_count; k++)
+        candidate_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
+                      &nears[scene->planes[k]]);
+    end_behind_bvh(r, scene);
+    for (int k = 0; k < work->scratch->entry_count; k++) {
+        int i = work->scratch->ahead[k];
+        ACTIVE(v_count(r->active));
+        vmask may = may_enter_sphere(&scene->placed[i], i, r);
+        if (!v_any(may))
+            continue;
+        ACTIVE(v_count(may));
+        first_entry(&scene->placed[i], i, r, may);
+    }
+    ACTIVE(v_count(r->active));
+    // A cone's slope must be below 1 for its end to be told (earliest).
+    struct leap_query l = {
+        r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
+    vmask flat = leaves_flat_face(r, scene);
+    ACTIVE(v_count(r->active)); // what was called has set its own
+    r->alone = v_select(v_or(l.able, flat), r->alone, v_splat(0.0f));
+    r->on_plane = v_or(r->on_plane, flat); // as if they were
+    if (v_any(l.able))
+        bvh_visit(&scene->tree, sphere_limits_leap, limit_leap, &l);
+}

@@ -1,0 +1,142 @@
+// What a crowd's tree is asked by: the spheres of a node in the lanes, or rays in the lanes, sphere by sphere.
+#ifndef OPT9_SEEK_H
+#define OPT9_SEEK_H
+
+#include "bvh/bvh_lists.h"
+#include "simd/permute.h"
+
+static inline int append_planes(const struct prepared *scene, int *list, int count) {
+    for (int k = 0; k < scene->plane_count; k++)
+        list[count++] = scene->planes[k];
+    return count;
+}
+
+static inline struct vec vec_of_lane(const struct vec *v, int lane) {
+    return (struct vec){v_splat(lane_of(v->x, lane)), v_splat(lane_of(v->y, lane)),
+                        v_splat(lane_of(v->z, lane))};
+}
+
+// A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
+enum { LEVEL_BITS = 2 };
+_Static_assert(TREE_LEVELS <= 1 << LEVEL_BITS, "room for a level");
+enum {
+    STACK_ROOM = TREE_LEVELS * TREE_WIDTH + LANES
+}; // room for all, and for what a row writes behind them
+
+static inline int pack_node(int level, int node) {
+    return node << LEVEL_BITS | level;
+}
+
+static inline int node_level(int waiting) {
+    return waiting & ((1 << LEVEL_BITS) - 1);
+}
+
+static inline int node_index(int waiting) {
+    return waiting >> LEVEL_BITS;
+}
+
+// Those of a row of entries, from `first` on, wait to be looked into; returns how many.
+static inline int push_nodes(vmask those, int level, int first, int waiting[LANES]) {
+    v_compress_store_lanes(those, pack_node(level - 1, first), LEVEL_BITS, waiting);
+    return __builtin_popcount(v_mask_bits(those));
+}
+
+// Which of as many spheres as there are lanes matter.
+typedef vmask sphere_test(struct vec centre, vfloat radius, const void *with);
+
+enum { NODES = TREE_WIDTH * TREE_WIDTH }; // of the level that has the most
+_Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
+
+// Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
+// last are overwritten. Level by level: no node's test waits for that of another.
+__attribute__((always_inline)) static inline int
+bvh_list(const struct bvh *tree, sphere_test *test, const void *with, int *list) {
+    COUNT(bvh_list, call);
+    int nodes[2][NODES + LANES]; // not zeroed
+    int listed = 1;
+    nodes[~tree->levels & 1][0] = 0;
+    for (int level = tree->levels - 1; level >= 0; level--) {
+        const struct sphere_array *s = &tree->level[level];
+        const int *from = nodes[level & 1];
+        int *to = level > 0 ? nodes[~level & 1] : list, count = listed;
+        listed = 0;
+        for (int i = 0; i < count; i++) {
+            int end = int_min(s->count, (from[i] + 1) * TREE_WIDTH);
+            for (int first = from[i] * TREE_WIDTH; first < end; first += LANES) {
+                ACTIVE(int_min(LANES, end - first));
+                COUNT(bvh_list, spheres);
+                struct vec centre = {v_load(s->x + first), v_load(s->y + first),
+                                     v_load(s->z + first)};
+                vmask matter =
+                    v_and(test(centre, v_load(s->radius + first), with), v_mask_first(end - first));
+                if (level > 0)
+                    v_compress_store_lanes(matter, first, 0, to + listed);
+                else
+                    v_compress_store_int(matter, tree->shape + first, to + listed);
+                listed += __builtin_popcount(v_mask_bits(matter));
+            }
+        }
+    }
+    return listed;
+}
+
+// The same with rays in the lanes, sphere by sphere.
+typedef bool ray_test(const float centre[3], float radius, void *with);
+typedef void leaf_visit(int shape, void *with);
+
+__attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tree, ray_test *test,
+                                                         leaf_visit *visit, void *with) {
+    int waiting[STACK_ROOM];
+    waiting[0] = pack_node(tree->levels - 1, 0);
+    for (int count = 1; count > 0;) {
+        int level = node_level(waiting[--count]), node = node_index(waiting[count]);
+        const struct sphere_array *s = &tree->level[level];
+        int end = int_min(s->count, (node + 1) * TREE_WIDTH);
+        for (int entry = node * TREE_WIDTH; entry < end; entry++) {
+            if (!test((float[3]){s->x[entry], s->y[entry], s->z[entry]}, s->radius[entry], with))
+                continue;
+            if (level == 0)
+                visit(tree->shape[entry], with);
+            else
+                waiting[count++] = pack_node(level - 1, entry);
+        }
+    }
+}
+
+// How much a sphere must be larger for what is rounded in a difference of places.
+static inline vfloat radius_with_rounding(vfloat radius, struct vec v, vfloat reach) {
+    vfloat size = v_abs(v.x) + v_abs(v.y) + v_abs(v.z) + reach;
+    return v_madd(v_splat(1e-6f), size, radius * v_splat(1 + 1e-5f));
+}
+
+// Cones of slope q about rays from a ball; q = ∞: all there is.
+struct bundle_cone {
+    struct vec centre, to_light;
+    vfloat radius, reach, q, narrow;
+};
+
+// From a slope of 1 on cones meet what is behind them, too: nothing is left out.
+static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light, float radius,
+                                    vfloat reach, float q) {
+    bool wide = !(q < 1);
+    return (struct bundle_cone){centre,
+                          to_light,
+                          v_splat(radius),
+                          reach,
+                          v_splat(wide ? INFINITY : q),
+                          v_splat(wide ? 0 : 1 - q * q)};
+}
+
+static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
+    COUNT(sphere_in_bundle_cone, call);
+    const struct bundle_cone *b = with;
+    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
+    vfloat r = radius_with_rounding(radius, v, b->reach) + b->radius;
+    vfloat lean = v_madd(b->q, r, vec_dot(v, b->to_light));
+    vfloat need = v_nmadd(r, r, vec_dot(v, v));
+    vmask misses = v_or(v_cmp_lt(lean, v_splat(0.0f)),
+                        v_cmp_lt(lean * lean * v_splat(1 + 1e-4f), b->narrow * need));
+    return v_not(v_and(v_cmp_gt(need, v_splat(0.0f)), misses));
+}
+
+#endif

@@ -1,0 +1,266 @@
+// Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
+#include "shadow/shadow_batch.h"
+#include "core/numerics.h"
+#include "bvh/bvh_traversal.h"
+
+// A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
+struct ray_cone {
+    struct vec point, to_light;
+    vfloat q, narrow, ahead; // narrow: 1 − q²; ahead: narrow·t
+};
+
+// The quadratic of a cone with a sphere: narrow·t² − 2·lean·t + need = 0, `rest` a quarter of its discriminant. That is
+// rounded by 8·2⁻²⁴·|v|², and its margin 2e-6·narrow·|v|²: where narrow is less than a quarter (q above 0.87) a sphere that the
+// cone no more than grazes may be told to be beside it. The term that it would have brought is next to 1.
+static inline vmask cone_meets_sphere(const struct ray_cone *c, struct vec centre, vfloat radius,
+                               vfloat *lean, vfloat *rest) {
+    COUNT(cone_meets_sphere, call);
+    vfloat zero = v_splat(0.0f);
+    struct vec v = {centre.x - c->point.x, centre.y - c->point.y, centre.z - c->point.z};
+    vfloat square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), radius * radius * v_splat(1 + 1e-5f));
+    *lean = v_madd(c->q, radius, vec_dot(v, c->to_light));
+    *rest = v_msub(*lean, *lean, c->narrow * need);
+    vmask comes = v_or(v_cmp_lt(need, zero), v_cmp_gt(*lean, zero));
+    // It is left at (lean + √rest)/narrow, and not before `ahead` if √rest ≥ over; no rest below 0 is as much as that square.
+    vfloat over = v_max(c->ahead - *lean, zero);
+    return v_and(comes, v_cmp_ge(*rest, over * over));
+}
+
+// A packet's rays of which it is asked.
+struct packet_cones {
+    struct ray_cone rays;
+    vfloat t, own;   // own: a shape that they do not meet
+    vfloat until;    // where what they meet ends, if anything
+    vmask open, now; // not asked yet; in the sheaf that is asked, with nothing met so far
+};
+
+// Rays from near the first one's place: how far they are from it at most, how much they turn from its direction, the widest
+// cone and the least t.
+struct query_bundle {
+    struct vec centre, to_light;
+    float radius, spread, q, from;
+};
+
+// Takes the first ray that is open and those open near to it: they are `now`, and open no longer.
+static struct query_bundle query_bundle_of(struct packet_cones *cones, int count, float near) {
+    int chosen = 0;
+    while (!v_any(cones[chosen].open))
+        chosen++;
+    ACTIVE(v_count(cones[chosen].open));
+    COUNT(query_bundle_of, call);
+    COUNT(query_bundle_of, scalar);
+    const struct ray_cone *first = &cones[chosen].rays;
+    int one = __builtin_ctz(v_mask_bits(cones[chosen].open));
+    struct vec centre = vec_of_lane(&first->point, one), to = vec_of_lane(&first->to_light, one);
+    vfloat reach = v_splat(near * near), zero = v_splat(0.0f), away = zero, turned = zero, q = zero,
+           from = v_splat(INFINITY);
+    for (int i = 0; i < count; i++) {
+        struct packet_cones *c = &cones[i];
+        c->now = v_mask_none(); // of the sheaf before
+        if (!v_any(c->open))
+            continue;
+        ACTIVE(v_count(c->open));
+        COUNT(query_bundle_of, packet);
+        struct vec v = {c->rays.point.x - centre.x, c->rays.point.y - centre.y,
+                        c->rays.point.z - centre.z};
+        struct vec l = {c->rays.to_light.x - to.x, c->rays.to_light.y - to.y,
+                        c->rays.to_light.z - to.z};
+        vfloat square = vec_dot(v, v);
+        vmask itself = i == chosen ? v_mask_of_bits(1u << one) : v_mask_none();
+        c->now = v_or(itself, v_and(c->open, v_cmp_lt(square, reach)));
+        c->open = v_andnot(c->now, c->open);
+        away = v_max(away, v_select_or_zero(c->now, square));
+        turned = v_max(turned, v_select_or_zero(c->now, vec_dot(l, l)));
+        q = v_max(q, v_select_or_zero(c->now, c->rays.q));
+        from = v_min(from, v_select(c->now, c->t, v_splat(INFINITY)));
+    }
+    return (struct query_bundle){centre,
+                          to,
+                          sqrtf(most_lane(away)) * (1 + 1e-4f),
+                          sqrtf(most_lane(turned)) * 1.01f + 1e-4f,
+                          most_lane(q),
+                          least_lane(from)};
+}
+
+// Which of the rays `now` meet a leaf, and where they leave it. Whether any does, and whether any does not.
+static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cones *cones, int count,
+                        bool *left) {
+    COUNT(cones_meet_leaf, call);
+    const struct sphere_array *s = &tree->level[0];
+    bool met = false;
+    *left = false;
+    for (int i = 0; i < count; i++) {
+        struct packet_cones *c = &cones[i];
+        if (!v_any(c->now))
+            continue;
+        ACTIVE(v_count(c->now));
+        COUNT(cones_meet_leaf, packet);
+        vfloat lean, rest;
+        vmask meets = v_and(
+            v_andnot(is_shape(c->own, tree->shape[leaf]), c->now),
+            cone_meets_sphere(&c->rays,
+                       (struct vec){v_splat(s->x[leaf]), v_splat(s->y[leaf]), v_splat(s->z[leaf])},
+                       v_splat(s->radius[leaf]), &lean, &rest));
+        if (v_any(meets)) {
+            ACTIVE(v_count(meets));
+            COUNT(cones_meet_leaf, met);
+            vfloat leaves = (lean + v_sqrt(v_max(rest, v_splat(0.0f)))) / c->rays.narrow;
+            c->until = v_select(meets, leaves, c->until);
+            c->now = v_andnot(meets, c->now);
+            met = true;
+        }
+        *left |= v_any(c->now);
+    }
+    return met;
+}
+
+// The spheres of a node in the lanes, asked for a cone about all rays, and what that meets with the rays in the lanes. Ends
+// when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
+// long.
+static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *about, vfloat wider,
+                        struct packet_cones *cones, int packets, int *leaf) {
+    COUNT(cone_query_bundle, call);
+    int waiting[STACK_ROOM]; // not zeroed
+    waiting[0] = pack_node(tree->levels - 1, 0);
+    for (int count = 1; count > 0;) {
+        int level = node_level(waiting[--count]), node = node_index(waiting[count]);
+        const struct sphere_array *s = &tree->level[level];
+        int end = int_min(s->count, (node + 1) * TREE_WIDTH);
+        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
+            ACTIVE(int_min(LANES, end - first));
+            COUNT(cone_query_bundle, spheres);
+            struct vec centre = {v_load(s->x + first), v_load(s->y + first), v_load(s->z + first)};
+            vfloat lean, rest;
+            vmask meets =
+                v_and(cone_meets_sphere(about, centre, v_load(s->radius + first) + wider, &lean, &rest),
+                      v_mask_first(end - first));
+            unsigned which = v_mask_bits(meets);
+            if (!which)
+                continue;
+            if (level > 0) {
+                COUNT(cone_query_bundle, nodes);
+                vfloat order = v_select(meets, v_splat(0.0f) - lean, v_splat(INFINITY));
+                unsigned last = v_mask_bits(v_cmp_ge(v_splat(least_lane(order)), order)) & which;
+                last &= 0u - last;
+                count +=
+                    push_nodes(v_andnot(v_mask_of_bits(last), meets), level, first, waiting + count);
+                waiting[count++] = pack_node(level - 1, first + __builtin_ctz(last));
+                continue;
+            }
+            for (; which; which &= which - 1) {
+                int entry = first + __builtin_ctz(which);
+                bool left;
+                *leaf = cones_meet_leaf(tree, entry, cones, packets, &left) ? entry : *leaf;
+                if (!left)
+                    return;
+            }
+        }
+    }
+}
+
+// Of each ray that is open, for its own cone: where something that it meets is left; `until` stays where nothing is met. Asked
+// for all at once that are near to each other.
+static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count, int *leaf) {
+    COUNT(cone_query_rays, call);
+    bool left = false;
+    for (int i = 0; i < count; i++) {
+        cones[i].now = cones[i].open;
+        left |= v_any(cones[i].open);
+    }
+    if (!left)
+        return;
+    if (*leaf >= 0) {
+        cones_meet_leaf(tree, *leaf, cones, count, &left);
+        for (int i = 0; i < count; i++)
+            cones[i].open = cones[i].now;
+    }
+    while (left) {
+        struct query_bundle sheaf = query_bundle_of(cones, count, tree->spacing);
+        float q = sheaf.q + sheaf.spread;
+        if (!(q < 0.995f)) { // too wide to tell anything: all but the first are put back
+            COUNT(cone_query_rays, again);
+            for (int i = 0; i < count; i++)
+                cones[i].open = v_or(cones[i].open, cones[i].now);
+            sheaf = query_bundle_of(cones, count, 0.0f);
+            q = sheaf.q + sheaf.spread;
+        }
+        COUNT(cone_query_rays, asked);
+        float narrow = 1 - q * q;
+        struct ray_cone about = {sheaf.centre, sheaf.to_light, v_splat(q), v_splat(narrow),
+                                    v_splat(narrow * sheaf.from)};
+        cone_query_bundle(tree, &about, v_splat(sheaf.radius), cones, count, leaf);
+        left = false;
+        for (int i = 0; i < count; i++)
+            left |= v_any(cones[i].open);
+    }
+}
+
+void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_context *work) {
+    COUNT(bvh_query_ahead, call);
+    const struct prepared *scene = work->scene;
+    struct packet_cones cones[BATCH_PACKETS];
+    for (int i = 0; i < count; i++) {
+        struct cone_request *a = &asking[i];
+        ACTIVE(v_count(a->asked));
+        COUNT(bvh_query_ahead, packet);
+        vfloat q = v_min(a->q, v_splat(0.99f));
+        vmask blocked = v_mask_none();
+        for (int k = 0; k < scene->plane_count; k++) {
+            const struct primitive *s = &scene->placed[scene->planes[k]];
+            COUNT(bvh_query_ahead, plane);
+            vfloat slope = vec_dot(vec_set(s->normal), a->rays->to_light);
+            blocked = v_or(blocked, v_cmp_lt(slope, q));
+        }
+        vfloat narrow = v_nmadd(q, q, v_splat(1.0f));
+        cones[i] = (struct packet_cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
+                                  a->t,
+                                  a->own,
+                                  v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
+                                  v_andnot(blocked, a->asked),
+                                  v_mask_none()};
+    }
+    cone_query_rays(&scene->tree, cones, count, &work->scratch->far);
+    for (int i = 0; i < count; i++)
+        asking[i].until = cones[i].until;
+}
+
+vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
+                   vfloat shape, vmask active, const struct tile_context *work) {
+    ACTIVE(v_count(active));
+    COUNT(bvh_trivially_lit, call);
+    const struct prepared *scene = work->scene;
+    float q = scene->known.lit_slope;
+    vmask clear = active;
+    for (int k = 0; k < scene->plane_count; k++) {
+        int i = scene->planes[k];
+        COUNT(bvh_trivially_lit, plane);
+        vmask here =
+            plane_clears(height_over(&scene->placed[i], point),
+                         vec_dot(vec_set(scene->placed[i].normal), to_light), q, &scene->known);
+        clear = v_and(clear, v_or(is_shape(shape, i), here));
+    }
+    float id[LANES];
+    v_store(shape, id);
+    for (unsigned rest = v_mask_bits(clear); rest;) { // once for each shape that they are on
+        int i = (int)id[__builtin_ctz(rest)];
+        vmask same = v_and(v_mask_of_bits(rest), is_shape(shape, i));
+        COUNT(bvh_trivially_lit, shape);
+        rest &= ~v_mask_bits(same);
+        if (scene->placed[i].way != EVAL_LINEAR)
+            clear = v_andnot(
+                v_andnot(convex_from(&scene->placed[i], local, facing, &scene->known), same), clear);
+    }
+    if (!v_any(clear) || q >= 0.99f)
+        return v_mask_none();
+    COUNT(bvh_trivially_lit, asked);
+    vfloat zero = v_splat(0.0f);
+    struct packet_cones cones = {{point, to_light, v_splat(q), v_splat(1 - q * q), zero},
+                          zero,
+                          shape,
+                          v_splat(-1.0f),
+                          clear,
+                          v_mask_none()};
+    cone_query_rays(&scene->tree, &cones, 1, &work->scratch->leaf);
+    return v_and(clear, v_cmp_lt(cones.until, zero));
+}

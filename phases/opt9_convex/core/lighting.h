@@ -1,0 +1,93 @@
+// Light at a packet's hits (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975), as in fallback/shade.c):
+// of any rays, and of camera rays for which the way from the camera to the light is known.
+#ifndef OPT9_LIGHT_H
+#define OPT9_LIGHT_H
+
+#include "simd/pow.h"
+#include "core/shading_packet.h"
+
+// a to the power of the shininess. One that is known and whole: products in place of a logarithm and an exponential.
+static inline vfloat phong_power(vfloat a, vfloat shininess) {
+    if (!WHOLE_SHININESS)
+        return v_pow(a, shininess);
+    vfloat power = v_splat(1.0f);
+    for (int rest = WHOLE_SHININESS; rest; rest >>= 1, a = a * a)
+        if (rest & 1)
+            power = power * a;
+    return power;
+}
+
+// shine: the cosine between the way back and the light's mirror image.
+INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine, vfloat reach,
+                        const struct tile_context *work) {
+    COUNT(add_phong, call);
+    vfloat specular = v_splat(0.0f);
+    const float *e = work->emission;
+    vmask shines = v_and(at->lit, v_cmp_gt(shine, surface->shine_from));
+    if (v_any(shines)) {
+        ACTIVE(v_count(shines));
+        COUNT(add_phong, shines);
+        specular = v_select_or_zero(
+            shines, v_splat(0.2f) * phong_power(v_max(shine, v_splat(1e-30f)), surface->shininess));
+    }
+    struct vec base = surface->color;
+    at->light = (struct vec){v_splat(e[0]) * v_madd(base.x, at->facing, specular) * reach,
+                             v_splat(e[1]) * v_madd(base.y, at->facing, specular) * reach,
+                             v_splat(e[2]) * v_madd(base.z, at->facing, specular) * reach};
+}
+
+// axis: the plane's normal, which a kernel knows, where all hits are on it.
+INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface, const float *axis,
+                        const struct tile_context *work) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    const struct packet_ray *ray = &at->ray;
+    ACTIVE(v_count(at->hit.found));
+    COUNT(light_surfaces, call);
+    struct vec p = at->point, n = surface->normal, base = surface->color;
+    vfloat weight = ray->weight, zero = v_splat(0.0f);
+    if (model->features.fog) {
+        COUNT(light_surfaces, fog);
+        vfloat far_sq = vec_dot(p, p);
+        weight = weight * v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
+    }
+    at->weight = weight;
+    at->color = vec_select(at->hit.found, vec_scale(base, weight * v_splat(0.01f)),
+                           background(ray->weight, model)); // ambient
+    const float *light = work->light;
+    struct vec l = {v_splat(light[0]) - p.x, v_splat(light[1]) - p.y, v_splat(light[2]) - p.z};
+    vfloat square = vec_dot(l, l), per = v_splat(1.0f) / v_sqrt(square);
+    l = vec_scale(l, per);
+    vfloat facing = axis ? add_dot(axis, l) : vec_dot(n, l);
+    at->lit = v_and(at->hit.found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(square, zero)));
+    at->facing = facing;
+    at->to_light = l;
+    vfloat shine = vec_dot(axis ? reflected_at(axis, l) : vec_reflect(l, n), ray->direction);
+    add_phong(at, surface, shine, weight * per, work);
+}
+
+// As light_surfaces(), of camera rays: the way to the light is told from the camera's, not of unit length.
+INLINE void primary_light(struct shading_packet *at, const struct surface *surface, const struct tile_context *work) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    ACTIVE(v_count(at->hit.found));
+    COUNT(primary_light, call);
+    struct vec d = at->ray.direction, n = surface->normal;
+    vfloat weight = v_splat(1.0f), zero = v_splat(0.0f), t = at->hit.t;
+    if (model->features.fog) {
+        COUNT(primary_light, fog);
+        vfloat far_sq = vec_dot(at->point, at->point);
+        weight = v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq));
+    }
+    at->color = vec_select(at->hit.found, vec_scale(surface->color, weight * v_splat(0.01f)),
+                           background(v_splat(1.0f), model));
+    const float *lamp = work->light_from_eye;
+    struct vec l = {v_nmadd(d.x, t, v_splat(lamp[0])), v_nmadd(d.y, t, v_splat(lamp[1])),
+                    v_nmadd(d.z, t, v_splat(lamp[2]))};
+    vfloat square = vec_dot(l, l), per = v_splat(1.0f) / v_sqrt(square), along = vec_dot(n, l);
+    vfloat down = vec_dot(n, d), shine = v_nmadd(along + along, down, vec_dot(l, d));
+    along = v_negate_where(v_cmp_gt(down, zero), along); // n may be that of the other side
+    at->facing = along * per;
+    at->lit = v_and(at->hit.found, v_and(v_cmp_gt(along, zero), v_cmp_gt(square, zero)));
+    add_phong(at, surface, shine * per, weight * per, work);
+}
+
+#endif

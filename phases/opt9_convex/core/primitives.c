@@ -1,0 +1,312 @@
+// A scene's shapes as the kernels want them (core/primitive.h), worked out once: their places, sizes and bounds, what can be had by
+// closed forms, which are repeated alike, the tree of a crowd. No lanes in here.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/primitive.h"
+
+// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
+// then (x,z), then (x,y).
+static void rotation_matrix(const double *degrees, double m[3][3]) {
+    static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        double radians = degrees[axis] * (M_PI / 180.0), c = cos(radians), s = sin(radians);
+        for (int k = 0; k < 3; k++) {
+            double *u = &m[pair[axis][0]][k], *v = &m[pair[axis][1]][k], old = *u;
+            *u = c * old - s * *v;
+            *v = s * old + c * *v;
+        }
+    }
+}
+
+static void to_floats(const double from[3], float to[3]) {
+    for (int i = 0; i < 3; i++)
+        to[i] = (float)from[i];
+}
+
+// See struct primitive. A plane that is not repeated has one row.
+static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
+                       struct primitive_extra *more) {
+    bool linear = p->way == EVAL_LINEAR;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            const double *n = shape->plane.normal;
+            p->row[i][j] =
+                linear ? n[0] * turn[0][j] + n[1] * turn[1][j] + n[2] * turn[2][j] : turn[i][j];
+        }
+        p->centre[i] = shape->position[i];
+    }
+    if (p->way == EVAL_POWER) {
+        more->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)more->radius_sq;
+    }
+    if (linear) {
+        p->offset = shape->plane.offset;
+        to_floats(p->row[0], p->normal);
+    }
+}
+
+// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
+// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
+// cheaper, and from many radii away more exact. 1e15: its square is a float.
+static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+    if (repeated)
+        return EVAL_POINT;
+    if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
+        shape->sphere.radius < 1e15)
+        return EVAL_POWER;
+    return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
+}
+
+static struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits,
+                                 struct primitive_extra *more) {
+    struct primitive p = {.type = shape->type, .index = (float)index, .next_same_grid = -1, .leader = index};
+    double turn[3][3];
+    rotation_matrix(shape->rotation_degrees, turn);
+    for (int i = 0; i < 3; i++) {
+        split(shape->position[i], &p.position[i], &more->position_lo[i]);
+        to_floats(turn[i], p.turn[i]);
+        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
+        p.repeated = p.repeated || shape->repeat[i] > 0.0;
+        p.cell[i] = (float)shape->repeat[i];
+        p.wide_cell[i] = shape->repeat[i];
+        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
+        p.per_cell[i] = (float)p.wide_per_cell[i];
+    }
+    p.way = eval_kind_of(shape, p.repeated, limits);
+    prepare_rows(&p, shape, turn, more);
+    switch (shape->type) {
+    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
+    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
+    case SHAPE_ROUNDED_BOX:
+        to_floats(shape->box.half_size, p.size);
+        p.a = (float)shape->box.rounding;
+        break;
+    case SHAPE_TORUS:
+        p.a = (float)shape->torus.major_radius;
+        p.b = (float)shape->torus.minor_radius;
+        // How near is there: some 4 ulps of its size, which is all that floats can tell.
+        p.c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
+        break;
+    case SHAPE_CONE: {
+        double across = shape->cone.top_radius - shape->cone.bottom_radius;
+        double up = 2.0 * shape->cone.half_height;
+        p.a = (float)shape->cone.bottom_radius;
+        p.b = (float)shape->cone.top_radius;
+        p.c = (float)shape->cone.half_height;
+        p.slope[0] = (float)across;
+        p.slope[1] = (float)up;
+        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
+        break;
+    }
+    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
+    case SHAPE_PLANE:
+        to_floats(shape->plane.normal, p.size);
+        p.a = (float)shape->plane.offset;
+        break;
+    default:
+        p.bailout = (float)shape->mandelbulb.bailout;
+        p.iterations = shape->mandelbulb.iterations;
+        break;
+    }
+    return p;
+}
+
+// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+static double bounding_radius(const struct shape *shape) {
+    const double *half = shape->box.half_size;
+    switch (shape->type) {
+    case SHAPE_SPHERE: return shape->sphere.radius;
+    case SHAPE_BOX:
+        return sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]) * (1 + 1e-5);
+    case SHAPE_ROUNDED_BOX:
+        return (hypot(hypot(half[0], half[1]), half[2]) + shape->box.rounding) * (1 + 1e-5);
+    case SHAPE_TORUS: return (shape->torus.major_radius + shape->torus.minor_radius) * (1 + 1e-5);
+    case SHAPE_CONE:
+        return hypot(fmax(shape->cone.bottom_radius, shape->cone.top_radius),
+                     shape->cone.half_height) *
+               (1 + 1e-5);
+    case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
+    case SHAPE_MANDELBULB: return 1.15; // beyond 2^(1/7) every point escapes; see bulb/bulb_estimate.h
+    default: return INFINITY;
+    }
+}
+
+// A repeated shape whose copies have a closed form together: it is in its cell, and the cell's mirror image along every
+// axis that it is repeated on, or its wrapped distance would jump at a wall. A ray goes through no more cells than
+// MAX_CELLS, and float counts them.
+enum { MAX_CELLS = 4096 };
+
+static bool fits_its_cells(const struct shape *shape, struct primitive *p, const struct limits *limits) {
+    double half[3] = {INFINITY, INFINITY, INFINITY}, cells = 0;
+    switch (shape->type) {
+    case SHAPE_SPHERE: half[0] = half[1] = half[2] = shape->sphere.radius; break;
+    case SHAPE_BOX: memcpy(half, shape->box.half_size, sizeof half); break;
+    case SHAPE_ROUNDED_BOX:
+        for (int i = 0; i < 3; i++)
+            half[i] = shape->box.half_size[i] + shape->box.rounding;
+        break;
+    case SHAPE_TORUS:
+        half[0] = half[2] = shape->torus.major_radius + shape->torus.minor_radius;
+        half[1] = shape->torus.minor_radius;
+        break;
+    case SHAPE_CONE:
+        half[0] = half[2] = fmax(shape->cone.bottom_radius, shape->cone.top_radius);
+        half[1] = shape->cone.half_height;
+        break;
+    case SHAPE_OCTAHEDRON: half[0] = half[1] = half[2] = shape->octahedron.radius; break;
+    default: return false;
+    }
+    for (int i = 0; i < 3; i++) {
+        if (shape->repeat[i] > 0.0 && half[i] > shape->repeat[i] / 2)
+            return false;
+        if (shape->repeat[i] > 0.0)
+            cells += 2 * limits->bounds_radius / shape->repeat[i];
+        p->box[i] = (float)(half[i] + 0x1p-19 * limits->bounds_radius);
+    }
+    bool jumps = shape->type == SHAPE_CONE && shape->repeat[1] > 0.0;
+    return !jumps && cells < MAX_CELLS;
+}
+
+static void prepare_solid(struct primitive *p, const struct shape *shape, const struct model *model) {
+    double bound = bounding_radius(shape);
+    p->bound = (float)bound;
+    p->bound_sq = (float)(bound * bound);
+    p->convex = shape->type != SHAPE_TORUS && shape->type != SHAPE_MANDELBULB;
+    const struct material *m = &model->materials[shape->material];
+    to_floats(m->color, p->color);
+    p->share = (float)(m->reflectivity * 0.1);
+    p->shininess = (float)m->shininess;
+    p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
+    if (p->way == EVAL_LINEAR)
+        p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
+                       p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
+}
+
+// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
+// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+static float lit_slope(double strength) {
+    double low = 0, high = 1;
+    for (int i = 0; i < 60; i++) {
+        double q = (low + high) / 2, r = (1 + q) / 2;
+        double away = q * sqrt(1 - r * r) / (1 - q * r);
+        *(strength * fmin(q, away) >= 1 ? &high : &low) = q;
+    }
+    return (float)(high * (1 + 1e-5));
+}
+
+// No crowd with a Mandelbulb, whose shadow streams ask every shape. Nor where a low step cap may end a soft shadow: the
+// rays of a crowd's packet wait for each other, and their steps are not counted ray by ray.
+enum { BVH_MIN_MAX_STEPS = 256 };
+
+static void build_bvh(struct prepared *prepared) {
+    int count = prepared->model.shape_count, solids = 0;
+    prepared->tree.levels = 0;
+    if (count < BVH_MIN_SHAPES || !prepared->solids || prepared->known.repeats || prepared->known.bulbs ||
+        prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
+        return;
+    for (int i = 0; i < count; i++) {
+        const struct primitive *p = &prepared->placed[i];
+        if (p->way == EVAL_LINEAR)
+            continue;
+        struct bvh_leaf *leaf = &prepared->leaves[solids++];
+        *leaf = (struct bvh_leaf){.radius = p->bound, .shape = i};
+        for (int k = 0; k < 3; k++)
+            leaf->centre[k] = p->position[k];
+    }
+    bvh_build(&prepared->tree, prepared->leaves, solids);
+    for (int i = 0; i < solids; i++) {
+        struct primitive_extra *more = &prepared->more[prepared->tree.shape[i]];
+        more->alone = bvh_gap(&prepared->tree, i);
+        more->bvh_rank = i;
+    }
+}
+
+// Of a repeated shape the others behind it that are repeated so in the same frame.
+static void link_same_grid(struct primitive *placed, int first, int count) {
+    struct primitive *s = &placed[first], *last = s;
+    memcpy(s->box_of_grid, s->box, sizeof s->box);
+    for (int i = first + 1; i < count && s->repeated && !s->follows_same_grid; i++) {
+        struct primitive *p = &placed[i];
+        if (!p->repeated || memcmp(p->centre, s->centre, sizeof s->centre) != 0 ||
+            memcmp(p->row, s->row, sizeof s->row) != 0 ||
+            memcmp(p->wide_cell, s->wide_cell, sizeof s->wide_cell) != 0)
+            continue;
+        last->next_same_grid = i;
+        last = p;
+        p->follows_same_grid = true;
+        p->leader = first;
+        for (int k = 0; k < 3; k++)
+            s->box_of_grid[k] = fmaxf(s->box_of_grid[k], p->box[k]);
+    }
+}
+
+// All but what the shapes say.
+static struct known_scene known_of(const struct model *model) {
+    const struct features *features = &model->features;
+    const double *background = model->background;
+    return (struct known_scene){.model = {.shape_count = model->shape_count,
+                                    .shadows = model->shadows,
+                                    .shadow_strength = model->shadow_strength,
+                                    .fog = model->fog,
+                                    .background = {background[0], background[1], background[2]},
+                                    .features = {features->rotation, features->repetition,
+                                                 features->mirrors, features->fog},
+                                    .march = {.bounds_radius = model->march.bounds_radius,
+                                              .normal_step = model->march.normal_step,
+                                              .surface_offset = model->march.surface_offset,
+                                              .max_bounces = model->march.max_bounces}},
+                          .plane = -1,
+                          .bulbs = model->features.count[SHAPE_MANDELBULB],
+                          .lit_slope = lit_slope(model->shadow_strength)};
+}
+
+void prepare_shapes(struct prepared *prepared, const struct model *model) {
+    prepared->model = *model;
+    prepared->solids = true;
+    struct known_scene *known = &prepared->known;
+    *known = known_of(model);
+    known->placed = prepared->placed;
+    prepared->plane_count = 0;
+    for (int i = 0; i < model->shape_count; i++) {
+        struct primitive *p = &prepared->placed[i];
+        *p = prepare_shape(i, &model->shapes[i], &model->march, &prepared->more[i]);
+        prepare_solid(p, &model->shapes[i], model);
+        if (p->way == EVAL_LINEAR && known->plane < 0)
+            known->plane = i;
+        if (p->way == EVAL_LINEAR)
+            prepared->planes[prepared->plane_count++] = i;
+        known->repeats = known->repeats || p->repeated;
+        if ((p->repeated && (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
+            p->way == EVAL_POWER ||
+            // of two Mandelbulbs each one's estimate is a part of the other's steps
+            (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
+                                             model->shadows == SHADOWS_HARD || known->bulbs > 1)))
+            prepared->solids = false;
+    }
+    for (int i = 0; i < model->shape_count && known->repeats; i++)
+        link_same_grid(prepared->placed, i, model->shape_count);
+    build_bvh(prepared);
+}
+
+bool place_room(struct prepared *prepared, int shape_count) {
+    size_t count = (size_t)shape_count;
+    prepared->placed = calloc(count, sizeof *prepared->placed);
+    prepared->more = calloc(count, sizeof *prepared->more);
+    prepared->eyes = calloc(count, sizeof *prepared->eyes);
+    prepared->planes = calloc(count, sizeof *prepared->planes);
+    prepared->leaves = calloc(count, sizeof *prepared->leaves);
+    return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
+           prepared->leaves && (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->tree, shape_count));
+}
+
+void place_free(struct prepared *prepared) {
+    bvh_free(&prepared->tree);
+    free(prepared->leaves);
+    free(prepared->planes);
+    free(prepared->eyes);
+    free(prepared->more);
+    free(prepared->placed);
+}

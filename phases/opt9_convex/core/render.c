@@ -1,0 +1,84 @@
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
+// ("each_variant" of phase.json), built twice.
+#include <stdalign.h>
+#include <stdlib.h>
+
+#include "counting/flops.h"
+#include "driver/variant.h"
+#include "core/primitive.h"
+#include "workers/workers.h"
+
+// What a tile reads is `prepared`; the team stands behind it.
+struct phase_state {
+    struct prepared prepared;
+    struct workers *workers;
+    bool sixteen; // lanes, not eight
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    return NULL;
+}
+
+bool phase_update(struct prepared *prepared, const struct model *model) {
+    prepare_shapes(prepared, model);
+    return true;
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct phase_state *kept = calloc(1, sizeof *kept);
+    if (!kept)
+        return NULL;
+    kept->sixteen = variant_here().lanes == 16;
+    if (place_room(&kept->prepared, model->shape_count)) {
+        prepare_shapes(&kept->prepared, model);
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
+                                                             : lanes8_own_size(model));
+    }
+    if (!kept->workers) {
+        place_free(&kept->prepared);
+        free(kept);
+        return NULL;
+    }
+    return &kept->prepared;
+}
+
+void phase_release(struct prepared *prepared) {
+    struct phase_state *kept = (struct phase_state *)prepared; // its first member
+    workers_end(kept->workers);
+    place_free(prepared);
+    free(kept);
+}
+
+// Apart from what the caller writes on its stack: all workers read it.
+struct frame_job {
+    alignas(WORKERS_APART) struct job job;
+    bool sixteen;
+};
+
+static void render_tile(const void *data, int tile, void *own) {
+    const struct frame_job *job = data;
+    if (job->sixteen)
+        lanes16_tile(&job->job, tile, own);
+    else
+        lanes8_tile(&job->job, tile, own);
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    COUNT(phase_render, call);
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame, prepared->eyes,
+                             tile_height(prepared, frame->height),
+                             prepared->solids && set_local_cameras(prepared, view, kept->sixteen)},
+                            kept->sixteen};
+    workers_run(kept->workers, render_tile, &job,
+                kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
+                         : lanes8_distances(prepared, count, points, distance, nearest);
+}

@@ -1,0 +1,54 @@
+// Whether a hit is within the scene's bounds: behind them a ray meets nothing.
+#ifndef OPT9_BOUNDS_H
+#define OPT9_BOUNDS_H
+
+#include "core/shading_packet.h"
+
+static double dot3(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
+// plane's t, which is one of them. parts: origin, direction, t, shape.
+// Where there is one caller gcc inlines it, as it should: else 1.6 % more instructions a frame of scene0's kernel.
+static vmask in_bounds_nearly(const vfloat parts[8], vmask asked, const struct known_scene *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float lanes[8][LANES];
+    for (int i = 0; i < 8; i++)
+        v_store(parts[i], lanes[i]);
+    unsigned in = 0;
+    for (unsigned rest = v_mask_bits(asked); rest; rest &= rest - 1) {
+        int lane = __builtin_ctz(rest);
+        const struct primitive *s = &scene->placed[(int)lanes[7][lane]];
+        double o[3], d[3], p[3], t = lanes[6][lane];
+        for (int k = 0; k < 3; k++) {
+            o[k] = lanes[k][lane];
+            d[k] = lanes[3 + k][lane];
+            p[k] = o[k] - s->centre[k];
+        }
+        if (s->way == EVAL_LINEAR)
+            t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
+        for (int k = 0; k < 3; k++)
+            p[k] = o[k] + t * d[k];
+        in |= (unsigned)(dot3(p, p) <= radius * radius) << lane;
+    }
+    return v_mask_of_bits(in);
+}
+
+static inline vmask in_bounds(const struct shading_packet *at, const struct known_scene *scene) {
+    double radius = scene->model.march.bounds_radius;
+    float bound = (float)(radius * radius);
+    vfloat square = vec_dot(at->point, at->point);
+    vmask asked = v_and(at->hit.found, v_cmp_gt(square, v_splat(bound * (1 - 0x1p-16f))));
+    if (!v_any(asked))
+        return v_mask_all();
+    asked = v_and(asked, v_cmp_lt(square, v_splat(bound * (1 + 0x1p-16f))));
+    // A copy, so that what it is of stays in registers.
+    const vfloat parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
+                             at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
+                             at->hit.t,           at->hit.shape};
+    return v_or(in_bounds_nearly(parts, asked, scene),
+                v_andnot(asked, v_cmp_ge(v_splat(bound), square)));
+}
+
+#endif

@@ -1,0 +1,328 @@
+// Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron: I. Quilez,
+// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
+// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
+// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+//
+// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated
+// in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
+// own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
+// shape. Branches that differ between lanes are evaluated for all and chosen by mask.
+#ifndef OPT9_SDF_H
+#define OPT9_SDF_H
+
+#include "core/known_scene.h"
+#include "simd/point.h"
+#include "simd/pow.h"
+
+// Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
+// |p|² − radius² is power + t·(t + slope).
+struct local_ray {
+    struct vec origin, direction;
+    vfloat power, slope;
+};
+
+// With a direction that the kernel may know. What is 0 times it would add no more than a sign to a 0.
+static inline vfloat add_dot(const float a[3], struct vec v) {
+    if (axis_is_up(a))
+        return v.y;
+    return vec_dot(vec_set(a), v);
+}
+
+// v mirrored at a plane through 0 with unit normal a.
+INLINE struct vec reflected_at(const float a[3], struct vec v) {
+    if (axis_is_up(a))
+        return (struct vec){v.x, v_splat(0.0f) - v.y, v.z};
+    return vec_reflect(v, vec_set(a));
+}
+
+INLINE struct vec turned(const struct primitive *placed, struct vec v) {
+    COUNT(turned, call);
+    if (!placed->turned)
+        return v;
+    COUNT(turned, rotation);
+    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
+                        vec_dot(vec_set(placed->turn[2]), v)};
+}
+
+// Back from the shape's frame: the matrix is orthogonal, so its transpose.
+INLINE struct vec turned_back(const struct primitive *placed, struct vec v) {
+    COUNT(turned_back, call);
+    if (!placed->turned)
+        return v;
+    COUNT(turned_back, rotation);
+    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
+    out = vec_along(out, vec_set(placed->turn[1]), v.y);
+    return vec_along(out, vec_set(placed->turn[2]), v.z);
+}
+
+static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
+    return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
+}
+
+static inline struct vec vec_wrapped(const struct primitive *placed, struct vec p) {
+    COUNT(vec_wrapped, call);
+    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
+                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
+                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+}
+
+static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
+    vdouble turns = v_double_floor(v_double_sub(v_double_mul(x, per_cell), -0.5));
+    return v_double_madd(turns, -cell, x);
+}
+
+// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
+// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
+static inline vfloat coordinate(const struct primitive *placed, struct vec_double from, int axis) {
+    COUNT(coordinate, call);
+    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
+    if (placed->repeated) {
+        COUNT(coordinate, wrap);
+        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+    }
+    return v_double_to_float(x);
+}
+
+static inline vfloat power_at(struct vec_double from, double square) {
+    COUNT(power_at, call);
+    struct vec_double p = from;
+    vhalf each = v_half_splat(square);
+    return v_double_to_float(
+        (vdouble){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
+                  p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
+}
+
+// Fills one approach per shape: where the rays are, and then where they go.
+static inline void approach_origins(struct point origin, const struct prepared *scene,
+                                    struct local_ray *approach) {
+    COUNT(approach_origins, call);
+    struct vec_double at = vec_double_of(origin);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *placed = &scene->placed[i];
+        if (placed->way == EVAL_POINT && !placed->turned && !placed->repeated) {
+            approach[i].origin = point_sub(origin, placed->position, scene->more[i].position_lo);
+            continue;
+        }
+        struct vec_double from = vec_double_sub(at, placed->centre);
+        approach[i].origin.x = coordinate(placed, from, 0);
+        if (placed->way == EVAL_LINEAR)
+            continue;
+        approach[i].origin.y = coordinate(placed, from, 1);
+        approach[i].origin.z = coordinate(placed, from, 2);
+        if (placed->way == EVAL_POWER)
+            approach[i].power = power_at(from, scene->more[i].radius_sq);
+    }
+}
+
+static inline void approach_directions(struct vec direction, const struct prepared *scene,
+                                       struct local_ray *approach) {
+    COUNT(approach_directions, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        const struct primitive *placed = &scene->placed[i];
+        if (placed->way == EVAL_LINEAR) {
+            COUNT(approach_directions, linear);
+            approach[i].direction.x = vec_dot(vec_set(placed->normal), direction);
+            continue;
+        }
+        approach[i].direction = turned(placed, direction);
+        if (placed->way == EVAL_POWER) {
+            COUNT(approach_directions, power);
+            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
+        }
+    }
+}
+
+// The origins moved by a little along the rays.
+static inline void approach_moved(vfloat by, const struct prepared *scene,
+                                  struct local_ray *approach) {
+    COUNT(approach_moved, call);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        struct local_ray *a = &approach[i];
+        COUNT(approach_moved, first);
+        a->origin.x = v_madd(a->direction.x, by, a->origin.x);
+        if (scene->placed[i].way == EVAL_LINEAR)
+            continue;
+        COUNT(approach_moved, others);
+        a->origin.y = v_madd(a->direction.y, by, a->origin.y);
+        a->origin.z = v_madd(a->direction.z, by, a->origin.z);
+        if (scene->placed[i].way == EVAL_POWER) {
+            COUNT(approach_moved, power);
+            a->power = v_madd(by, by + a->slope, a->power);
+        }
+    }
+}
+
+static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
+    COUNT(sdf_sphere, call);
+    return vec_norm(p) - v_splat(s->a);
+}
+
+// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
+static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
+    COUNT(sdf_power, call);
+    return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
+}
+
+static inline vfloat sdf_plane(struct vec p, const struct primitive *s) {
+    COUNT(sdf_plane, call);
+    return vec_dot(p, vec_set(s->size)) - v_splat(s->a);
+}
+
+static inline vfloat sdf_box(struct vec p, const struct primitive *s) {
+    COUNT(sdf_box, call);
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->size[2]);
+    struct vec outside = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    return vec_norm(outside) + v_min(v_max(x, v_max(y, z)), zero);
+}
+
+static inline vfloat sdf_rounded_box(struct vec p, const struct primitive *s) {
+    COUNT(sdf_rounded_box, call);
+    return sdf_box(p, s) - v_splat(s->a);
+}
+
+static inline vfloat sdf_torus(struct vec p, const struct primitive *s) {
+    COUNT(sdf_torus, call);
+    vfloat ring = v_sqrt(v_madd(p.x, p.x, p.z * p.z)) - v_splat(s->a);
+    return v_sqrt(v_madd(ring, ring, p.y * p.y)) - v_splat(s->b);
+}
+
+static inline vfloat sdf_cone(struct vec p, const struct primitive *s) {
+    COUNT(sdf_cone, call);
+    vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c); // from the top rim
+    vfloat rim = v_select(v_cmp_lt(p.y, zero), v_splat(s->a), v_splat(s->b));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->c);
+    vfloat across = v_madd(x, v_splat(s->slope[0]), y * v_splat(s->slope[1]));
+    vfloat along = v_min(v_max(across * v_splat(-s->per_slope_sq), zero), one);
+    vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
+    vmask inside = v_and(v_signbit(side_x), v_signbit(cap_y));
+    vfloat square =
+        v_min(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    return v_negate_where(inside, v_sqrt(square));
+}
+
+static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s) {
+    COUNT(sdf_octahedron, call);
+    vfloat x = v_abs(point.x), y = v_abs(point.y), z = v_abs(point.z);
+    vfloat zero = v_splat(0.0f), radius = v_splat(s->a);
+    vfloat m = x + y + z - radius, third = m * v_splat(1.0f / 3.0f);
+    vmask over_yz = v_cmp_lt(x, third), over_zx = v_cmp_lt(y, third), over_xy = v_cmp_lt(z, third);
+    vfloat face = m * v_splat(0.57735026918962576451f); // 1/√3
+    vmask edges = v_or(over_yz, v_or(over_zx, over_xy));
+    if (!v_any(edges))
+        return face;
+    COUNT(sdf_octahedron, edges);
+    vfloat a = v_select(over_yz, x, v_select(over_zx, y, z));
+    vfloat b = v_select(over_yz, y, v_select(over_zx, z, x));
+    vfloat c = v_select(over_yz, z, v_select(over_zx, x, y));
+    vfloat k = v_min(v_max(v_splat(0.5f) * (c - b + radius), zero), radius);
+    vfloat beside = b - radius + k, above = c - k;
+    vfloat edge = v_sqrt(v_madd(a, a, v_madd(beside, beside, above * above)));
+    return v_select(edges, edge, face);
+}
+
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
+// have (the paper's Fig. 5).
+static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
+    COUNT(sdf_mandelbulb, call);
+    vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
+    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
+    // to a float's precision, after the one iteration that escapes.
+    vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
+    for (int i = 0; i < s->iterations; i++) {
+        ACTIVE(LANES - v_count(escaped));
+        COUNT(sdf_mandelbulb, iteration);
+        vfloat x2 = x * x, y2 = y * y, z2 = z * z;
+        vfloat k3 = x2 + z2, k4 = k3 - y2;
+        vfloat per_k3 =
+            v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3); // 0 on the axis
+        vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
+        vfloat cos2 = (x2 - z2) * per_k3, sin2 = v_splat(2.0f) * (x * z) * per_k3;
+        vfloat cos4 = v_nmadd(sin2 + sin2, sin2, v_splat(1.0f)), sin4 = (sin2 + sin2) * cos2;
+        vfloat k2 = v_splat(8.0f) * y * k4 * k1 * v_sqrt(k3), k2_sin4 = k2 * (sin4 + sin4);
+        x = v_madd(k2_sin4, cos4, p.x);      // p.x + k2·sin8
+        z = v_madd(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
+        y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, p.y));
+        vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), dz,
+                              v_splat(1.0f)); // last: its root can wait
+        vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
+        m = v_select(escaped, m, grown);
+        dz = v_select(escaped, dz, slope);
+        escaped = v_or(escaped, v_cmp_gt(m, v_splat(s->bailout)));
+        if (v_all(escaped))
+            break;
+    }
+    ACTIVE(LANES - v_count(v_or(done, far)));
+    COUNT(sdf_mandelbulb, estimate);
+    vfloat distance =
+        v_splat(0.25f) * v_sqrt(m) / dz * v_log(m); // the division beside the logarithm
+    if (v_any(far)) {
+        ACTIVE(v_count(v_andnot(done, far)));
+        COUNT(sdf_mandelbulb, far);
+        vfloat r = v_sqrt(vec_dot(p, p));
+        distance = v_select(far, r * v_log(r) * v_splat(1.0f / 3.0f), distance);
+    }
+    ACTIVE(LANES - v_count(done));
+    return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
+}
+
+// At a point of the shape's own frame, wrapped if it is repeated.
+__attribute__((always_inline)) static inline vfloat
+distance_at(struct vec p, const struct primitive *placed, vmask done) {
+    switch (placed->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, placed);
+    case SHAPE_BOX: return sdf_box(p, placed);
+    case SHAPE_TORUS: return sdf_torus(p, placed);
+    case SHAPE_CONE: return sdf_cone(p, placed);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
+    case SHAPE_PLANE: return sdf_plane(p, placed);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
+    default: return sdf_mandelbulb(p, placed, done);
+    }
+}
+
+// Distance to one shape at distance t along the rays.
+__attribute__((always_inline)) static inline vfloat
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed, vmask done) {
+    COUNT(distance_to_shape, call);
+    if (placed->way != EVAL_POINT) {
+        if (placed->way == EVAL_POWER) {
+            COUNT(distance_to_shape, power);
+            return sdf_power(v_madd(t, t + a->slope, a->power), placed);
+        }
+        COUNT(distance_to_shape, linear);
+        return v_madd(t, a->direction.x, a->origin.x);
+    }
+    COUNT(distance_to_shape, point);
+    struct vec p = vec_along(a->origin, a->direction, t);
+    if (placed->repeated)
+        p = vec_wrapped(placed, p);
+    return distance_at(p, placed, done);
+}
+
+// Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
+// may hold anything. Inlined by force: the march keeps its state in registers.
+__attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *approach, vfloat t,
+                                                        const struct prepared *scene, vmask done,
+                                                        vfloat *nearest) {
+    COUNT(sdf, call);
+    vfloat least = v_splat(INFINITY);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(sdf, shape);
+        vfloat distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
+        if (nearest) { // known where it is inlined
+            COUNT(sdf, which);
+            *nearest =
+                v_select(v_cmp_lt(distance, least), v_splat(scene->placed[i].index), *nearest);
+        }
+        least = v_min(distance, least);
+    }
+    return least;
+}
+
+#endif

@@ -1,0 +1,259 @@
+// What a group's hits look like: normals in closed form, light (core/lighting.h), and what has to wait for a shadow or a mirror
+// ray. Where nothing ever waits: hit/primary_hits.c.
+#include "core/scene_bounds.h"
+#include "bulb/bulb_estimate.h"
+#include "repetition/repeated_rays.h"
+#include "bvh/bvh_lists.h"
+#include "core/lighting.h"
+#include "shadow/shadow_candidates.h"
+#include "simd/permute.h"
+
+// Forward differences of the estimate, the only normal it has.
+static struct vec bulb_normal(struct vec p, vmask found, const struct primitive *s, float step) {
+    ACTIVE(v_count(found));
+    COUNT(bulb_normal, call);
+    COUNT(bulb_normal, scalar);
+    vmask done = v_not(found);
+    // Along the world's axes, as in every phase: columns of the shape's matrix.
+    struct vec at[4] = {p};
+    for (int k = 0; k < 3; k++)
+        at[k + 1] =
+            (struct vec){p.x + v_splat(step * s->turn[0][k]), p.y + v_splat(step * s->turn[1][k]),
+                         p.z + v_splat(step * s->turn[2][k])};
+    struct scaled_orbit b[4];
+    vfloat f[4];
+    for (int k = 0; k < 4; k++)
+        b[k] = bulb_begin(at[k], done);
+    bulbs_end(s, 0, false, LANES < 16, true, 4, b, at, f); // 11 bits are too few, 14 are not
+    struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
+    // About its centre the estimate is 0 everywhere, and of many iterations no number at times: any direction will do.
+    vfloat size = vec_norm(n);
+    vmask some = v_cmp_gt(size, v_splat(0.0f));
+    n = (struct vec){v_select_or_zero(some, n.x), v_select(some, n.y, v_splat(1.0f)),
+                     v_select_or_zero(some, n.z)};
+    return vec_scale(n, v_splat(1.0f) / v_select(some, size, v_splat(1.0f)));
+}
+
+INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepared *scene,
+                       struct surface *all) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    vmask same = v_and(hit->found, is_shape(hit->shape, i));
+    if (!v_any(same))
+        return;
+    ACTIVE(v_count(hit->found));
+    COUNT(surface_at, shape);
+    struct vec normal = vec_set(s->normal);
+    if (s->type == SHAPE_MANDELBULB)
+        normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
+    else if (s->way != EVAL_LINEAR)
+        normal = turned_back(s, normal_on(hit->local, s));
+    all->normal = vec_select(same, normal, all->normal);
+    all->color = vec_select(same, vec_set(s->color), all->color);
+    all->share = v_select(same, v_splat(s->share), all->share);
+    all->shininess = v_select(same, v_splat(s->shininess), all->shininess);
+    all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
+}
+
+// Once for each shape that the packet hit.
+static void surface_at(const struct surface_hit *restrict hit, const struct vec *restrict direction,
+                       const struct prepared *scene, struct surface *restrict all) {
+    COUNT(surface_at, call);
+    struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    all->normal = all->color = none;
+    all->share = all->shininess = all->shine_from = v_splat(0.0f);
+    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, all);
+    vmask away = v_cmp_gt(vec_dot(all->normal, *direction), v_splat(0.0f));
+    all->normal =
+        (struct vec){v_negate_where(away, all->normal.x), v_negate_where(away, all->normal.y),
+                     v_negate_where(away, all->normal.z)};
+}
+
+static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, struct vec to_light,
+                         vfloat facing, struct vec light, vfloat pixel, const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    if (scratch->shadows > QUEUE - LANES)
+        cast_shadows(work);
+    int at = scratch->shadows;
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    pack_vec(m, p, field + S_POINT, at);
+    pack_vec(m, hit->local, field + S_LOCAL, at);
+    pack_vec(m, to_light, field + S_TO_LIGHT, at);
+    pack_vec(m, light, field + S_LIGHT, at);
+    v_compress_store(m, facing, &field[S_FACING][at]);
+    v_compress_store(m, hit->shape, &field[S_SHAPE][at]);
+    v_compress_store(m, pixel, &field[S_PIXEL][at]);
+    scratch->shadows += v_count(m);
+}
+
+static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, struct vec n, vfloat weight,
+                         const struct surface_hit *hit, const struct tile_context *work) {
+    ACTIVE(v_count(m));
+    COUNT(queue_mirror, call);
+    struct worker_scratch *scratch = work->scratch;
+    int at = scratch->mirrors;
+    float (*field)[QUEUE_ROOM] = scratch->mirror;
+    float offset = (float)work->scene->model.march.surface_offset;
+    pack_vec(m, vec_along(p, n, v_splat(offset)), field + M_ORIGIN, at);
+    pack_vec(m, vec_reflect(ray->direction, n), field + M_DIRECTION, at);
+    v_compress_store(m, weight, &field[M_WEIGHT][at]);
+    v_compress_store(m, ray->pixel, &field[M_PIXEL][at]);
+    v_compress_store(m, ray->bounce + v_splat(1.0f), &field[M_BOUNCE][at]);
+    v_compress_store(m, hit->shape, &field[M_LEAVES][at]);
+    if (REPEATS(work->scene))
+        pack_vec(m, hit->local, field + M_LOCAL, at);
+    scratch->mirrors += v_count(m);
+}
+
+INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec to_light, vfloat facing,
+                  const struct prepared *scene, struct vec *light) {
+    vmask same = v_and(grazes, is_shape(hit->shape, i));
+    if (!v_any(same))
+        return;
+    ACTIVE(v_count(grazes));
+    COUNT(graze, call);
+    COUNT(queue_or_add, grazes);
+    vfloat lit = self_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
+    *light = vec_select(same, vec_scale(*light, lit), *light);
+}
+
+// Whether the packet's hits are all on the scene's first plane, from above: most packets' are.
+INLINE bool all_on_plane(const struct shading_packet *at, const struct known_scene *scene) {
+    COUNT(all_on_plane, call);
+    if (scene->plane < 0)
+        return false;
+    COUNT(all_on_plane, plane);
+    vfloat slope = add_dot(scene->placed[scene->plane].normal, at->ray.direction);
+    vmask on = v_andnot(v_cmp_gt(slope, v_splat(0.0f)), is_shape(at->hit.shape, scene->plane));
+    return !v_any(v_andnot(on, at->hit.found));
+}
+
+INLINE struct surface surface_of_plane(const struct known_scene *scene) {
+    COUNT(surface_of_plane, call);
+    const struct primitive *s = &scene->placed[scene->plane];
+    return (struct surface){vec_set(s->normal), vec_set(s->color), v_splat(s->share),
+                            v_splat(s->shininess), v_splat(s->shine_from)};
+}
+
+static inline void find_surfaces(struct shading_packet *at, const struct prepared *scene) {
+    struct packet_ray *ray = &at->ray;
+    ACTIVE(v_count(at->hit.found));
+    COUNT(find_surfaces, call);
+    COUNT(find_surfaces, scalar);
+    at->point = vec_along(ray->origin, ray->direction, at->hit.t);
+    at->hit.found = v_and(at->hit.found, in_bounds(at, KNOWN(scene)));
+    at->lit = v_mask_none();
+    at->flat = false;
+    if (!v_any(at->hit.found))
+        return;
+    at->flat = all_on_plane(at, KNOWN(scene));
+    if (at->flat)
+        at->surface = surface_of_plane(KNOWN(scene));
+    else
+        surface_at(&at->hit, &ray->direction, scene, &at->surface);
+}
+
+// Twice, so that a generated kernel knows the plane's material in the first.
+static inline void light_stage(struct shading_packet *at, const struct tile_context *work) {
+    COUNT(light_stage, call);
+    const struct known_scene *scene = KNOWN(work->scene);
+    if (at->flat) {
+        struct surface plane = surface_of_plane(scene);
+        light_surfaces(at, &plane, scene->placed[scene->plane].normal, work);
+    } else
+        light_surfaces(at, &at->surface, NULL, work);
+}
+
+// In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
+// scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
+static inline bool queries_rays_singly(const struct prepared *scene) {
+    return HAS_BVH(scene) && scene->model.shadows == SHADOWS_SOFT &&
+           scene->tree.levels == TREE_LEVELS;
+}
+
+static inline void cull_shadows(struct shading_packet *at, const struct tile_context *work) {
+    COUNT(cull_shadows, call);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    at->open = at->lit;
+    if (!v_any(at->lit))
+        return;
+    // HAS_BVH once more: without optimization too, a kernel must not refer to what is called here.
+    if (HAS_BVH(work->scene) && queries_rays_singly(work->scene))
+        at->open = bvh_trivially_lit(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
+                                at->lit, work);
+    else if (model->shadows == SHADOWS_SOFT)
+        at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing, at->hit.shape,
+                           at->lit, work);
+    else if (model->shadows == SHADOWS_HARD) {
+        ACTIVE(v_count(at->lit));
+        COUNT(cull_shadows, hard);
+        struct vec to = {v_splat((float)work->view->light_position[0]) - at->point.x,
+                         v_splat((float)work->view->light_position[1]) - at->point.y,
+                         v_splat((float)work->view->light_position[2]) - at->point.z};
+        at->open = reaches_light(at->point, at->hit.local, at->to_light, at->hit.shape,
+                                 vec_norm(to), at->lit, work);
+    }
+}
+
+// What reaches the pixels at once; what a shadow or a mirror ray will bring waits.
+static inline void queue_or_add(struct shading_packet *at, const struct tile_context *work) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    vfloat zero = v_splat(0.0f);
+    vmask open = at->open;
+    ACTIVE(v_count(at->hit.found));
+    COUNT(queue_or_add, call);
+    if (model->shadows == SHADOWS_SOFT) {
+        COUNT(queue_or_add, soft);
+        vmask asked = v_andnot(open, at->lit);
+        vmask grazes = v_and(open, v_cmp_lt(at->facing, v_splat(KNOWN(work->scene)->lit_slope)));
+        if (v_any(asked))
+            queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
+                         at->ray.pixel, work);
+        if (v_any(grazes)) {
+            EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
+                     at->facing, work->scene, &at->light);
+        }
+    }
+    at->color.x = at->color.x + v_select_or_zero(open, at->light.x);
+    at->color.y = at->color.y + v_select_or_zero(open, at->light.y);
+    at->color.z = at->color.z + v_select_or_zero(open, at->light.z);
+    if (model->features.mirrors && model->march.max_bounces > 0) {
+        COUNT(queue_or_add, mirrors);
+        vmask mirror = v_and(v_and(at->hit.found, v_cmp_gt(at->surface.share, zero)),
+                             v_cmp_lt(at->ray.bounce, v_splat((float)model->march.max_bounces)));
+        if (v_any(mirror)) {
+            COUNT(queue_or_add, mirror);
+            queue_mirror(mirror, &at->ray, at->point, at->surface.normal,
+                         at->weight * at->surface.share, &at->hit, work);
+        }
+    }
+}
+
+void shade_packets(struct shading_packet *stage, int count, const struct tile_context *work) {
+    COUNT(shade_packets, call);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    for (int i = 0; i < count; i++)
+        find_surfaces(&stage[i], work->scene);
+    for (int i = 0; i < count; i++)
+        if (v_any(stage[i].hit.found))
+            light_stage(&stage[i], work);
+    if (model->shadows != SHADOWS_NONE && !queries_rays_singly(work->scene))
+        list_occluders(stage, count, work);
+    for (int i = 0; i < count; i++)
+        if (v_any(stage[i].hit.found))
+            cull_shadows(&stage[i], work);
+    for (int i = 0; i < count; i++)
+        if (v_any(stage[i].hit.found)) {
+            queue_or_add(&stage[i], work);
+        } else {
+            COUNT(shade_packets, sky);
+            stage[i].color = background(stage[i].ray.weight, model);
+        }
+}
+
+KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene) {
+    if (!v_any(seen->hit.found))
+        return;
+    struct surface all;
+    surface_at(&seen->hit, &seen->direction, scene, &all);
+    seen->hit.local = all.normal;
+}

@@ -1,0 +1,137 @@
+// Blocks of a tile into the picture.
+#ifndef OPT9_PICTURE_H
+#define OPT9_PICTURE_H
+
+#include "core/pixel_block.h"
+#include "simd/rgb.h"
+#include "core/shading_packet.h"
+
+static void store_hit(struct frame *frame, struct pixel_block block, const struct surface_hit *hit,
+                      struct vec normal) {
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
+    store_plane(frame->id, 1, frame, block, v_select(hit->found, hit->shape, v_splat(-1.0f)));
+    store_plane(frame->normal, 3, frame, block, v_select_or_zero(hit->found, normal.x));
+    store_plane(frame->normal + 1, 3, frame, block, v_select_or_zero(hit->found, normal.y));
+    store_plane(frame->normal + 2, 3, frame, block, v_select_or_zero(hit->found, normal.z));
+    store_plane(frame->evals, 1, frame, block, v_splat(1.0f));
+}
+
+static inline void store_block_of(struct frame *frame, struct pixel_block block, struct vec color) {
+    if (frame->shown) {
+        display_block(frame, block, color);
+        return;
+    }
+    float *rgb = frame->rgb + 3 * ((size_t)block.row * (size_t)frame->width + (size_t)block.column);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT) {
+        v_store_block(rgb, 3 * (size_t)frame->width, color.x, color.y, color.z);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, color.z);
+}
+
+static void store_colors(struct frame *frame, struct pixel_block block, const float *color) {
+    store_block_of(
+        frame, block,
+        (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
+}
+
+// Whether a row of the picture is whole cache lines, as sixteen of its pixels then are: what is stored of such a
+// picture goes past the caches, for it is read when all is done. What is on its way then is there before another
+// thread reads it: a worker leaves the frame under a lock (team_run), and x86's instructions with LOCK wait for such
+// stores (Intel's manual, volume 3, "Buffering of Write Combining Memory Locations"; AMD's, volume 2). A thread reads
+// its own in any case. A fence a tile took all of the gain.
+static bool past_caches(const struct frame *frame) {
+    return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
+}
+
+// Of a tile of whole blocks, a row of the picture at once in place of pieces of one.
+static bool is_whole_lines(int left, int right, int top, int bottom) {
+    return (right - left) % 16 == 0 && (bottom - top) % BLOCK_HEIGHT == 0;
+}
+
+// Where a tile's row begins among the lanes of its blocks.
+static inline const float *row_from(const float *color, int row, int across) {
+    return color + row / BLOCK_HEIGHT * across * BLOCK_HEIGHT + row % BLOCK_HEIGHT * BLOCK_WIDTH;
+}
+
+// Samples of a tile's rows, in a row each.
+static inline void display_rows(struct frame *frame, int left, int right, int top, int bottom,
+                              const float *color) {
+    float line[3 * TILE_WIDTH];
+    int across = right - left;
+    for (int row = top; row < bottom; row++) {
+        const float *from = row_from(color, row - top, across);
+        for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
+            v_store_row(line + 3 * i, false, v_load_block_row(from),
+                        v_load_block_row(from + COLOR_ROOM),
+                        v_load_block_row(from + 2 * COLOR_ROOM));
+        display_samples(frame, row, left, line, across);
+    }
+}
+
+static void store_rows(struct frame *frame, int left, int right, int top, int bottom,
+                        const float *color) {
+    if (frame->shown) {
+        display_rows(frame, left, right, top, bottom, color);
+        return;
+    }
+    const bool past = past_caches(frame);
+    int across = right - left;
+    for (int row = top; row < bottom; row++) {
+        size_t first = (size_t)row * (size_t)frame->width + (size_t)left;
+        const float *from = row_from(color, row - top, across);
+        for (int i = 0; i < across; i += LANES, from += LANES * BLOCK_HEIGHT)
+            v_store_row(frame->rgb + 3 * (first + (size_t)i), past, v_load_block_row(from),
+                        v_load_block_row(from + COLOR_ROOM),
+                        v_load_block_row(from + 2 * COLOR_ROOM));
+    }
+}
+
+static void display_background(struct frame *frame, int left, int right, int top, int bottom,
+                            const struct known_model *model) {
+    float line[3 * TILE_WIDTH];
+    for (int i = 0; i < 3 * TILE_WIDTH; i++)
+        line[i] = (float)model->background[i % 3];
+    display_samples(frame, top, left, line, right - left);
+    size_t pitch = 3 * (size_t)frame->width;
+    const uint8_t *first = frame->shown + (size_t)top * pitch + 3 * (size_t)left;
+    for (int row = top + 1; row < bottom; row++)
+        memcpy(frame->shown + (size_t)row * pitch + 3 * (size_t)left, first,
+               3 * (size_t)(right - left));
+}
+
+static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
+                            const struct known_model *model) {
+    if (frame->shown) {
+        display_background(frame, left, right, top, bottom, model);
+        return;
+    }
+    enum { REGISTERS = 3 }; // have whole pixels
+    const bool past = past_caches(frame);
+    vfloat part[REGISTERS];
+    float color[REGISTERS * LANES];
+    for (int i = 0; i < REGISTERS * LANES; i++)
+        color[i] = (float)model->background[i % 3];
+    for (int i = 0; i < REGISTERS; i++)
+        part[i] = v_load(color + i * LANES);
+    for (int row = top; row < bottom; row++) {
+        size_t first = (size_t)row * (size_t)frame->width + (size_t)left,
+               count = (size_t)(right - left);
+        float *to = frame->rgb + 3 * first;
+        size_t more = 3 * count;
+        for (; more >= REGISTERS * LANES; more -= REGISTERS * LANES)
+            for (int i = 0; i < REGISTERS; i++, to += LANES)
+                v_store_or_stream(to, past, part[i]);
+        memcpy(to, color, more * sizeof *to);
+        for (size_t i = first; frame->depth && i < first + count; i++) {
+            frame->depth[i] = INFINITY;
+            frame->id[i] = -1;
+            frame->normal[3 * i] = frame->normal[3 * i + 1] = frame->normal[3 * i + 2] = 0;
+            frame->evals[i] = 1;
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,137 @@
+// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
+// of a block lies outside the picture is masked, so any size will do.
+#include "core/pixel_block.h"
+#include "core/worker_scratch.h"
+#include "simd/point.h"
+#include "fallback/trace.h"
+
+#include <stdlib.h>
+
+static struct point point_from_double(const double a[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(a[i], &hi[i], &lo[i]);
+    return (struct point){vec_set(hi), vec_set(lo)};
+}
+
+static vmask in_picture(struct pixel_block block) {
+    COUNT(in_picture, call);
+    COUNT(in_picture, cut);
+    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
+    vfloat right = v_iota() - below * v_splat(BLOCK_WIDTH);
+    return v_and(v_cmp_lt(right, v_splat((float)block.across)),
+                 v_cmp_lt(below, v_splat((float)block.down)));
+}
+
+static struct vec get_direction(struct pixel_block block, const struct frame *frame,
+                                const struct view *view) {
+    COUNT(get_direction, call);
+    COUNT(get_direction, packet);
+    COUNT(get_direction, divide);
+    double per_height = view->tan_half_fov / frame->height;
+    float columns[LANES], rows[LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        COUNT(get_direction, scalar);
+        int row = block.row + lane / BLOCK_WIDTH;
+        columns[lane] =
+            (float)(2 * (block.column + lane % BLOCK_WIDTH) + 1 - frame->width); // exact
+        rows[lane] = (float)((frame->height - 1.0 - 2.0 * row) * per_height);
+    }
+    vfloat x = v_load(columns) * v_splat((float)per_height), y = v_load(rows);
+    struct vec d = vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x);
+    d = vec_along(d, vec_from_doubles(view->up), y);
+    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
+}
+
+static void store_block_result(struct frame *frame, struct pixel_block block, const struct shaded *seen) {
+    COUNT(store_block_result, call);
+    if (frame->shown) {
+        display_block(frame, block, seen->color);
+        return;
+    }
+    store_plane(frame->rgb, 3, frame, block, seen->color.x);
+    store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
+    store_plane(frame->rgb + 2, 3, frame, block, seen->color.z);
+    if (!frame->depth)
+        return;
+    const struct hit *hit = &seen->hit;
+    store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
+    store_plane(frame->id, 1, frame, block, hit->shape);
+    store_plane(frame->normal, 3, frame, block, hit->normal.x);
+    store_plane(frame->normal + 1, 3, frame, block, hit->normal.y);
+    store_plane(frame->normal + 2, 3, frame, block, hit->normal.z);
+    store_plane(frame->evals, 1, frame, block, hit->evals);
+}
+
+static int tiles_across(const struct frame *frame) {
+    return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
+}
+
+static void draw_tile(const struct job *job, int tile, struct local_ray *own) {
+    COUNT(draw_tile, call);
+    COUNT(draw_tile, scalar);
+    struct frame *frame = job->frame;
+    struct trace_context world = {job->prepared, job->view, own};
+    struct point origin = point_from_double(job->view->position);
+    int left = tile % tiles_across(frame) * TILE_WIDTH,
+        right = int_min(frame->width, left + TILE_WIDTH);
+    int top = tile / tiles_across(frame) * TILE_HEIGHT,
+        bottom = int_min(frame->height, top + TILE_HEIGHT);
+    for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
+        for (int column = left; column < right; column += BLOCK_WIDTH) {
+            struct pixel_block block = {column, row, int_min(BLOCK_WIDTH, right - column),
+                                  int_min(BLOCK_HEIGHT, bottom - row)};
+            ACTIVE(block.across * block.down);
+            COUNT(draw_tile, packet);
+            struct shaded seen;
+            trace(origin, get_direction(block, frame, job->view), in_picture(block), 0, &world,
+                  &seen);
+            ACTIVE(block.across * block.down);
+            store_block_result(frame, block, &seen);
+        }
+    }
+}
+
+// As many as a Mandelbulb's streams have, if there is one.
+static int candidate_slots(const struct model *model) {
+    return model->features.count[SHAPE_MANDELBULB] ? REFILLED_PACKETS : CANDIDATE_SLOTS;
+}
+
+// A worker's own is either: approaches to march with, or a desk and what it points to.
+size_t VARIANT(own_size)(const struct model *model) {
+    size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
+    size_t scratch = SCRATCH_SIZE(shapes, candidate_slots(model));
+    return scratch > marching ? scratch : marching;
+}
+
+int VARIANT(tiles)(const struct job *job) {
+    if (job->solids)
+        return count_tiles(job);
+    return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
+}
+
+void VARIANT(tile)(const struct job *job, int tile, void *own) {
+    if (job->solids)
+        draw_analytic_tile(job, tile,
+                    scratch_at(own, job->prepared->model.shape_count, candidate_slots(&job->prepared->model)));
+    else
+        draw_tile(job, tile, own);
+}
+
+bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
+                        double *distance, int *nearest) {
+    size_t size = (size_t)prepared->model.shape_count * sizeof(struct local_ray);
+    struct local_ray *approach = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!approach)
+        return false;
+    struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    for (size_t i = 0; i < count; i++) {
+        vfloat shape = v_splat(-1.0f);
+        approach_origins(point_from_double(points + 3 * i), prepared, approach);
+        approach_directions(nowhere, prepared, approach);
+        distance[i] = v_lane0(sdf(approach, v_splat(0.0f), prepared, v_mask_none(), &shape));
+        nearest[i] = (int)v_lane0(shape);
+    }
+    free(approach);
+    return true;
+}

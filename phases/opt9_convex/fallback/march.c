@@ -1,0 +1,259 @@
+// Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
+// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+#include "simd/point.h"
+#include "fallback/trace.h"
+
+#include <limits.h>
+
+// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
+// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
+struct bounds_exit {
+    vfloat linear, constant; // t·(t + linear) + constant > 0
+};
+
+static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction, const struct model *model) {
+    COUNT(bounds_exit_of, call);
+    COUNT(bounds_exit_of, scalar);
+    float radius = (float)model->march.bounds_radius;
+    struct vec o = origin.hi;
+    return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
+                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
+}
+
+static vmask within(struct point place, const struct model *model) {
+    COUNT(within, call);
+    COUNT(within, scalar);
+    double radius = model->march.bounds_radius;
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
+}
+
+static inline vmask outside(struct bounds_exit exit, vfloat t) {
+    return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
+}
+
+// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
+// moves the ray, and it would stall there until the step cap.
+static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
+    return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
+}
+
+// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
+// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
+static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
+    COUNT(newton, call);
+    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
+    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
+}
+
+// Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
+// rounded, would lose what places the hit on the surface.
+struct march_state {
+    struct point origin; // at the distance `before`
+    vfloat before, t, last, evals;
+    vmask done, found;
+    int steps; // of the ray that has had fewest, of those that march on
+};
+
+// Until every ray has ended, by the hit test of a float march, which errs with t.
+static inline void march(struct march_state *at, struct vec direction, const struct trace_context *world) {
+    COUNT(march, call);
+    const struct prepared *scene = world->scene;
+    struct bounds_exit exit = bounds_exit_of(at->origin, direction, &scene->model);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vmask done = at->done, found = at->found;
+    vfloat t = v_splat(0.0f), last = t, evals = at->evals;
+    for (int step = at->steps; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(march, step);
+        vfloat distance = sdf(world->approach, t, scene, done, NULL);
+        evals = evals + v_zero_where(done, v_splat(1.0f));
+        vmask reached = v_andnot(done, reaches(distance, t, hit_distance));
+        last = v_select(reached, distance, last);
+        t = t + v_zero_where(v_or(done, reached), distance);
+        vmask ended = v_or(reached, v_andnot(done, outside(exit, t)));
+        if (v_any(ended)) {
+            found = v_or(found, reached);
+            done = v_or(done, ended);
+            if (v_all(done))
+                break;
+        }
+    }
+    *at = (struct march_state){at->origin, at->before, t, last, evals, done, found, at->steps};
+}
+
+// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const struct trace_context *world,
+                                              vfloat *shape) {
+    ACTIVE(v_count(deep));
+    COUNT(shape_inside, call);
+    vfloat inside = v_splat(-1.0f);
+    sdf(world->approach, t, world->scene, v_not(deep), &inside);
+    *shape = v_select(deep, inside, *shape);
+}
+
+// Of these rays the fewest evaluations that one has had. Each has the cap to itself, whatever its neighbours took.
+static int fewest(vfloat evals, vmask on) {
+    float had[LANES];
+    int least = INT_MAX;
+    v_store(evals, had);
+    for (unsigned rest = v_mask_bits(on); rest; rest &= rest - 1) {
+        int evaluations = (int)had[__builtin_ctz(rest)];
+        least = evaluations < least ? evaluations : least;
+    }
+    return least;
+}
+
+// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
+// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
+// the march erred or its test was wider than the scene's, marches on from there.
+void ray_march(struct point origin, struct vec direction, vmask active, const struct trace_context *world,
+               struct hit *hit) {
+    COUNT(ray_march, call);
+    COUNT(ray_march, scalar);
+    const struct prepared *scene = world->scene;
+    float twice = 2.0f * (float)scene->model.march.hit_distance;
+    vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
+    vfloat most = v_splat((float)scene->model.march.max_steps);
+    struct march_state at = {.origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
+    at.done = v_not(active);
+    vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
+    vfloat inside = v_splat(-1.0f);
+    struct hit_surroundings near = {zero, inside, v_mask_none()};
+    approach_origins(origin, scene, world->approach);
+    approach_directions(direction, scene, world->approach);
+    for (;;) {
+        vmask settled = at.found;
+        march(&at, direction, world);
+        if (!v_any(at.found))
+            break;
+        ACTIVE(v_count(at.found));
+        COUNT(ray_march, landed);
+        // march() counts from the ray that has had fewest: others may have had more than the cap.
+        at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
+        vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
+        if (v_any(sunk))
+            shape_inside(sunk, at.t, world, &inside);
+        deep = v_or(deep, sunk);
+        at.origin = point_at(at.origin, direction, at.t, at.last);
+        approach_origins(at.origin, scene, world->approach);
+        near = near_hit(at.found, world);
+        vmask off =
+            v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
+        if (!v_any(off))
+            break;
+        ACTIVE(v_count(off));
+        COUNT(ray_march, on);
+        // From where it surely was before that surface, be it as thin as an ulp of t.
+        vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
+        at.origin.lo = vec_along(at.origin.lo, direction, back);
+        at.before = at.before + (at.t + (at.last + back));
+        approach_origins(at.origin, scene, world->approach);
+        approach_directions(direction, scene, world->approach);
+        at.found = v_andnot(off, at.found);
+        at.done = v_andnot(off, at.done);
+        at.done = v_or(at.done, v_cmp_ge(at.evals, most));
+        int had = fewest(at.evals, off); // a float: from 2^24 on it stands still
+        at.steps = had > at.steps ? had : at.steps + 1;
+    }
+    *hit = (struct hit){.found = at.found, .shape = v_splat(-1.0f), .evals = v_min(at.evals, most)};
+    if (!v_any(at.found))
+        return;
+    vfloat way = at.before + at.t;
+    vmask unmoved = v_cmp_ge(zero, way); // hits wherever it starts
+    hit->found = v_and(hit->found, v_or(within(at.origin, &scene->model), unmoved));
+    if (v_any(deep)) {
+        COUNT(ray_march, deep);
+        near.contact =
+            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
+        near.shape = v_select(deep, inside, near.shape);
+    }
+    vfloat slope;
+    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
+    ACTIVE(v_count(hit->found));
+    COUNT(ray_march, end);
+    hit->shape = v_select(hit->found, near.shape, hit->shape);
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, way));
+    hit->t = at.before + (at.t + (at.last + more));
+    hit->point = at.origin;
+    hit->point.lo = vec_along(hit->point.lo, direction, more);
+    approach_moved(more, scene, world->approach);
+}
+
+// Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
+static vfloat soft_shadow(vmask active, struct bounds_exit exit, const struct trace_context *world) {
+    COUNT(soft_shadow, call);
+    const struct prepared *scene = world->scene;
+    const struct model *model = &scene->model;
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)model->march.hit_distance);
+    vfloat strength = v_splat((float)model->shadow_strength), zero = v_splat(0.0f);
+    vfloat least = v_splat(1.0f), previous = v_splat(1e20f),
+           t = v_splat((float)model->march.surface_offset);
+    for (int step = 0; step < model->march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(soft_shadow, eval);
+        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        done = v_or(done, reaches(h, t, hit_distance));
+        if (v_all(done))
+            break;
+        ACTIVE(LANES - v_count(done));
+        COUNT(soft_shadow, step);
+        vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
+        vfloat inside = v_nmadd(y, y, square), beyond = t - y;
+        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+        // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+        vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
+        // strength·√inside/beyond < least, asked without the root: it is seldom so.
+        vfloat scaled = least * beyond;
+        vmask darker =
+            v_andnot(done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));
+        if (v_any(darker)) {
+            ACTIVE(v_count(darker));
+            COUNT(soft_shadow, darker);
+            least = v_select(darker, strength * v_sqrt(inside) / beyond, least);
+        }
+        previous = h;
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
+    }
+    return least;
+}
+
+static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit,
+                          const struct trace_context *world) {
+    COUNT(hard_shadow, call);
+    const struct prepared *scene = world->scene;
+    vmask done = v_not(active);
+    vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
+    vfloat lit = v_splat(1.0f), t = v_splat((float)scene->model.march.surface_offset);
+    for (int step = 0; step < scene->model.march.max_steps; step++) {
+        ACTIVE(LANES - v_count(done));
+        COUNT(hard_shadow, test);
+        done = v_or(done, v_not(v_cmp_lt(t, distance)));
+        if (v_all(done))
+            break;
+        ACTIVE(LANES - v_count(done));
+        COUNT(hard_shadow, step);
+        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
+        lit = v_zero_where(blocked, lit);
+        done = v_or(done, blocked);
+        t = t + v_zero_where(done, h);
+        done = v_or(done, outside(exit, t));
+    }
+    return lit;
+}
+
+// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct trace_context *world) {
+    COUNT(shadow, call);
+    const struct prepared *scene = world->scene;
+    if (scene->model.shadows == SHADOWS_NONE)
+        return v_splat(1.0f);
+    approach_directions(to_light, scene, world->approach);
+    struct bounds_exit exit = bounds_exit_of(point, to_light, &scene->model);
+    return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
+                                                : hard_shadow(distance, active, exit, world);
+}

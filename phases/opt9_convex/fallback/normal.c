@@ -1,0 +1,225 @@
+// Normals of hits that were marched to: by gradients in closed form, or by differences of distances.
+#include "fallback/trace.h"
+
+// Normals. The scene asks for forward differences of its distance over normal_step; in float they
+// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
+// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
+// step of an edge, the shape's difference stands; and where another shape is within reach of the
+// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
+// Gradients are in the world's axes in the end, and need not be of unit length.
+static struct vec box_gradient(struct vec p, const struct primitive *s) {
+    COUNT(box_gradient, call);
+    vfloat zero = v_splat(0.0f);
+    vfloat x = v_abs(p.x) - v_splat(s->size[0]);
+    vfloat y = v_abs(p.y) - v_splat(s->size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->size[2]);
+    vfloat most = v_max(x, v_max(y, z));
+    // Outside: away from the nearest point. Inside: along the axis of the nearest face.
+    vmask outside = v_cmp_gt(most, zero), on_x = v_cmp_ge(x, most), on_y = v_cmp_ge(y, most);
+    vfloat one = v_splat(1.0f);
+    struct vec face = {v_select_or_zero(on_x, one), v_select_or_zero(v_andnot(on_x, on_y), one),
+                       v_zero_where(v_or(on_x, on_y), one)};
+    struct vec away = {v_max(x, zero), v_max(y, zero), v_max(z, zero)};
+    struct vec g = vec_select(outside, away, face);
+    return (struct vec){v_copysign(g.x, p.x), v_copysign(g.y, p.y), v_copysign(g.z, p.z)};
+}
+
+static struct vec torus_gradient(struct vec p, const struct primitive *s) {
+    COUNT(torus_gradient, call);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat outward = v_splat(1.0f) - v_splat(s->a) / v_max(radius, v_splat(1e-30f));
+    return (struct vec){p.x * outward, p.y, p.z * outward};
+}
+
+static struct vec cone_gradient(struct vec p, const struct primitive *s) {
+    COUNT(cone_gradient, call);
+    vfloat zero = v_splat(0.0f);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z));
+    vfloat x = radius - v_splat(s->b), y = p.y - v_splat(s->c);
+    vfloat rim = v_select(v_cmp_lt(p.y, zero), v_splat(s->a), v_splat(s->b));
+    vfloat cap_x = v_max(radius - rim, zero), cap_y = v_abs(p.y) - v_splat(s->c);
+    vfloat across =
+        v_madd(x, v_splat(s->slope[0]), y * v_splat(s->slope[1])) * v_splat(-s->per_slope_sq);
+    vfloat along = v_min(v_max(across, zero), v_splat(1.0f));
+    vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
+    vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
+    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
+    vmask beside = v_and(v_cmp_gt(across, zero), v_cmp_lt(across, v_splat(1.0f)));
+    vfloat out = v_select(beside, v_splat(s->slope[1]), side_x),
+           up = v_select(beside, v_splat(-s->slope[0]), side_y);
+    vmask cap =
+        v_cmp_lt(v_madd(cap_x, cap_x, cap_y * cap_y), v_madd(side_x, side_x, side_y * side_y));
+    vfloat cap_up =
+        v_select(v_cmp_gt(cap_x, zero), cap_y, v_splat(1.0f)); // over the cap: straight up
+    out = v_select(cap, cap_x, out);
+    up = v_select(cap, v_copysign(cap_up, p.y), up);
+    vfloat per_radius = out / v_max(radius, v_splat(1e-30f));
+    return (struct vec){p.x * per_radius, up, p.z * per_radius};
+}
+
+static struct vec octahedron_gradient(struct vec p) {
+    COUNT(octahedron_gradient, call);
+    vfloat one = v_splat(1.0f);
+    return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
+}
+
+// The hit in the frame of one shape, and moved there by `shadow_step` along an axis of the world (a column
+// of the shape's matrix); axis −1: not moved.
+static struct vec moved_in(const struct primitive *placed, const struct local_ray *approach, float step,
+                           int axis) {
+    COUNT(moved_in, call);
+    struct vec p = approach->origin;
+    if (axis < 0)
+        return p;
+    COUNT(moved_in, moved);
+    COUNT(moved_in, scalar);
+    p = (struct vec){p.x + v_splat(step * placed->turn[0][axis]),
+                     p.y + v_splat(step * placed->turn[1][axis]),
+                     p.z + v_splat(step * placed->turn[2][axis])};
+    return placed->repeated ? vec_wrapped(placed, p) : p;
+}
+
+static vfloat moved_power(const struct primitive *placed, const struct local_ray *approach, float step,
+                          int axis) {
+    if (axis < 0)
+        return approach->power;
+    COUNT(moved_power, moved);
+    struct vec column = {v_splat(placed->turn[0][axis]), v_splat(placed->turn[1][axis]),
+                         v_splat(placed->turn[2][axis])};
+    return v_madd(v_splat(step),
+                  v_madd(v_splat(2.0f), vec_dot(approach->origin, column), v_splat(step)),
+                  approach->power);
+}
+
+static vfloat moved_distance(const struct primitive *placed, const struct local_ray *approach,
+                             vmask done, float step, int axis) {
+    COUNT(moved_distance, call);
+    if (placed->way == EVAL_POWER)
+        return sdf_power(moved_power(placed, approach, step, axis), placed);
+    if (placed->way == EVAL_LINEAR) {
+        if (axis < 0)
+            return approach->origin.x;
+        COUNT(moved_distance, moved);
+        return v_madd(v_splat(placed->normal[axis]), v_splat(step), approach->origin.x);
+    }
+    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+}
+
+static struct vec difference(const struct primitive *placed, const struct local_ray *approach,
+                             vmask done, float step) {
+    COUNT(difference, call);
+    vfloat f[4];
+    for (int axis = -1; axis < 3; axis++)
+        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
+    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
+}
+
+// Of the whole scene, as in the other phases.
+static struct vec scene_difference(vmask done, float step, const struct trace_context *world) {
+    ACTIVE(LANES - v_count(done));
+    COUNT(scene_difference, call);
+    vfloat f[4];
+    for (int axis = -1; axis < 3; axis++) {
+        f[axis + 1] = v_splat(INFINITY);
+        for (int i = 0; i < world->scene->model.shape_count; i++) {
+            COUNT(scene_difference, shape);
+            f[axis + 1] = v_min(
+                moved_distance(&world->scene->placed[i], &world->approach[i], done, step, axis),
+                f[axis + 1]);
+        }
+    }
+    return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
+}
+
+struct hit_surroundings near_hit(vmask found, const struct trace_context *world) {
+    COUNT(near_hit, call);
+    COUNT(near_hit, scalar);
+    const struct prepared *scene = world->scene;
+    vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
+    for (int i = 0; i < scene->model.shape_count; i++) {
+        COUNT(near_hit, shape);
+        const struct primitive *placed = &scene->placed[i];
+        vfloat distance = moved_distance(placed, &world->approach[i], v_not(found), 0, -1);
+        shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index),
+                         shape); // the first of equals
+        second = v_min(second, v_max(distance, least));
+        least = v_min(distance, least);
+    }
+    float step = (float)scene->model.march.normal_step;
+    return (struct hit_surroundings){least, v_select(found, shape, v_splat(-1.0f)),
+                             v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
+}
+
+// `contact`: hits near another shape, whose difference is the scene's.
+static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
+                              const struct trace_context *world) {
+    ACTIVE(v_count(found));
+    COUNT(gradient_of, call);
+    const struct primitive *placed = &world->scene->placed[shape];
+    const struct local_ray *approach = &world->approach[shape];
+    vmask near = v_and(found, contact);
+    struct vec p = moved_in(placed, approach, 0, -1);
+    if (placed->way == EVAL_LINEAR) // it has a height alone
+        p.y = p.z = v_splat(0.0f);
+    struct vec exact = p, rounded = p;
+    if (placed->way != EVAL_LINEAR && v_any(v_andnot(contact, found)))
+        rounded = difference(placed, approach, v_not(found), step);
+    if (v_any(near))
+        rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
+    ACTIVE(v_count(found)); // what was called has set its own
+    switch (placed->type) {
+    case SHAPE_SPHERE: break;
+    case SHAPE_BOX:
+    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
+    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
+    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
+    case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
+    case SHAPE_PLANE: exact = vec_set(placed->size); break;
+    default: return rounded;
+    }
+    COUNT(gradient_of, closed);
+    COUNT(gradient_of, scalar);
+    exact = turned_back(placed, exact);
+    exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
+    rounded = vec_scale(rounded, v_splat(1.0f / step));
+    struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
+    vfloat size = v_max(v_abs(p.x), v_max(v_abs(p.y), v_abs(p.z)));
+    vfloat noise =
+        v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
+    vmask edge =
+        v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
+    if (placed->way == EVAL_LINEAR) // its own difference is the closed form
+        edge = v_and(edge, near);
+    return vec_select(edge, rounded, exact);
+}
+
+// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
+// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
+// difference instead, which at an edge or through a thin plate is no slope to divide by.
+struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
+                     const struct trace_context *world, vfloat *slope) {
+    COUNT(normal_at, call);
+    float id[LANES], step = (float)world->scene->model.march.normal_step;
+    v_store(near->shape, id);
+    struct vec gradient = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    for (unsigned rest = v_mask_bits(found); rest;) {
+        ACTIVE(v_count(found));
+        COUNT(normal_at, shape);
+        int i = (int)id[__builtin_ctz(rest)];
+        vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
+        gradient = vec_select(same, gradient_of(i, same, near->contact, step, world), gradient);
+        rest &= ~v_mask_bits(same);
+    }
+    ACTIVE(v_count(found));
+    vfloat length = vec_norm(gradient);
+    vfloat along = vec_dot(direction, gradient);
+    *slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
+                      v_splat(1e30f));
+    vmask away = v_cmp_gt(along, v_splat(0.0f));
+    struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
+    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
+    vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
+    n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
+    return (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
+                        v_select_or_zero(found, n.z)};
+}

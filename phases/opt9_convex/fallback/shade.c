@@ -1,0 +1,106 @@
+// What a hit looks like: light (B. T. Phong, "Illumination for computer generated
+// pictures", CACM 18 (1975)), mirror by recursion, fog.
+#include "simd/point.h"
+#include "simd/pow.h"
+#include "fallback/trace.h"
+
+// Materials of hits, gathered.
+struct surfaces {
+    struct vec color;
+    vfloat reflectivity, shininess;
+};
+
+static struct surfaces gather(vfloat shape, vmask found, const struct model *model) {
+    float id[LANES], values[5][LANES];
+    v_store(v_select(found, shape, v_splat(0.0f)), id);
+    for (int lane = 0; lane < LANES; lane++) {
+        const struct material *m = &model->materials[model->shapes[(int)id[lane]].material];
+        for (int i = 0; i < 3; i++)
+            values[i][lane] = (float)m->color[i];
+        values[3][lane] = (float)m->reflectivity;
+        values[4][lane] = (float)m->shininess;
+    }
+    return (struct surfaces){{v_load(values[0]), v_load(values[1]), v_load(values[2])},
+                             v_load(values[3]),
+                             v_load(values[4])};
+}
+
+static struct vec from_to(struct point from, const double to[3]) {
+    float hi[3], lo[3];
+    for (int i = 0; i < 3; i++)
+        split(to[i], &hi[i], &lo[i]);
+    return vec_scale(point_sub(from, hi, lo), v_splat(-1.0f));
+}
+
+static struct vec light_at(struct point p, struct vec n, struct vec direction, vmask found,
+                           const struct surfaces *surface, const struct trace_context *world) {
+    COUNT(light_at, call);
+    COUNT(light_at, scalar);
+    vfloat zero = v_splat(0.0f);
+    struct vec base = surface->color;
+    struct vec to_light = from_to(p, world->view->light_position);
+    vfloat distance = vec_norm(to_light);
+    to_light = vec_scale(to_light, v_splat(1.0f) / distance);
+    vfloat facing = vec_dot(n, to_light);
+    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
+    struct vec color = vec_scale(base, v_splat(0.01f)); // ambient
+    if (!v_any(lit))
+        return color;
+    ACTIVE(v_count(lit));
+    COUNT(light_at, lit);
+    vfloat reach = shadow(p, to_light, distance, lit, world) / distance;
+    ACTIVE(v_count(lit));
+    // Of the light's direction: minus the paper's R.
+    vfloat shine = vec_dot(vec_reflect(to_light, n), direction);
+    vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
+    specular = v_select_or_zero(v_cmp_gt(shine, zero), specular);
+    const double *e = world->view->light_emission;
+    struct vec emission = {v_splat((float)e[0]), v_splat((float)e[1]), v_splat((float)e[2])};
+    struct vec bright = {v_madd(emission.x * v_madd(base.x, facing, specular), reach, color.x),
+                         v_madd(emission.y * v_madd(base.y, facing, specular), reach, color.y),
+                         v_madd(emission.z * v_madd(base.z, facing, specular), reach, color.z)};
+    return vec_select(lit, bright, color);
+}
+
+void trace(struct point origin, struct vec direction, vmask active, int bounce,
+           const struct trace_context *world, struct shaded *result) {
+    ACTIVE(v_count(active));
+    COUNT(trace, call);
+    const struct model *model = &world->scene->model;
+    const double *b = model->background;
+    struct vec background = {v_splat((float)b[0]), v_splat((float)b[1]), v_splat((float)b[2])};
+    *result = (struct shaded){.color = background};
+    ray_march(origin, direction, active, world, &result->hit);
+    vmask found = result->hit.found;
+    if (!v_any(found))
+        return;
+    ACTIVE(v_count(found));
+    struct point p = result->hit.point;
+    struct vec n = result->hit.normal;
+    struct surfaces surface = gather(result->hit.shape, found, model);
+    struct vec color = light_at(p, n, direction, found, &surface, world);
+    ACTIVE(v_count(found));
+    if (model->features.mirrors && bounce < model->march.max_bounces) {
+        COUNT(trace, mirrors);
+        // One reflective ray makes the call; the others are masked out of it and of its colour.
+        vmask mirror = v_and(found, v_cmp_gt(surface.reflectivity, v_splat(0.0f)));
+        if (v_any(mirror)) {
+            ACTIVE(v_count(mirror));
+            COUNT(trace, mirrored);
+            struct point start =
+                point_at(p, n, v_splat((float)model->march.surface_offset), v_splat(0.0f));
+            struct shaded seen;
+            trace(start, vec_reflect(direction, n), mirror, bounce + 1, world, &seen);
+            vfloat share = v_select_or_zero(mirror, surface.reflectivity * v_splat(0.1f));
+            color = vec_along(color, vec_select(mirror, seen.color, color), share);
+        }
+    }
+    ACTIVE(v_count(found));
+    if (model->features.fog) {
+        COUNT(trace, fog);
+        vfloat far_sq = vec_dot(p.hi, p.hi);
+        color = vec_scale(color, v_exp(v_splat((float)-model->fog) * far_sq * v_sqrt(far_sq)));
+    }
+    result->color = vec_select(found, color, background);
+}

@@ -1,0 +1,47 @@
+// What core/render.c, fallback/march.c and fallback/shade.c call of each other.
+#ifndef OPT9_TRACE_H
+#define OPT9_TRACE_H
+
+#include "core/sdf.h"
+#include "simd/point.h"
+
+struct trace_context {
+    const struct prepared *scene;
+    const struct view *view;
+    struct local_ray *approach; // one per shape: of the rays being marched now
+};
+
+struct hit {
+    vmask found;
+    vfloat t; // distance along the ray
+    struct point point;
+    struct vec normal; // towards the ray; 0 where not found
+    vfloat shape;      // a whole number; −1 where not found
+    vfloat evals;      // evaluations of the scene's distance
+};
+
+struct shaded {
+    struct vec color;
+    struct hit hit;
+};
+
+// Only lanes of `active` are marched, shaded and written; the others may hold anything.
+void ray_march(struct point origin, struct vec direction, vmask active, const struct trace_context *world,
+               struct hit *hit);
+vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
+              const struct trace_context *world);
+// What a hit's place says, once it is the origin of world->approach: more exactly than the march,
+// which has rounded origin and direction in the frames of all shapes.
+struct hit_surroundings {
+    vfloat distance, shape; // of the nearest
+    vmask contact;          // another shape is within two normal steps of it
+};
+
+struct hit_surroundings near_hit(vmask found, const struct trace_context *world);
+// Of hits that are the origins of world->approach, and the slope there.
+struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
+                     const struct trace_context *world, vfloat *slope);
+void trace(struct point origin, struct vec direction, vmask active, int bounce,
+           const struct trace_context *world, struct shaded *result);
+
+#endif

@@ -1,0 +1,85 @@
+// A frame's camera as each shape sees it, and whether its rays can be had by closed forms. No lanes in here.
+#include <math.h>
+
+#include "core/primitive.h"
+
+static double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Whether the camera is outside of the box about the copy whose cell it is in.
+static bool camera_beside_copies(const struct primitive *p, const double from[3], double far,
+                          struct local_camera *eye) {
+    bool outside = false;
+    for (int k = 0; k < 3; k++) {
+        double at = dot(p->row[k], from);
+        at -= p->wide_cell[k] * floor(at * p->wide_per_cell[k] + 0.5);
+        split(at, &eye->at[k], &eye->rest[k]);
+        outside = outside || fabs(at) > (double)p->box[k] + far;
+    }
+    return outside;
+}
+
+// Whether the camera is within the bounds and outside of every solid's bounding sphere (repeated: box) and plane.
+static bool set_each(const struct prepared *prepared, const struct view *view) {
+    double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
+    bool clear = dot(view->position, view->position) < radius * radius;
+    for (int i = 0; i < prepared->model.shape_count; i++) {
+        const struct primitive *p = &prepared->placed[i];
+        struct local_camera *eye = &prepared->eyes[i];
+        double from[3];
+        for (int k = 0; k < 3; k++)
+            from[k] = view->position[k] - p->centre[k];
+        const double *axis[3] = {view->right, view->up, view->forward};
+        if (p->way == EVAL_LINEAR) {
+            double height = dot(p->row[0], from) - p->offset;
+            eye->height = (float)height;
+            for (int k = 0; k < 3; k++)
+                eye->centre[k] = (float)dot(p->row[0], axis[k]);
+            clear = clear && height > far;
+            continue;
+        }
+        if (p->repeated) {
+            clear = clear && camera_beside_copies(p, from, far, eye);
+            for (int k = 0; k < 3; k++) {
+                eye->centre[k] = (float)-dot(p->row[k], view->position);
+                for (int j = 0; j < 3; j++)
+                    eye->axis[j][k] = (float)dot(p->row[k], axis[j]);
+            }
+            continue;
+        }
+        for (int k = 0; k < 3; k++) {
+            eye->at[k] = (float)dot(p->row[k], from);
+            eye->centre[k] = (float)-dot(from, axis[k]);
+        }
+        // A Mandelbulb's rays are marched wherever they begin (but within it: see below).
+        clear = clear &&
+                (p->type == SHAPE_MANDELBULB || sqrt(dot(from, from)) > (double)p->bound + far);
+    }
+    return clear;
+}
+
+// A camera within a Mandelbulb sees what its march leaves there: normals from estimates of -0.2, where 14 bits of one
+// are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). fallback/march.c has all bits. That a nearer
+// shape is no other one is set_local_cameras' to say, before.
+static bool camera_in_bulb(const struct prepared *prepared, const struct view *view, bool sixteen) {
+    if (!prepared->known.bulbs)
+        return false;
+    double distance;
+    int nearest;
+    if (!(sixteen ? lanes16_distances : lanes8_distances)(prepared, 1, view->position, &distance,
+                                                          &nearest))
+        return true; // no memory to ask by: a march is always right
+    return !(distance > prepared->model.march.hit_distance);
+}
+
+bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen) {
+    return set_each(prepared, view) && !camera_in_bulb(prepared, view, sixteen);
+}
+
+// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+int tile_height(const struct prepared *prepared, int height) {
+    if (prepared->known.bulbs)
+        return height > 256 ? 128 : 64;
+    return prepared->tree.levels ? 64 : 8;
+}

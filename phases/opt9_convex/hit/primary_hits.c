@@ -1,0 +1,72 @@
+// What a packet of camera rays sees where nothing waits for it, neither a shadow nor a mirror ray: coloured by itself, from
+// a normal that was told where it met the shape.
+#include "core/scene_bounds.h"
+#include "core/lighting.h"
+
+INLINE void material_of(int i, const struct primary_hit *seen, const struct prepared *scene,
+                        struct surface *all) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    vmask same = is_shape(seen->hit.shape, i);
+    ACTIVE(v_count(seen->hit.found));
+    COUNT(primary_material, shape);
+    all->color = vec_select(same, vec_set(s->color), all->color);
+    all->shininess = v_select(same, v_splat(s->shininess), all->shininess);
+    all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
+}
+
+INLINE void all_of(int i, const struct primary_hit *seen, const struct prepared *scene,
+                   struct surface *all) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    if (i != seen->only && !ONE_MATERIAL)
+        return;
+    all->color = vec_set(s->color);
+    all->shininess = v_splat(s->shininess);
+    all->shine_from = v_splat(s->shine_from);
+}
+
+static inline void primary_material(const struct primary_hit *seen, const struct prepared *scene,
+                                 struct surface *all) {
+    COUNT(primary_material, call);
+    if (ONE_MATERIAL) {
+        all_of(0, seen, scene, all);
+        return;
+    }
+    if (seen->only >= 0) {
+        EACH_SHAPE(scene, all_of, seen, scene, all);
+        return;
+    }
+    struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+    all->color = none;
+    all->shininess = all->shine_from = v_splat(0.0f);
+    EACH_HIT(seen->hit.found, seen->hit.shape, scene, material_of, seen, scene, all);
+}
+
+KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at, const struct tile_context *work) {
+    ACTIVE(v_count(seen->active));
+    COUNT(shade_primary_hit, call);
+    const struct known_scene *scene = KNOWN(work->scene);
+    at->hit.found = seen->hit.found;
+    at->hit.t = seen->hit.t;
+    at->hit.shape = seen->hit.shape;
+    vmask far = v_and(at->hit.found, v_cmp_gt(at->hit.t, v_splat(work->inside)));
+    if (scene->model.features.fog || v_any(far)) {
+        COUNT(shade_primary_hit, point);
+        at->point = vec_along(at->ray.origin, at->ray.direction, at->hit.t);
+        if (v_any(far)) {
+            COUNT(shade_primary_hit, far);
+            COUNT(shade_primary_hit, far_scalar);
+            at->hit.found = v_and(at->hit.found, in_bounds(at, scene));
+        }
+    }
+    at->color = background(v_splat(1.0f), &scene->model);
+    if (!v_any(at->hit.found))
+        return;
+    ACTIVE(v_count(at->hit.found));
+    COUNT(shade_primary_hit, hit);
+    at->surface.normal = seen->hit.local;
+    primary_material(seen, work->scene, &at->surface);
+    primary_light(at, &at->surface, work);
+    at->color.x = at->color.x + v_select_or_zero(at->lit, at->light.x);
+    at->color.y = at->color.y + v_select_or_zero(at->lit, at->light.y);
+    at->color.z = at->color.z + v_select_or_zero(at->lit, at->light.z);
+}

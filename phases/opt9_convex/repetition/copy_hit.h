@@ -1,0 +1,132 @@
+// What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (repetition/repeated_bundles.c): of each shape that is
+// repeated alike, ray by ray, or of one that all of them are proved to meet, at once.
+#ifndef OPT9_COPIES_H
+#define OPT9_COPIES_H
+
+#include "repetition/bundle_bounds.h"
+
+static inline struct vec local_direction(int first, const struct cell_grid *grid, int block) {
+    return turned(&KNOWN(grid->scene)->placed[first], grid->sights[block].direction);
+}
+
+// A packet beside a copy.
+struct copy_packet {
+    struct vec c, d, per;
+    vfloat before, square;
+    vmask active, met; // met: it, nearer than something else or not
+};
+
+// Its normal is told by what enter_rounded_box() knows.
+static inline bool is_mostly_round(const struct primitive *s) {
+    return s->type == SHAPE_ROUNDED_BOX && s->a > ROUNDING_SHARE * s->bound;
+}
+
+INLINE void hit_shape_of_copy(int i, int first, const struct prepared *scene, unsigned away,
+                       struct copy_packet *b, struct surface_hit *hit) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    if (s->leader != first || (away & shape_bit(i, first)))
+        return;
+    ACTIVE(v_count(b->active));
+    COUNT(hit_copy, shape);
+    vmask near = v_and(b->active, v_cmp_lt(b->square, v_splat(s->bound_sq)));
+    if (!v_any(near))
+        return;
+    vfloat in, half = v_splat(0.0f);
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_TORUS) {
+        COUNT(hit_copy, half);
+        half = v_sqrt(v_max(v_splat(s->bound_sq) - b->square, v_splat(0.0f)));
+    }
+    bool plain = needs_no_secondary(&KNOWN(scene)->model), round = plain && is_mostly_round(s);
+    struct vec from_within;
+    if (round)
+        near = v_and(near, enter_rounded_box(b->c, b->d, b->per, s, near, &in, &from_within));
+    else
+        near = enter_nearby(b->c, b->d, b->before, half, &b->per, s, near, &in);
+    ACTIVE(v_count(b->active));
+    COUNT(hit_copy, near);
+    vfloat t = b->before + in;
+    near = v_and(near, v_cmp_gt(t, v_splat(0.0f)));
+    b->met = v_or(b->met, near);
+    near = v_and(near, v_cmp_lt(t, hit->t));
+    if (!v_any(near))
+        return;
+    COUNT(hit_copy, met);
+    hit->found = v_or(hit->found, near);
+    hit->t = v_select(near, t, hit->t);
+    hit->shape = v_select(near, v_splat(s->index), hit->shape);
+    struct vec at;
+    if (round) {
+        COUNT(hit_copy, round);
+        COUNT(hit_copy, round_scalar);
+        at = vec_scale(from_within, per_length(vec_dot(from_within, from_within), 1.0f / s->a));
+    } else {
+        COUNT(hit_copy, point);
+        at = vec_along(b->c, b->d, in);
+        if (plain)
+            at = normal_on(at, s);
+    }
+    hit->local = vec_select(near, plain ? turned_back(s, at) : at, hit->local);
+}
+
+INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *slabs) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    *slabs =
+        *slabs || (s->leader == first && (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX));
+}
+
+// A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
+INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o, struct vec rest,
+                       unsigned away, vmask active) {
+    COUNT(hit_copy, call);
+    struct copy_packet b;
+    b.d = local_direction(first, grid, block);
+    b.before = v_splat(0.0f) - vec_dot(o, b.d);
+    struct vec c = vec_along(o, b.d, b.before);
+    b.c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
+    b.square = vec_dot(b.c, b.c);
+    b.active = active;
+    b.met = v_mask_none();
+    b.per = b.d;
+    bool slabs = false;
+    EACH_ALIKE(grid->scene, mark_slabs, first, grid->scene, &slabs);
+    if (slabs)
+        b.per = inverses_of(b.d);
+    EACH_ALIKE(grid->scene, hit_shape_of_copy, first, grid->scene, away, &b, &grid->sights[block].hit);
+    return b.met;
+}
+
+// A copy that all of a packet's rays meet, on one face or one sphere of it.
+INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid, int block,
+                       struct vec o, struct vec rest) {
+    COUNT(hit_whole_packet, call);
+    const struct primitive *s = &KNOWN(grid->scene)->placed[i];
+    if (i != shape || s->leader != first)
+        return;
+    struct primary_hit *at = &grid->sights[block];
+    struct vec d = local_direction(first, grid, block);
+    at->hit.found = at->active;
+    at->hit.shape = v_splat(s->index);
+    at->only = i;
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(hit_whole_packet, sphere);
+        vfloat before = v_splat(0.0f) - vec_dot(o, d);
+        struct vec c = vec_along(o, d, before);
+        c = (struct vec){c.x + rest.x, c.y + rest.y, c.z + rest.z};
+        vfloat half = v_sqrt(v_max(v_splat(s->bound_sq) - vec_dot(c, c), v_splat(0.0f)));
+        at->hit.t = before - half;
+        at->hit.local = turned_back(s, normal_on(vec_along(c, d, v_splat(0.0f) - half), s));
+        return;
+    }
+    COUNT(hit_whole_packet, face);
+    COUNT(hit_whole_packet, face_scalar);
+    vfloat from = axis == 0 ? o.x : axis == 1 ? o.y : o.z;
+    vfloat more = axis == 0 ? rest.x : axis == 1 ? rest.y : rest.z;
+    vfloat down = axis == 0 ? d.x : axis == 1 ? d.y : d.z;
+    vfloat face = v_copysign(v_splat(s->size[axis] + s->a), from);
+    at->hit.t = v_abs(face - from - more) / v_abs(down);
+    vfloat zero = v_splat(0.0f), out = v_copysign(v_splat(1.0f), from);
+    struct vec n = {axis == 0 ? out : zero, axis == 1 ? out : zero, axis == 2 ? out : zero};
+    at->hit.local = turned_back(s, n);
+}
+
+#endif

@@ -1,0 +1,255 @@
+// See shadow/shadow_batch.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
+#include "shadow/shadow_batch.h"
+#include "core/numerics.h"
+#include "bvh/bvh_traversal.h"
+
+// Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
+// no further than. HISTORY.md has what others cost.
+#define ACTIVE_RADIUS 0.4f
+#define ACTIVE_GROWTH 1.2f
+// How much of that distance a ray leaves to the vicinity's edge, at least: it has room for a step.
+#define ACTIVE_MARGIN 0.4f
+// How far ahead of the ray behind all others it starts, as a share of what leaves that one a step: all of them go on.
+#define ACTIVE_AHEAD 0.6f
+// How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
+#define ACTIVE_LENGTH 0.7f
+
+static inline vmask near_stretch(struct vec centre, vfloat radius, const void *with) {
+    COUNT(near_stretch, call);
+    const struct active_set *v = with;
+    struct vec off = offset_from_stretch(v, centre);
+    vfloat r = v_splat(v->within) + radius;
+    return v_cmp_lt(vec_dot(off, off), r * r);
+}
+
+static void list_active(struct shadow_batch *beam, float slack, const struct prepared *scene) {
+    COUNT(list_active, call);
+    COUNT(list_active, scalar);
+    struct active_set *v = &beam->near;
+    const float *place = beam->place;
+    struct active_set around = *v;
+    around.start = (struct vec){v->start.x + v_splat(place[0]), v->start.y + v_splat(place[1]),
+                                v->start.z + v_splat(place[2])};
+    around.within = v->within * (1 + 1e-4f) + slack;
+    v->solids = bvh_list(&scene->tree, near_stretch, &around, v->list);
+    v->count = append_planes(scene, v->list, v->solids);
+    for (int k = 0; k < v->count; k++) {
+        COUNT(list_active, shape);
+        const struct primitive *s = &scene->placed[v->list[k]];
+        v->shapes[k].shape = s;
+        v->shapes[k].bound = s->way == EVAL_LINEAR ? INFINITY : s->bound;
+        for (int i = 0; i < 3; i++)
+            v->shapes[k].place[i] = s->position[i] - place[i];
+    }
+}
+
+void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, vmask last,
+                    const struct tile_context *work) {
+    ACTIVE(v_count(last));
+    COUNT(set_active_set, call);
+    COUNT(set_active_set, scalar);
+    const struct prepared *scene = work->scene;
+    struct active_set *v = &beam->near;
+    struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
+    int one = __builtin_ctz(v_mask_bits(last));
+    float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
+    v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->tree.spacing);
+    float slack = 1e-6f * (float)scene->model.march.bounds_radius;
+    float on = float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
+    struct vec ahead = vec_along(p, l, v_splat(on));
+    v->start = vec_of_lane(&ahead, one);
+    v->along = vec_of_lane(&l, one);
+    float most = ACTIVE_LENGTH * scene->tree.spacing, rest = left - on;
+    v->length = float_max(rest < most ? rest : most, 0.0f);
+    v->room = v->within - ACTIVE_MARGIN * near;
+    list_active(beam, slack, scene);
+    for (int i = 0; i < beam->count; i++) {
+        struct walk *each = &beam->walk[i];
+        ACTIVE(LANES - v_count(each->march.done));
+        COUNT(set_active_set, packet);
+        struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
+        each->waits = v_cmp_ge(distance_from_stretch(v, at), v_splat(v->room));
+    }
+}
+
+static inline struct vec offset_from_candidate(const struct candidate *c, struct vec at) {
+    return (struct vec){at.x - v_splat(c->place[0]), at.y - v_splat(c->place[1]),
+                        at.z - v_splat(c->place[2])};
+}
+
+// How far the solid's bounding sphere is, whose centre is `square` away squared, by an approximate root, to 10 bits and less by
+// that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
+// stays above its tangent.
+static inline vfloat sphere_bound(const struct candidate *c, const struct walk *w, struct vec from,
+                                vfloat square, struct falling_bound *below) {
+    COUNT(sphere_bound, call);
+    square = v_max(square, v_splat(1e-30f));
+    vfloat guess = root_guess(square);
+    vfloat far = square * guess * v_splat(1 - 0x1p-10f) - v_splat(c->bound);
+    below->slope = v_msub(vec_dot(from, w->rays.to_light), guess, v_splat(0x1p-10f));
+    below->rest = v_nmadd(below->slope + v_splat(0x1p-18f), w->march.t, far);
+    return far;
+}
+
+static inline vfloat idle_or_infinite(const struct walk *w) {
+    return v_select(is_idle(w), v_splat(-INFINITY), v_splat(INFINITY));
+}
+
+void set_falling_bounds(struct shadow_batch *beam) {
+    COUNT(set_falling_bounds, call);
+    struct active_set *v = &beam->near;
+    for (int i = 0; i < beam->moving; i++) {
+        struct walk *w = &beam->walk[i];
+        ACTIVE(LANES - v_count(is_idle(w)));
+        COUNT(set_falling_bounds, packet);
+        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        vfloat nearest = idle_or_infinite(w);
+        struct falling_bound *below = v->below + i;
+        int recent = 0, solids = v->solids;
+        const struct candidate *shapes = v->shapes;
+        for (int k = 0; k < solids; k++, below += BATCH_PACKETS) {
+            COUNT(set_falling_bounds, shape);
+            struct vec from = offset_from_candidate(&shapes[k], w->at);
+            vfloat far = sphere_bound(&shapes[k], w, from, vec_dot(from, from), below);
+            recent = v_any(v_cmp_lt(far, nearest)) ? k : recent;
+            nearest = v_min(far, nearest);
+        }
+        w->recent = recent;
+        for (int k = solids; k < v->count; k++, below += BATCH_PACKETS)
+            *below = (struct falling_bound){v_splat(-INFINITY), v_splat(0.0f)};
+    }
+}
+
+// Of rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is noise in the
+// third digit, that of its power is not.
+static vfloat distance_to_own_solid(const struct walk *w, const struct primitive *s) {
+    COUNT(distance_to_own_solid, call);
+    vfloat t = w->march.t;
+    if (s->type != SHAPE_SPHERE) {
+        COUNT(distance_to_own_solid, other);
+        return distance_at(vec_along(w->rays.local, w->local_to, t), s, v_mask_none());
+    }
+    COUNT(distance_to_own_solid, sphere);
+    vfloat slope = v_splat(2.0f) * vec_dot(w->rays.local, w->local_to), power = t * (t + slope);
+    return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
+}
+
+static inline vfloat distance_to(const struct candidate *c, const struct walk *w) {
+    COUNT(distance_to, call);
+    const struct primitive *s = c->shape;
+    if (s->way == EVAL_LINEAR) {
+        COUNT(distance_to, plane);
+        return plane_height(s, v_and(w->rays.active, is_shape(w->rays.shape, (int)s->index)), w);
+    }
+    if ((int)s->index == w->solid)
+        return distance_to_own_solid(w, s);
+    COUNT(distance_to, solid);
+    struct vec p = turned(s, offset_from_candidate(c, w->at));
+    // Spheres (of no size but their radius) and boxes (of radius 0) by one formula: a branch on which it is is foretold by
+    // nothing.
+    if (s->type == SHAPE_SPHERE || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
+        return sdf_rounded_box(p, s);
+    return distance_at(p, s, v_mask_none());
+}
+
+// c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
+static inline void evaluate_candidate(const struct candidate *c, int k, struct walk *w, struct falling_bound *below) {
+    COUNT(evaluate_candidate, call);
+    vfloat h = distance_to(c, w);
+    *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
+    int kept = v_any(v_cmp_lt(h, w->least)) - 1; // no branch: it would wait for the root
+    w->recent = (w->recent & kept) | (k & ~kept);
+    w->least = v_min(h, w->least);
+}
+
+// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
+// root; and what is known of it then.
+static inline bool sphere_too_far(const struct candidate *c, const struct walk *w, struct falling_bound *below) {
+    COUNT(sphere_too_far, call);
+    struct vec from = offset_from_candidate(c, w->at);
+    vfloat square = vec_dot(from, from);
+    vfloat reach = v_madd(w->march.t, v_splat(0x1p-18f), w->least + v_splat(c->bound));
+    reach = v_max(reach, v_splat(0.0f)); // 0 of rays that stand still
+    sphere_bound(c, w, from, square, below);
+    return !v_any(v_cmp_ge(reach * reach, square * v_splat(1 - 0x1p-16f))); // so it is of no plane
+}
+
+enum { WAKE_BITS = 64 }; // shapes, of each a bit
+
+static inline vfloat falling_bound_at(const struct falling_bound *below, vfloat t) {
+    return v_madd(below->slope, t, below->rest);
+}
+
+// Of the shapes from `first` on, WAKE_BITS at most, the bits of those that may be nearer to one of a packet's rays than what is.
+static inline unsigned long long awake_candidates(const struct falling_bound *below, int count, const struct walk *w) {
+    COUNT(awake_candidates, call);
+    vfloat least = w->least, t = w->march.t;
+    unsigned long long awake = 0;
+    for (int k = 0; k < count;
+         k += 4, below += 4 * BATCH_PACKETS) { // what is read behind the last is of no shape
+        COUNT(awake_candidates, four);
+        unsigned long long which = v_any_of_four(v_cmp_ge(least, falling_bound_at(&below[0], t)),
+                                                 v_cmp_ge(least, falling_bound_at(&below[BATCH_PACKETS], t)),
+                                                 v_cmp_ge(least, falling_bound_at(&below[2 * BATCH_PACKETS], t)),
+                                                 v_cmp_ge(least, falling_bound_at(&below[3 * BATCH_PACKETS], t)));
+        awake |= which << k;
+    }
+    return count < WAKE_BITS ? awake & ((1ull << count) - 1) : awake;
+}
+
+// The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes
+// may be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would
+// wait for it, and is foretold by nothing.
+void active_nearest(struct shadow_batch *beam) {
+    COUNT(active_nearest, call);
+    const struct active_set *v = &beam->near;
+    const struct candidate *shapes = v->shapes; // what is stored may not change it
+    unsigned long long which[BATCH_PACKETS];            // of WAKE_BITS shapes
+    int asked[BATCH_PACKETS];
+    unsigned walking = 0;
+    for (int i = 0; i < beam->moving; i++) {
+        struct walk *w = &beam->walk[i];
+        if (v_all(is_idle(w)))
+            continue;
+        ACTIVE(LANES - v_count(is_idle(w)));
+        COUNT(active_nearest, packet);
+        walking |= 1u << i;
+        w->at = vec_along(w->from, w->rays.to_light, w->march.t);
+        w->least = idle_or_infinite(w);
+        asked[i] = w->recent;
+        if (v->count > 0)
+            evaluate_candidate(&shapes[w->recent], w->recent, w, &v->below[w->recent * BATCH_PACKETS + i]);
+    }
+    for (int first = 0; first < v->count; first += WAKE_BITS) {
+        const struct candidate *these = &shapes[first];
+        struct falling_bound *below = &v->below[first * BATCH_PACKETS];
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
+            const struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - v_count(is_idle(w)));
+            unsigned once = (unsigned)(asked[i] - first); // more than there are, of another row
+            which[i] = awake_candidates(&below[i], int_min(v->count - first, WAKE_BITS), w);
+            which[i] &= ~(once < WAKE_BITS ? 1ull << once : 0);
+        }
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
+            const struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - v_count(is_idle(w)));
+            unsigned long long near = 0;
+            for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
+                int k = __builtin_ctzll(rest);
+                near |= (unsigned long long)!sphere_too_far(&these[k], w, &below[k * BATCH_PACKETS + i]) << k;
+            }
+            which[i] = near;
+        }
+        for (unsigned packets = walking; packets; packets &= packets - 1) {
+            int i = __builtin_ctz(packets);
+            struct walk *w = &beam->walk[i];
+            ACTIVE(LANES - v_count(is_idle(w)));
+            for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
+                int k = __builtin_ctzll(rest);
+                evaluate_candidate(&these[k], first + k, w, &below[k * BATCH_PACKETS + i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,11 @@
+// The shadow rays that wait, by what the scene is: each kind of scene has a way of its own to march them.
+#include "shadow/soft_shadow.h"
+
+void cast_shadows(const struct tile_context *work) {
+    if (KNOWN(work->scene)->bulbs)
+        cast_streams(work);
+    else if (HAS_BVH(work->scene))
+        cast_batches(work);
+    else
+        cast_packets(work);
+}

@@ -1,0 +1,159 @@
+// Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
+// steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
+// that only touches the march changes it; but of most rays it can be told without one. NOTES.md has
+// the proofs.
+#include "repetition/repeated_rays.h"
+
+INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light, vfloat facing,
+                     vfloat shape, const struct tile_context *work, vmask *clear) {
+    if (!v_any(*clear))
+        return;
+    const struct known_scene *scene = KNOWN(work->scene);
+    const struct primitive *s = &scene->placed[i];
+    float q = scene->lit_slope;
+    vmask here;
+    if (s->way == EVAL_LINEAR) {
+        COUNT(trivially_lit, plane);
+        COUNT(trivially_lit, plane_scalar);
+        here = v_or(is_shape(shape, i),
+                    plane_clears(height_over(s, point), add_dot(s->normal, to_light), q, scene));
+    } else {
+        COUNT(trivially_lit, solid);
+        COUNT(trivially_lit, solid_scalar);
+        float slope = lit_slope_for(s, q);
+        struct vec to = to_centre(s, point);
+        here = cone_misses(shadow_cone_to(to, to_light, s, slope), slope);
+        if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
+            here = v_or(here, plane_between(to, to_light, s, q));
+        if (v_any(v_andnot(here, *clear))) {
+            COUNT(trivially_lit, own);
+            here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
+        }
+    }
+    *clear = v_and(*clear, here);
+}
+
+vmask trivially_lit(const struct vec *point, const struct vec *local, const struct vec *to_light,
+              vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
+    ACTIVE(v_count(active));
+    COUNT(trivially_lit, call);
+    vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // there may be a copy anywhere
+    EACH_IN(work->scratch->occluders, shape_trivially_lit, *point, *local, *to_light, facing, shape, work, &clear);
+    return clear;
+}
+
+// How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
+                        const struct primitive *s) {
+    COUNT(curvature, call);
+    vfloat zero = v_splat(0.0f), tangent = v_nmadd(facing, facing, v_splat(1.0f));
+    if (s->type == SHAPE_SPHERE) {
+        COUNT(curvature, sphere);
+        COUNT(curvature, sphere_scalar);
+        return tangent * v_splat(1.0f / s->a);
+    }
+    if (s->type != SHAPE_CONE && s->type != SHAPE_TORUS)
+        return zero;
+    COUNT(curvature, ring);
+    vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
+    vfloat round = v_msub(p.x, l.z, p.z * l.x); // times the radius: along the ring
+    vfloat ring = round * round * v_madd(n.x, p.x, n.z * p.z) / (square * square);
+    if (s->type == SHAPE_CONE)
+        return ring;
+    COUNT(curvature, torus);
+    COUNT(curvature, torus_scalar);
+    return ring + v_max(tangent - round * round / square, zero) * v_splat(1.0f / s->b);
+}
+
+vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
+                  const struct prepared *scene) {
+    COUNT(self_shadow, call);
+    const struct limits *march = &scene->model.march;
+    vfloat one = v_splat(1.0f), strength = v_splat((float)KNOWN(scene)->model.shadow_strength);
+    vfloat t = v_splat((float)KNOWN(scene)->model.march.surface_offset);
+    vfloat hit = v_splat((float)march->hit_distance);
+    vfloat half = v_splat(0.0f);
+    if (s->way != EVAL_LINEAR) {
+        COUNT(self_shadow, curved);
+        half =
+            v_splat(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
+    }
+    vfloat u = v_max(v_madd(half, t, facing), v_splat(1e-12f)), further = v_madd(t, u, t);
+    vfloat v = v_madd(half, further, facing), ratio = v * (one + u) / u;
+    vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
+    vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
+                  v_nmadd(v_splat(0.5f) * ratio, v, one);
+    // A march that is within the hit distance at its first step has no term at all.
+    vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
+    if (march->max_steps < 2)
+        second = v_mask_none();
+    vfloat least = v_select(first, v_min(one, strength * u), one);
+    return v_select(second, v_min(least, term), least);
+}
+
+// From where a march would begin to the light, or to the bounds.
+struct light_segment {
+    struct vec point, start, local, to_light;
+    vfloat shape, way, reach; // reach: a light may be in a shape by less than float tells
+};
+
+INLINE void block_by(int i, const struct light_segment *w, const struct tile_context *work, vmask *open) {
+    if (!v_any(*open))
+        return;
+    const struct known_scene *scene = KNOWN(work->scene);
+    const struct primitive *s = &scene->placed[i];
+    COUNT(reaches_light, shape);
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)scene->model.march.surface_offset);
+    vmask own = is_shape(w->shape, i), blocked;
+    if (s->way == EVAL_LINEAR) {
+        COUNT(reaches_light, plane);
+        vfloat slope = add_dot(s->normal, w->to_light), height = height_over(s, w->start);
+        blocked = v_andnot(own, v_cmp_lt(v_madd(w->way, slope, height), zero));
+        blocked = v_or(blocked, v_andnot(own, v_cmp_lt(height, zero)));
+    } else if (REPEATED(s)) {
+        COUNT(reaches_light, repeated);
+        struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
+        from = vec_select(own, from, to_local(s, w->start));
+        blocked = cells_occlude(s, from, w->to_light, own, *open, w->reach);
+    } else {
+        COUNT(reaches_light, solid);
+        struct vec at, d = turned(s, w->to_light),
+                       o = vec_select(own, vec_along(w->local, d, offset), to_local(s, w->start));
+        vmask asked = s->convex ? v_andnot(own, *open) : *open;
+        vfloat t;
+        vmask within;
+        blocked = enter(o, d, s, asked, &t, &at, &within);
+        blocked = v_and(blocked, v_cmp_lt(t, w->reach));
+        if (!s->convex) {
+            COUNT(reaches_light, torus);
+            within = v_and(asked, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
+        }
+        if (v_any(within)) {
+            COUNT(reaches_light, within);
+            blocked =
+                v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));
+        }
+    }
+    *open = v_andnot(v_and(blocked, v_cmp_gt(w->way, zero)), *open);
+}
+
+vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
+                    vfloat distance, vmask active, const struct tile_context *work) {
+    ACTIVE(v_count(active));
+    COUNT(reaches_light, call);
+    COUNT(reaches_light, scalar);
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    vfloat zero = v_splat(0.0f), offset = v_splat((float)model->march.surface_offset),
+           hit = v_splat((float)work->scene->model.march.hit_distance);
+    float radius = (float)model->march.bounds_radius;
+    struct vec start = vec_along(point, to_light, offset);
+    vfloat along = vec_dot(start, to_light);
+    vfloat leaves =
+        v_sqrt(v_max(v_madd(along, along, v_splat(radius * radius) - vec_dot(start, start)), zero));
+    vfloat way = v_min(distance - offset, leaves - along);
+    vfloat reach = v_madd(way, v_splat(1.0f + 0x1p-21f), hit);
+    struct light_segment w = {point, start, local, to_light, shape, way, reach};
+    vmask open = active;
+    EACH_IN(work->scratch->occluders, block_by, &w, work, &open);
+    return open;
+}

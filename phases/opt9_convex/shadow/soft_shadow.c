@@ -1,0 +1,245 @@
+// Marches of shadow rays by the least distance to the shapes that can be the nearest (shadow/shadow_candidates.c): the improved soft
+// shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
+// GDC 2018 talk. From a plane the first steps are leapt over.
+#include "simd/pow.h"
+#include "shadow/shadow_queue.h"
+
+// A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
+// distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
+__attribute__((always_inline)) static inline void
+candidate_distance(int i, struct shadow_candidate *nears, vfloat t, vmask done, const struct known_scene *scene, vfloat *least) {
+    struct shadow_candidate *near = &nears[i];
+    if (scene->placed[i].way == EVAL_LINEAR) { // cheaper than to ask whether it sleeps
+        COUNT(nearest_candidate, plane);
+        *least = v_min(*least, v_madd(t, near->direction.x, near->origin.x));
+        return;
+    }
+    COUNT(nearest_candidate, shape);
+    vmask awake = v_cmp_ge_in(v_not(done), *least + t, near->wake_bound);
+    if (!v_any(v_cmp_ge_in(awake, t, near->from)))
+        return;
+    COUNT(nearest_candidate, awake);
+    vfloat h = distance_along(near, t, &scene->placed[i]);
+    near->wake_bound = (h + t) * v_splat(1.0f - 0x1p-18f);
+    *least = v_min(*least, h);
+}
+
+__attribute__((always_inline)) static inline vfloat nearest_candidate(struct shadow_candidate *nears,
+                                                            const struct shape_set *casters, vfloat t,
+                                                            vmask done,
+                                                            const struct prepared *scene) {
+    ACTIVE(LANES - v_count(done));
+    COUNT(nearest_candidate, call);
+    vfloat least = v_splat(INFINITY);
+    EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
+    return least;
+}
+
+// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
+// first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
+// these steps is done, with the terms that it has: it is not dark (bulb/bulb_shadows.c asks).
+#define STEEP_FACING 0.5f
+static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m, const struct known_scene *scene,
+                        vfloat start, vfloat strength, vfloat hit_distance) {
+    COUNT(leap_to_candidate, call);
+    vfloat one = v_splat(1.0f), zero = v_splat(0.0f),
+           until = v_min(r->alone, r->end) * v_splat(1.0f - 1e-5f);
+    vmask can = v_and(v_and(r->on_plane, r->active), v_cmp_ge(until, start));
+    // A march that is within the hit distance at its first step has no term at all.
+    can = v_and(can, v_cmp_ge(start * r->facing, hit_distance));
+    if (!v_any(can))
+        return;
+    ACTIVE(v_count(can));
+    COUNT(leap_to_candidate, asked);
+    COUNT(leap_to_candidate, scalar);
+    // As far as to the bounds, if nothing is near before: `until` may be ∞.
+    vfloat half = m->linear * v_splat(-0.5f);
+    until = v_min(until, half + v_sqrt(v_max(v_msub(half, half, m->constant), zero)));
+    can = v_and(can, v_cmp_ge(until, start));
+    vfloat c = r->facing, t = start;
+    if (!v_any(v_and(can,
+                     v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING : scene->lit_slope))))) {
+        // As towards a high light: no term of these steps is below 1, and they are few.
+        COUNT(leap_to_candidate, steep);
+        vfloat before = start, grown = one + c;
+        for (vmask on = can; v_any(on); on = v_and(on, v_cmp_ge(until, t))) {
+            COUNT(leap_to_candidate, step);
+            before = v_select(on, t, before);
+            t = v_select(on, t * grown, t);
+        }
+        m->previous = v_select(can, before * c, m->previous);
+    } else {
+        COUNT(leap_to_candidate, can);
+        vfloat grow = v_log(one + c);
+        vfloat steps = v_floor(v_log(v_max(until, start) / start) / grow) + one;
+        vfloat first = strength * c, ratio = v_splat(0.5f) * (one + c);
+        t = start * v_exp(steps * grow);
+        vfloat inside = v_nmadd(ratio, ratio, one), beyond = v_nmadd(c, ratio, one);
+        vfloat others = first * first * inside / (beyond * beyond);
+        vfloat least = v_min(first * first, v_select(v_cmp_gt(steps, v_splat(1.5f)), others, one));
+        m->square = v_select(can, v_min(m->square, least), m->square);
+        m->previous = v_select(can, t * c / (one + c), m->previous);
+    }
+    m->t = v_select(can, t, start);
+    vmask left = v_cmp_gt(v_madd(m->t, m->t + m->linear, m->constant), zero);
+    m->done = v_or(m->done, v_and(can, left));
+}
+
+// Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
+// hit distance, or on its surface: what lies further on tells nothing.
+INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene, vmask *dark) {
+    const struct primitive *s = &scene->placed[i];
+    COUNT(misses_bulb, call);
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    COUNT(misses_bulb, bulb);
+    struct vec v = to_centre(s, r->point);
+    vfloat along = v_max(vec_dot(v, r->to_light), v_splat(0.0f));
+    *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
+}
+
+KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears, struct shape_set *casters,
+                  const struct tile_context *work, struct shadow_march *m) {
+    const struct known_model *model = &KNOWN(work->scene)->model;
+    m->nears = nears;
+    m->candidates = casters;
+    m->previous = v_splat(1e9f);
+    m->from = v_splat(0.0f);
+    m->divisor = v_splat(1.0f);
+    ACTIVE(v_count(r->active));
+    COUNT(begin_march, call);
+    COUNT(begin_march, scalar);
+    r->sharp = v_splat(8 * EDGE_FACTOR * (float)work->scene->model.march.hit_distance);
+    if (HAS_BVH(work->scene))
+        bvh_first_entry(r, nears, work);
+    else
+        list_candidates(r, nears, casters, work);
+    ACTIVE(v_count(r->active)); // what was called has set its own
+    m->end = KNOWN(work->scene)->bulbs ? v_splat(INFINITY)
+                                       : r->end; // with a Mandelbulb see is_behind_all() and plane_is_nearest_for_good()
+    float radius = (float)model->march.bounds_radius;
+    m->linear = v_splat(2.0f) * vec_dot(r->point, r->to_light);
+    m->constant = vec_dot(r->point, r->point) - v_splat(radius * radius * (1.0f + 0x1p-20f));
+    // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
+    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
+    // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
+    // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended, or before its first step.
+    vfloat room = r->first * (v_splat(1.0f) - r->cosine);
+    const struct limits *march = &work->scene->model.march;
+    double least_room = 1e4 * march->hit_distance * model->shadow_strength;
+    if (least_room < march->surface_offset)
+        least_room = march->surface_offset;
+    vfloat offset = v_splat((float)model->march.surface_offset),
+           hit = v_splat((float)march->hit_distance);
+    vmask there = v_cmp_ge(v_splat(0.0f), v_madd(r->first, r->first + m->linear, m->constant));
+    vmask dark = v_and(v_and(v_and(r->active, there), v_cmp_gt(room, v_splat((float)least_room))),
+                       v_cmp_lt(r->first, r->end));
+    float least_cosine = march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
+    dark = v_and(
+        dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
+    if (KNOWN(work->scene)->bulbs)
+        EACH_SHAPE(work->scene, misses_bulb, r, KNOWN(work->scene), &dark);
+    m->done = v_or(dark, v_not(r->active));
+    m->square = v_zero_where(dark, v_splat(1.0f));
+    vfloat strength = v_splat((float)model->shadow_strength);
+    m->t = offset;
+    if (march->max_steps >= LEAP_MIN_MAX_STEPS)
+        leap_to_candidate(r, m, KNOWN(work->scene), offset, strength, hit);
+    m->sole_solid = v_mask_none();
+    if (r->floor && !KNOWN(work->scene)->bulbs &&
+        !KNOWN(work->scene)->repeats) { // copies may come nearer again
+        ACTIVE(v_count(r->active));
+        COUNT(begin_march, floor);
+        m->sole_solid = v_andnot(
+            v_or(r->meets_many, v_cmp_lt(r->facing, v_splat(KNOWN(work->scene)->lit_slope))), r->active);
+    }
+}
+
+// A packet that is marched, and how far it is.
+struct packet_march {
+    struct shadow_march march;
+    vmask active;
+    int first, steps; // first: of its rays in the queue
+    bool over;
+};
+
+// The next packet of the queue, if there is one; the first ray behind it.
+static int begin_packet(struct packet_march *c, int slot, int next, const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    c->over = next >= scratch->shadows;
+    c->first = c->over ? -1 : next;
+    if (c->over)
+        return next;
+    struct shadow_rays r;
+    load_shadow_packet(scratch->shadow, next, scratch->shadows, &r);
+    begin_march(&r, scratch->near + slot * KNOWN(work->scene)->model.shape_count, &scratch->candidates[slot], work,
+          &c->march);
+    c->active = r.active;
+    c->steps = work->scene->model.march.max_steps;
+    return next + LANES;
+}
+
+// A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
+// convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
+// and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
+// strength·√¾·r (NOTES.md, 5.). Ends the rays that have less than that.
+static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q, vfloat enough) {
+    ACTIVE(LANES - v_count(m->done));
+    COUNT(end_past_minimum, call);
+    vfloat h = m->previous, t = m->from;
+    vmask risen = v_cmp_ge_in(v_cmp_lt_in(m->sole_solid, before, v_splat(q) * from), h * from, before * t);
+    vfloat least = m->square * (t * t), now = m->divisor * (h * h);
+    m->done = v_or(m->done, v_cmp_lt_in(risen, least, now * enough));
+}
+
+static void end_packet(const struct packet_march *c, struct worker_scratch *scratch) {
+    ACTIVE(LANES);
+    COUNT(end_packet, call);
+    float (*field)[QUEUE_ROOM] = scratch->shadow;
+    vfloat lit = v_sqrt(c->march.square / c->march.divisor);
+    add_light(c->active, vec_scale(load_vec(field + S_LIGHT, c->first), lit),
+              v_load(&field[S_PIXEL][c->first]), scratch);
+}
+
+// PACKETS_IN_WORK packets by turns: one step waits for several roots in a row, and the CPU works on the other packets meanwhile. If
+// REFILL_PACKETS, the next packet takes the place of one that is over; else all end, and bring their light in the queue's order.
+void cast_packets(const struct tile_context *work) {
+    struct worker_scratch *scratch = work->scratch;
+    const struct prepared *scene = work->scene;
+    vfloat strength = v_splat((float)KNOWN(scene)->model.shadow_strength),
+           hit = v_splat((float)scene->model.march.hit_distance);
+    vfloat enough = strength * strength * v_splat(0.7499f); // ¾, but for rounding
+    COUNT(cast_packets, call);
+    struct packet_march cast[PACKETS_IN_WORK];
+    for (int next = 0; next < scratch->shadows;) {
+        int live = PACKETS_IN_WORK;
+        for (int k = 0; k < PACKETS_IN_WORK; k++) {
+            next = begin_packet(&cast[k], k, next, work);
+            live -= cast[k].over;
+        }
+        while (live > 0)
+            for (int k = 0; k < PACKETS_IN_WORK; k++) {
+                struct packet_march *c = &cast[k];
+                if (c->over)
+                    continue;
+                struct shadow_march *m = &c->march;
+                if (c->steps-- > 0 && !v_all(m->done)) {
+                    vfloat from = m->from, before = m->previous;
+                    shadow_step(m, nearest_candidate(m->nears, m->candidates, m->t, m->done, scene), strength, hit,
+                         0.0f);
+                    end_past_minimum(m, from, before, KNOWN(scene)->lit_slope, enough);
+                    continue;
+                }
+                c->over = true;
+                if (REFILL_PACKETS) {
+                    end_packet(c, scratch);
+                    next = begin_packet(c, k, next, work);
+                }
+                live -= c->over;
+            }
+        for (int k = 0; k < PACKETS_IN_WORK && !REFILL_PACKETS; k++)
+            if (cast[k].first >= 0)
+                end_packet(&cast[k], scratch);
+    }
+    scratch->shadows = 0;
+}

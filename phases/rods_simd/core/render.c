@@ -1,0 +1,83 @@
+// The phase's entry points, and the choice between the kernels for 8 and for 16 lanes: the same sources
+// (core/tile.c, rods.c, march/march.c, shading/shade.c), built twice.
+#include <stdalign.h>
+#include <stdlib.h>
+
+#include "driver/variant.h"
+#include "core/primitive.h"
+#include "workers/workers.h"
+
+// What the march reads is `prepared`, as in opt4; the team stands behind it.
+struct phase_state {
+    struct prepared prepared;
+    struct workers *workers;
+    bool sixteen; // lanes, not eight
+};
+
+const char *phase_unsupported(const struct scene *scene) {
+    (void)scene;
+    static char error[512];
+    struct settings settings;
+    return settings_read(getenv("STEPWISE_RODS"), &settings, error) ? NULL : error;
+}
+
+const char *phase_settings(const struct prepared *prepared) {
+    return prepared->said;
+}
+
+struct prepared *phase_prepare(const struct model *model, int threads) {
+    struct phase_state *kept = calloc(1, sizeof *kept);
+    if (!kept)
+        return NULL;
+    if (shapes_reserve(&kept->prepared, model)) {
+        kept->sixteen = variant_here().lanes == 16;
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
+                                                             : lanes8_own_size(model));
+    }
+    if (!kept->workers) {
+        shapes_release(&kept->prepared);
+        free(kept);
+        return NULL;
+    }
+    char error[512];
+    settings_read(getenv("STEPWISE_RODS"), &kept->prepared.settings, error);
+    settings_say(&kept->prepared.settings, kept->prepared.said);
+    phase_update(&kept->prepared, model);
+    return &kept->prepared;
+}
+
+void phase_release(struct prepared *prepared) {
+    struct phase_state *kept = (struct phase_state *)prepared; // its first member
+    workers_end(kept->workers);
+    shapes_release(prepared);
+    free(kept);
+}
+
+// Apart from what the caller writes on its stack: all workers read it.
+struct frame_job {
+    alignas(WORKERS_APART) struct job job;
+    bool sixteen;
+};
+
+static void render_tile(const void *data, int tile, void *own) {
+    const struct frame_job *job = data;
+    if (job->sixteen)
+        lanes16_tile(&job->job, tile, own);
+    else
+        lanes8_tile(&job->job, tile, own);
+}
+
+bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    struct frame_job job = {{prepared, view, frame}, kept->sixteen};
+    workers_run(kept->workers, render_tile, &job,
+                kept->sixteen ? lanes16_tiles(frame) : lanes8_tiles(frame));
+    return true;
+}
+
+bool phase_distances(const struct prepared *prepared, size_t count, const double *points,
+                     double *distance, int *nearest) {
+    const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
+    return kept->sixteen ? lanes16_distances(prepared, count, points, distance, nearest)
+                         : lanes8_distances(prepared, count, points, distance, nearest);
+}
