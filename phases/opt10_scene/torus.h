@@ -7,8 +7,8 @@
 // 1/a for normal a, to 1e-5, with the sign of a, the same for any number of lanes: a line through the exponent and
 // Newton's step twice. For where a quotient need not be exact: the divider takes 15 cycles for sixteen of them.
 static inline real near_inverse(real a) {
-    typedef int whole __attribute__((vector_size(sizeof(real))));
-    real r = (real)(0x7ef311c3 - (whole)a);
+    typedef unsigned whole __attribute__((vector_size(sizeof(real))));
+    real r = (real)(0x7ef311c3u - (whole)a);
     r = r * neg_mul_add(a, r, set(2.0f));
     return r * neg_mul_add(a, r, set(2.0f));
 }
