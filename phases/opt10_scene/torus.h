@@ -16,6 +16,7 @@ static inline real near_inverse(real a) {
 // Steps as in opt9_convex's torus.h, which says why none goes too far. A near quotient errs by less than 1e-5, and the steps by
 // Newton's rule are shorter by 2e-4, so that they stay short of the surface, too.
 INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
+    COUNT(enter_torus, call);
     COUNT(enter_torus, near);
     COUNT(enter_torus, scalar);
     real zero = set(0.0f), bound = set(s->bound), tiny = set(1e-30f);

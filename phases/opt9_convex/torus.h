@@ -12,6 +12,7 @@
 // ring's inner side, and it was lost.
 INLINE mask enter_torus(struct vec c, struct vec d, const struct placed *s, mask near, real *t) {
     COUNT(enter_torus, call);
+    COUNT(enter_torus, exact);
     COUNT(enter_torus, scalar);
     real zero = set(0.0f), bound = set(s->bound), tiny = set(1e-30f);
     // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for what is rounded.
