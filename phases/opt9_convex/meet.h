@@ -27,6 +27,7 @@ static inline void meet_nothing(struct found *hit) {
 // Camera rays. Where the camera is inside of a shape, march.c has the frame.
 INLINE void meet(int i, struct vec direction, mask active, const struct eye *eyes,
                  const struct prepared *scene, struct found *hit) {
+    COUNT(meet, call);
     const struct placed *s = &KNOWN(scene)->placed[i];
     real t;
     mask met;
