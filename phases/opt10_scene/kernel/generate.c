@@ -32,13 +32,13 @@ static void write_exact(FILE *to, const struct primitive *p) {
 }
 
 static void write_cells(FILE *to, const struct primitive *p) {
-    fprintf(to, ".alike = %d, .led = %d, .leader = %d, ", p->next_same_grid, p->follows_same_grid, p->leader);
+    fprintf(to, ".next_same_grid = %d, .follows_same_grid = %d, .leader = %d, ", p->next_same_grid, p->follows_same_grid, p->leader);
     if (!p->repeated)
         return;
     write_floats(to, "cell", p->cell, 3);
     write_floats(to, "per_cell", p->per_cell, 3);
     write_floats(to, "box", p->box, 3);
-    write_floats(to, "around", p->box_of_grid, 3);
+    write_floats(to, "box_of_grid", p->box_of_grid, 3);
     fprintf(to, ".wide_cell = {%a, %a, %a}, .wide_per_cell = {%a, %a, %a}, ", p->wide_cell[0],
             p->wide_cell[1], p->wide_cell[2], p->wide_per_cell[0], p->wide_per_cell[1],
             p->wide_per_cell[2]);
@@ -136,10 +136,10 @@ char *generate_scene(const struct prepared *p) {
         write_each(to, p->model.shape_count);
     else
         fputs("#define UNROLLED 0\n", to);
-    fputs("static const struct placed scene_shapes[] = {\n", to);
+    fputs("static const struct primitive scene_shapes[] = {\n", to);
     for (int i = 0; i < p->model.shape_count; i++)
         write_shape(to, &p->placed[i]);
-    fputs("};\nstatic const struct known scene_known = {\n", to);
+    fputs("};\nstatic const struct known_scene scene_known = {\n", to);
     write_model(to, &k->model);
     fprintf(
         to,

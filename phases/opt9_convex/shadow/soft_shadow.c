@@ -31,7 +31,7 @@ __attribute__((always_inline)) static inline vfloat nearest_candidate(struct sha
     ACTIVE(LANES - v_count(done));
     COUNT(nearest_candidate, call);
     vfloat least = v_splat(INFINITY);
-    EACH_IN(*casters, near_to, nears, t, done, KNOWN(scene), &least);
+    EACH_IN(*casters, candidate_distance, nears, t, done, KNOWN(scene), &least);
     return least;
 }
 
