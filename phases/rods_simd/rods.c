@@ -45,8 +45,8 @@ static struct size size_of(int side, const struct job *job, struct point eye) {
 }
 
 static void set_out_rods(int first, int count, int left, int top, const struct size *size,
-                         const struct job *job, struct point eye, struct trace_context *world, int k,
-                         const struct rod_list *rods, struct flight *flight) {
+                         const struct job *job, struct point eye, struct trace_context *world,
+                         int k, const struct rod_list *rods, struct flight *flight) {
     ACTIVE(count);
     COUNT(set_out_rods, call);
     COUNT(set_out_rods, scalar);
@@ -174,8 +174,8 @@ static void march_size(int left, int top, const struct size *size, const struct 
     }
 }
 
-void march_rods(int left, int top, const struct job *job, struct point eye, struct trace_context *world,
-                struct survey *survey) {
+void march_rods(int left, int top, const struct job *job, struct point eye,
+                struct trace_context *world, struct survey *survey) {
     COUNT(march_rods, call);
     const struct settings *settings = &job->prepared->settings;
     double bounds = job->prepared->model.march.bounds_radius, from_centre = 0.0;

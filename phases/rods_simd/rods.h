@@ -2,9 +2,9 @@
 #ifndef RODS_H
 #define RODS_H
 
+#include "core/trace.h"
 #include "march/march_step.h"
 #include "simd/point.h"
-#include "core/trace.h"
 
 enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
 
@@ -24,7 +24,7 @@ struct survey {
 };
 
 // Fills start, steps and share of the tile whose first pixel is (left, top).
-void march_rods(int left, int top, const struct job *job, struct point eye, struct trace_context *world,
-                struct survey *survey);
+void march_rods(int left, int top, const struct job *job, struct point eye,
+                struct trace_context *world, struct survey *survey);
 
 #endif

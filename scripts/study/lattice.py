@@ -29,10 +29,10 @@ PAPER = 14  # times as fast as CPU-RTRM with threads, as the paper has its own l
 SHADING = frozenset(
     [
         *("normal_at", "normal_on", "near_hit", "gradient_of", "box_gradient", "difference"),
-        *("scene_difference", "surface_at", "surface_of", "stage_surface", "light_at", "light_from"),
-        *("stage_light", "stage_end", "color_of", "color_all", "lit_color", "add_light", "vec_reflect"),
-        *("bring_light", "light_seen", "color_seen", "color_row", "material_seen"),
-        *("trace", "exp_of", "log_of", "power_of", "v_exp", "v_log", "v_pow"),
+        *("scene_difference", "surface_at", "surface_of", "find_surfaces", "light_at", "light_from"),
+        *("light_surfaces", "queue_or_add", "color_of", "shade_packets", "lit_color", "add_light"),
+        *("vec_reflect", "add_phong", "primary_light", "shade_primary_hit", "shade_primary_row"),
+        *("primary_material", "trace", "exp_of", "log_of", "power_of", "v_exp", "v_log", "v_pow"),
     ]
 )
 BEHIND = 1e4  # scene units ahead of the camera, whence light falls on what faces away from it

@@ -9,21 +9,27 @@ from typing import Any
 from study import costs, paper, registry
 
 BASE = "baseline"
-# What a function is for, in all phases: its name, or with * how that begins; the first that fits counts.
+# What a function is for, in all phases of this tree and of published runs: its name, or with * how that begins
+# or ends. A whole name counts before a pattern, and then the first that fits.
 TERMS = {
     "into the shape's frame": """
         apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate
         vec_wrapped stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
+        lane_coordinate points_along shape_inside
     """,
     "vector library": """
         vec_* new_vector root_* rough_* rooted twice_* divided_by inverse_root inverses_of known_inverses
         least_lane most_lane
+        shared_inverses
     """,
     "distance functions": """
         sdf_* clamp bulb_begin bulb_end bulb_first bulb_grow bulb_step bulb_start bulb_iterate
         bulb_estimate bulb_distances bulb_wakes_at bulb_place bulb_found packed_bulbs packet_distance power_at
         nearest nearest_shape nearest_bulbs distance_* own_distance depth_in vicinity_nearest vicinity_below
         height_along wake too_far surely_off keep_high sleeps others_sleep gather_bulb
+        active_nearest all_asleep awake_candidates bulb_point bulb_wake_bound nearest_candidate
+        nearest_shape_at pack_bulb_points plane_height queue_bulb_rays set_falling_bounds sphere_bound
+        sphere_too_far store_bulb_distance update_high wake_of_others
     """,
     "normals": """
         normal_* surface_normal bulb_normal *_gradient gradient_of difference scene_difference moved_*
@@ -34,6 +40,8 @@ TERMS = {
         surface_* stage_*
         all_on_plane add_color trace mirror* follow_mirrors queue_mirror reflect curvature half_curvature
         graze grazed material_seen
+        add_phong closest_mirror_hit cull_shadows find_surfaces primary_light primary_material queue_or_add
+        scale_by_self_shadow shade_packets shade_primary_hit shade_primary_row
     """,
     "cones, tiles, lists and trees": """
         bounds_at bundle_of can_be_* cones_around corner_* get_cones intervals_of list_of_cone
@@ -44,11 +52,19 @@ TERMS = {
         ends_of most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
+        begin_cell_grid bound_shape_entry bundle_ends bundle_holds_until bvh_list bvh_list_in_window
+        camera_packet candidate_plane candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
+        draw_analytic_tile earliest_approach empty_bundle_bounds exit_distance limit_leap list_active
+        list_for_bundle max_bound may_be_hit may_be_nearest near_stretch repeated_tile set_active_set
+        sphere_in_bundle_cone sphere_in_window sphere_limits_leap sphere_met_by_ray support_of
     """,
     "closed forms and Newton's steps": """
         first_hit intersect* take_nearer occluded ask_* meet_* meets_bulbs enter* go_alone
         bvh_alone kd_alone leaf_alone solids_alone at_copy beside_copy in_box same_place cells_block
-        cells_on_the_way until_bounds newton walk_alone exact_look see_along take_whole
+        cells_on_the_way until_bounds newton walk_alone see_along take_whole
+        bounds_distance cells_occlude evaluate_candidate first_entry first_entry_in_cells hit_bundles
+        hit_cells hit_cells_of_bundles hit_copy hit_from_surface hit_whole_packet in_copy_frame
+        is_same_point set_candidate_ray start_beside_copy store_chebyshev_hit walk_single_rays
     """,
     "shadow rays' set-up": """
         cast* choose_shading choose_shapes cleared ball_* bundle_about bulges flat_within slant_at
@@ -58,6 +74,15 @@ TERMS = {
         gather_walk sets_out begin_tile waiting
         wait_for may_enter ready_shadow make_ready end_* behind_all see_off add_light add_lane add_answers
         keep_answers answer move_rays sorted
+        add_batch_light add_light_to_lane begin_march begin_segment begin_solid_exit bundle_cone_from
+        bundle_misses bundle_of_packets bvh_first_entry bvh_list_for_batch bvh_list_for_packet
+        bvh_list_in_row bvh_list_towards_light bvh_query_ahead bvh_trivially_lit cone_meets_sphere
+        cone_query_bundle cone_query_rays cones_meet_leaf convex_from entry_cosine finish_shadow_rays
+        flat_distance flat_radius is_behind_all leaves_flat_face light_bundle_of list_candidates
+        list_occluders load_batch_packet load_shadow_group load_shadow_packet load_sorted_packet
+        march_leaving_rays may_enter_sphere misses_bulb move_rays_to_lanes needs_cone_query
+        next_shadow_packet prepare_packet query_bundle_of segment_before_plane segment_of self_shadow
+        store_bulb_light store_lit trivially_lit
     """,
     "marching": """
         ray_march march* soft_* hard_* shadow sdf place hit_of landed leaving recall within within_line
@@ -66,10 +91,15 @@ TERMS = {
         gaze_* ready_gaze pool_step walk_* through_stretches look_ahead
         look_around rod_step land_rods set_out_rods rod_axis fill_rod aim fill tell outcome
         lone_distances plane_distances falls_alone
+        active_step bounds_exit_of camera_stream_step chebyshev_orbit end_rays finish_hit join_chebyshev
+        land_hits leap_to_candidate next_camera_packet off_surfaces plane_is_nearest_for_good
+        plane_is_sole_hit prepare_pieces query_ahead queue_camera_rays_single queue_close queue_patch
+        renew_active_set resume_march segment_within shadow_step shadow_stream_step single_bulb_distances
+        solid_exit_step store_march_result store_pieces store_slope store_terms take_bulb_hits
     """,
     "rays of the camera": """
         camera_direction get_direction get_rays set_camera_ray phase_render store* put_pixel draw_*
-        render_patch* render_tile column_of direction_in row_of_picture exact_direction
+        render_patch* render_tile column_of direction_in row_of_picture
     """,
 }
 OTHER = "other functions"  # of a phase that is not the project's own
@@ -78,6 +108,9 @@ Row = dict[str, Any]
 
 
 def term_of(function: str) -> str:
+    for term, names in TERMS.items():
+        if function in names.split():
+            return term
     for term, names in TERMS.items():
         if any(fnmatch.fnmatchcase(function, name) for name in names.split()):
             return term

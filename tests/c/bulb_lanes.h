@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
-#include "../../phases/opt9_convex/close.h"
+#include "bulb/bulb_chebyshev.h"
 #include "random_from.h"
 
 enum { ROUNDS = 20000 };
@@ -36,10 +36,10 @@ static void test_roots_and_quotients_are_to_some_ulp(void **state) {
             product[lane] = some_power(-6, 4);
             slope[lane] = some_power(0, 24);
         }
-        struct rooted rho = rooted(load(a));
-        unload(twice_root_times(&rho, load(b)), found[0]);
-        unload(divided_by(load(b), &rho), found[1]);
-        unload(twice_over_root(load(m), load(m) * load(product), load(slope)), found[2]);
+        struct rooted rho = rooted(v_load(a));
+        v_store(twice_root_times(&rho, v_load(b)), found[0]);
+        v_store(divided_by(v_load(b), &rho), found[1]);
+        v_store(twice_over_root(v_load(m), v_load(m) * v_load(product), v_load(slope)), found[2]);
         for (int lane = 0; lane < LANES; lane++) {
             double twice = 2.0 * b[lane] * sqrt(a[lane]), over = (double)b[lane] / a[lane];
             double all = (double)(m[lane] * product[lane]),
@@ -107,26 +107,26 @@ static void test_the_estimate_is_the_map_of_baseline(void **state) {
     const double rough = LANES == 16 ? 0x1p-13 : 0x1p-11;
     for (int exact = 0; exact < 2; exact++)
         for (int which = 0; which < 2; which++) {
-            struct placed s = {.iterations = 4, .bailout = bailouts[which]};
+            struct primitive s = {.iterations = 4, .bailout = bailouts[which]};
             int asked = 0;
-            for (int round = 0; round < ROUNDS / LANES / ABREAST; round++) {
-                float at[ABREAST][3][LANES], found[LANES];
-                struct vec p[ABREAST];
-                mask done[ABREAST];
-                real h[ABREAST];
-                for (int k = 0; k < ABREAST; k++) {
+            for (int round = 0; round < ROUNDS / LANES / INTERLEAVED; round++) {
+                float at[INTERLEAVED][3][LANES], found[LANES];
+                struct vec p[INTERLEAVED];
+                vmask done[INTERLEAVED];
+                vfloat h[INTERLEAVED];
+                for (int k = 0; k < INTERLEAVED; k++) {
                     for (int lane = 0; lane < LANES; lane++) {
                         float point[3];
-                        random_point((round * ABREAST + k) * LANES + lane, point);
+                        random_point((round * INTERLEAVED + k) * LANES + lane, point);
                         for (int i = 0; i < 3; i++)
                             at[k][i][lane] = point[i];
                     }
-                    p[k] = (struct vec){load(at[k][0]), load(at[k][1]), load(at[k][2])};
-                    done[k] = no_lane();
+                    p[k] = (struct vec){v_load(at[k][0]), v_load(at[k][1]), v_load(at[k][2])};
+                    done[k] = v_mask_none();
                 }
                 bulbs(&s, p, done, false, exact, h);
-                for (int k = 0; k < ABREAST; k++) {
-                    unload(h[k], found);
+                for (int k = 0; k < INTERLEAVED; k++) {
+                    v_store(h[k], found);
                     for (int lane = 0; lane < LANES; lane++) {
                         double point[3] = {at[k][0][lane], at[k][1][lane], at[k][2][lane]};
                         double expected = estimate(point, (double)bailouts[which]);
@@ -141,12 +141,12 @@ static void test_the_estimate_is_the_map_of_baseline(void **state) {
         }
 }
 
-// What close.h tells of the first iteration on a piece of a ray, from what put_pieces() wrote.
+// What close.h tells of the first iteration on a piece of a ray, from what store_pieces() wrote.
 static void test_pieces_are_the_first_iteration(void **state) {
     (void)state;
     for (int round = 0; round < 400; round++) {
-        struct pieces pieces;
-        struct close_lanes lanes;
+        struct ray_pieces pieces;
+        struct chebyshev_lanes lanes;
         float middle[3][LANES], way[3][LANES], end[LANES], per[LANES], t[LANES];
         for (int lane = 0; lane < LANES; lane++) {
             double square = 0;
@@ -162,24 +162,24 @@ static void test_pieces_are_the_first_iteration(void **state) {
                 way[i][lane] = (float)(way[i][lane] / sqrt(square));
             double rho = hypot(middle[0][lane], middle[2][lane]) /
                          1.04; // where the piece begins it may be less
-            end[lane] = fminf((float)rho * CLOSE_SHARE, CLOSE_PIECE);
+            end[lane] = fminf((float)rho * CLOSE_PIECE_SHARE, CLOSE_PIECE);
             per[lane] = 1.0f / end[lane];
             t[lane] = end[lane] * (float)random_from(-1, 1);
         }
-        real zero = set(0.0f);
-        struct wide_vec o = {wide_sum(load(middle[0]), zero), wide_sum(load(middle[1]), zero),
-                             wide_sum(load(middle[2]), zero)};
-        struct wide_vec d = {wide_sum(load(way[0]), zero), wide_sum(load(way[1]), zero),
-                             wide_sum(load(way[2]), zero)};
-        put_pieces(o, d, wide_sum(zero, zero), load(end), load(per), &pieces);
+        vfloat zero = v_splat(0.0f);
+        struct vec_double o = {v_double_sum(v_load(middle[0]), zero), v_double_sum(v_load(middle[1]), zero),
+                             v_double_sum(v_load(middle[2]), zero)};
+        struct vec_double d = {v_double_sum(v_load(way[0]), zero), v_double_sum(v_load(way[1]), zero),
+                             v_double_sum(v_load(way[2]), zero)};
+        store_pieces(o, d, v_double_sum(zero, zero), v_load(end), v_load(per), &pieces);
         for (int i = 0; i < N_PLACE; i++)
-            lanes.field[i] = load(pieces.field[i]);
-        struct bulb told = close_first(&lanes, load(t), no_lane());
+            lanes.field[i] = v_load(pieces.field[i]);
+        struct scaled_orbit told = chebyshev_orbit(&lanes, v_load(t), v_mask_none());
         float found[4][LANES];
-        unload(told.x, found[0]);
-        unload(told.y, found[1]);
-        unload(told.z, found[2]);
-        unload(told.slope, found[3]);
+        v_store(told.x, found[0]);
+        v_store(told.y, found[1]);
+        v_store(told.z, found[2]);
+        v_store(told.slope, found[3]);
         for (int lane = 0; lane < LANES; lane++) {
             double p[3], w[3], square = 0;
             for (int i = 0; i < 3; i++) {

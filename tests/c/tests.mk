@@ -7,8 +7,8 @@ C_TESTS := $(patsubst tests/c/%.c,$(BUILD)/tests/%,$(wildcard tests/c/test_*.c))
 c-tests: $(C_TESTS)
 
 # What these include of a phase.
-$(BUILD)/tests/test_tree: phases/opt9_convex/tree.c
-$(BUILD)/tests/test_vicinity: phases/opt9_convex/vicinity.c
+$(BUILD)/tests/test_bvh: phases/opt9_convex/bvh/bvh.c
+$(BUILD)/tests/test_active_set: phases/opt9_convex/shadow/active_set.c
 
 $(BUILD)/tests/%: tests/c/%.c $(SCENE_OBJECTS) $(wildcard tests/c/*.h common/*.h common/*/*.[ch] phases/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)

@@ -137,11 +137,11 @@ def test_every_rung_has_functions_of_shading():
     """And no name of SHADING is of no function."""
     there = set()
     for name in registry.ladder():
-        text = (registry.find_phase(name).path / "costs.def").read_text()
+        text = registry.find_phase(name).file("costs.def").read_text()
         mine = set(re.findall(r"^\w+\((\w+)", text, re.M)) & lattice.SHADING
-        assert {"light_at", "stage_light"} & mine and {"normal_at", "normal_on"} & mine, name
+        assert {"light_at", "light_surfaces"} & mine and {"normal_at", "normal_on"} & mine, name
         if name in ("opt9_convex", "opt10_scene"):  # what is seen without a mirror or a shadow
-            assert {"bring_light", "light_seen", "color_seen"} <= mine, name
+            assert {"add_phong", "primary_light", "shade_primary_hit"} <= mine, name
         there |= mine
     assert there == lattice.SHADING
 

@@ -61,7 +61,8 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 }
 
 // A kernel's tiles may need more of a worker's own memory than the general code's.
-static struct workers *start_team(struct phase_state *kept, const struct model *model, int threads) {
+static struct workers *start_team(struct phase_state *kept, const struct model *model,
+                                  int threads) {
     size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
     if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
         own = kept->loaded.kernel->own_size;

@@ -32,7 +32,8 @@ static void write_exact(FILE *to, const struct primitive *p) {
 }
 
 static void write_cells(FILE *to, const struct primitive *p) {
-    fprintf(to, ".next_same_grid = %d, .follows_same_grid = %d, .leader = %d, ", p->next_same_grid, p->follows_same_grid, p->leader);
+    fprintf(to, ".next_same_grid = %d, .follows_same_grid = %d, .leader = %d, ", p->next_same_grid,
+            p->follows_same_grid, p->leader);
     if (!p->repeated)
         return;
     write_floats(to, "cell", p->cell, 3);

@@ -43,7 +43,7 @@ struct primitive {
 struct prepared {
     struct model model;
     struct primitive *placed; // one per shape
-    int *order;            // of evaluation: steady shapes first, then by type
+    int *order;               // of evaluation: steady shapes first, then by type
     int steady_count;
 };
 

@@ -51,7 +51,8 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
 // Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
 // power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
 // cheaper, and from many radii away more exact. 1e15: its square is a float.
-static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
+                                   const struct limits *limits) {
     if (repeated)
         return EVAL_POINT;
     if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&

@@ -3,8 +3,8 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "driver/variant.h"
 #include "core/primitive.h"
+#include "driver/variant.h"
 #include "workers/workers.h"
 
 // What the march reads is `prepared`, as in opt4; the team stands behind it.

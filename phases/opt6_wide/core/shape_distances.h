@@ -235,8 +235,8 @@ distance_at(struct vec p, const struct primitive *placed, enum shape_type type, 
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
-distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed, bool repeated,
-                  enum eval_kind way, enum shape_type type, vmask live) {
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed,
+                  bool repeated, enum eval_kind way, enum shape_type type, vmask live) {
     COUNT(distance_to_shape, call);
     if (way == EVAL_POWER) {
         COUNT(distance_to_shape, power);

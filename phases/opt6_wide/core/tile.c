@@ -1,8 +1,8 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
 #include "core/camera_rays.h"
-#include "simd/point.h"
 #include "core/trace.h"
+#include "simd/point.h"
 
 #include <stdlib.h>
 
@@ -10,7 +10,8 @@
 // some 30 µs of scene0, hundreds of times the contended counter.
 enum { TILE_WIDTH = 32, TILE_HEIGHT = 8 };
 
-static void store_block_result(struct frame *frame, struct pixel_block block, const struct shaded *seen) {
+static void store_block_result(struct frame *frame, struct pixel_block block,
+                               const struct shaded *seen) {
     COUNT(store_block_result, call);
     store_color(frame, block, seen->color);
     if (!frame->depth)
@@ -59,9 +60,9 @@ static void draw_tile(const struct job *job, int tile, void *own) {
         for (int k = 0; k < GROUP; k++) {
             int column = left + (first + k) / down * BLOCK_WIDTH;
             int row = top + (first + k) % down * BLOCK_HEIGHT;
-            block[k] = (struct pixel_block){column, row,
-                                      first + k < blocks ? int_min(BLOCK_WIDTH, right - column) : 0,
-                                      int_min(BLOCK_HEIGHT, bottom - row)};
+            block[k] = (struct pixel_block){
+                column, row, first + k < blocks ? int_min(BLOCK_WIDTH, right - column) : 0,
+                int_min(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block[k].across * block[k].down);
             COUNT(draw_tile, packet);
             rays.origin[k] = origin;
@@ -102,8 +103,8 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam->approach);
-        distance[i] =
-            v_lane0(nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        distance[i] = v_lane0(
+            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

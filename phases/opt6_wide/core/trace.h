@@ -42,8 +42,8 @@ struct lighting {
 
 // From points that are the origins of world->group. 1: the light reaches the point, 0: it does not; between, the
 // penumbra of a soft shadow.
-void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct trace_context *world,
-            vfloat reach[GROUP]);
+void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP],
+            struct trace_context *world, vfloat reach[GROUP]);
 
 // What a hit's place says, once it is the origin of its beam: more exactly than the march,
 // which has rounded origin and direction in the frames of all shapes.
@@ -52,10 +52,12 @@ struct hit_surroundings {
     vmask contact;          // another shape is within two normal steps of it
 };
 
-struct hit_surroundings near_hit(vmask found, const struct prepared *scene, struct packet_rays *beam);
+struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
+                                 struct packet_rays *beam);
 // Of hits that are the origins of the beam, and the slope there.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct prepared *scene, const struct local_ray *approach, vfloat *slope);
-void trace(const struct ray_group *rays, int bounce, struct trace_context *world, struct shaded result[GROUP]);
+void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
+           struct shaded result[GROUP]);
 
 #endif

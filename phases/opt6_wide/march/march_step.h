@@ -11,13 +11,13 @@ struct bounds_exit {
 };
 
 static inline struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
-                                  const struct model *model) {
+                                                const struct model *model) {
     COUNT(bounds_exit_of, call);
     COUNT(bounds_exit_of, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
     return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
+                                vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
 static inline vmask within(struct point place, const struct model *model) {

@@ -94,8 +94,9 @@ static inline vfloat moved_power(const struct primitive *placed, const struct lo
                   approach->power);
 }
 
-static inline vfloat moved_distance(const struct primitive *placed, const struct local_ray *approach,
-                                    vmask live, float step, int axis) {
+static inline vfloat moved_distance(const struct primitive *placed,
+                                    const struct local_ray *approach, vmask live, float step,
+                                    int axis) {
     COUNT(moved_distance, call);
     if (placed->way == EVAL_POWER)
         return sdf_power(moved_power(placed, approach, step, axis), placed);
@@ -108,8 +109,8 @@ static inline vfloat moved_distance(const struct primitive *placed, const struct
     return distance_at(moved_in(placed, approach, step, axis), placed, placed->type, live);
 }
 
-static inline struct vec difference(const struct primitive *placed, const struct local_ray *approach,
-                                    vmask live, float step) {
+static inline struct vec difference(const struct primitive *placed,
+                                    const struct local_ray *approach, vmask live, float step) {
     COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)

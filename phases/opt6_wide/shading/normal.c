@@ -1,7 +1,7 @@
 // Normals of hits.
+#include "core/trace.h"
 #include "shading/gradients.h"
 #include "simd/point.h"
-#include "core/trace.h"
 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
@@ -21,7 +21,8 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
 }
 
 // Which shapes a ray from there need not ask for yet is known then, too.
-struct hit_surroundings near_hit(vmask found, const struct prepared *scene, struct packet_rays *beam) {
+struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
+                                 struct packet_rays *beam) {
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
@@ -42,7 +43,7 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene, stru
     beam->high = beam->high + v_splat(1e-30f); // at distance 0 the shape is awake
     float step = (float)scene->model.march.normal_step;
     return (struct hit_surroundings){least, v_select(found, shape, v_splat(-1.0f)),
-                             v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
+                                     v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
 }
 
 // `contact`: hits near another shape, whose difference is the scene's.
@@ -92,7 +93,8 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
 // distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
 // difference instead, which at an edge or through a thin plate is no slope to divide by.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                     const struct prepared *scene, const struct local_ray *approach, vfloat *slope) {
+                     const struct prepared *scene, const struct local_ray *approach,
+                     vfloat *slope) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)scene->model.march.normal_step;
     v_store(near->shape, id);

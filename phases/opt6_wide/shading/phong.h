@@ -2,8 +2,8 @@
 #ifndef PHONG_H
 #define PHONG_H
 
-#include "simd/pow.h"
 #include "core/trace.h"
+#include "simd/pow.h"
 
 // Materials of hits, gathered.
 struct surfaces {

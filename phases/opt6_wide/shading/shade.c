@@ -1,8 +1,8 @@
 // The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+#include "core/trace.h"
 #include "shading/phong.h"
 #include "simd/point.h"
 #include "simd/pow.h"
-#include "core/trace.h"
 
 // Colours of what the reflective hits mirror, added to theirs. One reflective ray makes the call; the others
 // are masked out of it and of their colour.
@@ -42,7 +42,8 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     }
 }
 
-void trace(const struct ray_group *rays, int bounce, struct trace_context *world, struct shaded result[GROUP]) {
+void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
+           struct shaded result[GROUP]) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;

@@ -1,7 +1,7 @@
 // Rays to the light, as a packet each: soft shadows and hard ones.
+#include "core/trace.h"
 #include "march/march_step.h"
 #include "simd/point.h"
-#include "core/trace.h"
 
 // Rays to the light.
 struct shadow_state {
@@ -11,7 +11,8 @@ struct shadow_state {
 };
 
 // The rays that are still under way, after some have ended.
-__attribute__((noinline)) static bool end_shadow_rays(int k, vmask live, struct packet_group *group) {
+__attribute__((noinline)) static bool end_shadow_rays(int k, vmask live,
+                                                      struct packet_group *group) {
     group->live[k] = live;
     group->high[k] = v_select(live, group->high[k], v_splat(-INFINITY));
     return v_any(live);
@@ -20,8 +21,8 @@ __attribute__((noinline)) static bool end_shadow_rays(int k, vmask live, struct 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
-static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq, struct packet_group *group,
-                             const struct model *model) {
+static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq,
+                             struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];
     ACTIVE(v_count(live));
     COUNT(soft_step, call);
@@ -52,8 +53,8 @@ static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq,
     return v_same(on, live) || end_shadow_rays(k, on, group);
 }
 
-static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k, struct packet_group *group,
-                             const struct model *model) {
+static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k,
+                             struct packet_group *group, const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(v_count(group->live[k]));
     COUNT(hard_step, call);
@@ -66,8 +67,8 @@ static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k, s
     return v_same(on, live) || end_shadow_rays(k, on, group);
 }
 
-void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP], struct trace_context *world,
-            vfloat reach[GROUP]) {
+void shadow(const struct hit hit[GROUP], const struct lighting light[GROUP],
+            struct trace_context *world, vfloat reach[GROUP]) {
     COUNT(shadow, call);
     COUNT(shadow, scalar);
     const struct model *model = &world->scene->model;

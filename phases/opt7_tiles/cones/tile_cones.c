@@ -56,8 +56,9 @@ struct cone_step {
 };
 
 static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
-                                 struct shape_list offered, vmask *all_met, const struct prepared *scene,
-                                 const struct march_scratch *own) {
+                                     struct shape_list offered, vmask *all_met,
+                                     const struct prepared *scene,
+                                     const struct march_scratch *own) {
     struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
@@ -94,7 +95,8 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
 }
 
 void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
-                 struct cone_packet *cones, const struct prepared *scene, struct march_scratch *own) {
+                 struct cone_packet *cones, const struct prepared *scene,
+                 struct march_scratch *own) {
     ACTIVE(v_count(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
@@ -168,13 +170,15 @@ struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *sc
     return list_wanted(wanted, scene, shapes);
 }
 
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene, struct march_scratch *own) {
+struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
+                                    struct march_scratch *own) {
     for (int i = 0; i < scene->model.shape_count; i++)
         own->wanted[i] = (v_mask_bits(own->met[level][i]) & some) != 0;
     return list_wanted(own->wanted, scene, own->offered[level]);
 }
 
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own, float *start) {
+struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
+                               float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         own->wanted[i] = v_mask_bits(own->met[0][i]) >> lane & 1;

@@ -4,8 +4,8 @@
 #ifndef TILES_H
 #define TILES_H
 
-#include "simd/point.h"
 #include "core/trace.h"
+#include "simd/point.h"
 
 // Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
 enum { CONE_LEVELS = 2 };
@@ -18,9 +18,9 @@ struct march_scratch {
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
     vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;       // of cones
-    vmask *met[CONE_LEVELS];          // lanes whose cone can meet the shape
-    int *offered[CONE_LEVELS];        // what the cones of a level can meet: a list for the next one
+    struct local_ray *axis;      // of cones
+    vmask *met[CONE_LEVELS];     // lanes whose cone can meet the shape
+    int *offered[CONE_LEVELS];   // what the cones of a level can meet: a list for the next one
     int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
     bool *wanted;                // of each shape, on the way to a list
 };
@@ -41,18 +41,21 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
 // a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
 // asks for it.
 void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
-                 struct cone_packet *cones, const struct prepared *scene, struct march_scratch *own);
+                 struct cone_packet *cones, const struct prepared *scene,
+                 struct march_scratch *own);
 // What some of the cones have met; `some`: bits of their lanes.
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene, struct march_scratch *own);
+struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
+                                    struct march_scratch *own);
 // Where a Mandelbulb is on it, `start` is the camera.
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own, float *start);
+struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
+                               float *start);
 
 // By least of distances: where a ray is hit; or that very number.
 enum list_kind { LIST_HIT, LIST_NEAREST };
 
 // Lists for the rays of a group, in its beams. LIST_HIT: what a ray can hit, and what is near such a place; LIST_NEAREST: the
 // least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
-void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant, struct trace_context *world,
-          int *shapes);
+void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
+                     struct trace_context *world, int *shapes);
 
 #endif

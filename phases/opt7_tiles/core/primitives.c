@@ -15,7 +15,7 @@ static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
 }
 
 static struct primitive prepare_shape(int index, const struct shape *shape,
-                                 const struct limits *limits) {
+                                      const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);

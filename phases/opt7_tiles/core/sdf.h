@@ -14,12 +14,15 @@
 // Packets under way together, one instruction of each after the other: the chain of operations through a step
 // is several times as long as it takes to issue them. They share the questions, too: a shape that one of
 // them needs is evaluated for all.
-enum { GROUP = 16, SMALL_GROUP = 4 }; // at most; SMALL_GROUP where no Mandelbulb is: more would have longer lists
+enum {
+    GROUP = 16,
+    SMALL_GROUP = 4
+}; // at most; SMALL_GROUP where no Mandelbulb is: more would have longer lists
 
 // A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
 struct packet_rays {
     struct local_ray *approach; // one per shape
-    struct shape_list list;          // those that its rays can meet: the same for all of a group
+    struct shape_list list;     // those that its rays can meet: the same for all of a group
     // One per shape, so many apart: the shape is not the nearest as long as this is above (distance to the
     // nearest) + t.
     vfloat *wake;
@@ -74,8 +77,8 @@ static inline void approach_directions(struct vec direction, const struct prepar
 }
 
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
-static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t, const struct prepared *scene,
-                                   vmask live, vfloat *shape) {
+static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t,
+                                      const struct prepared *scene, vmask live, vfloat *shape) {
     COUNT(nearest_shape_at, call);
     vfloat least = v_splat(INFINITY);
     for (int place = 0; place < beam->list.count; place++) {
@@ -91,7 +94,8 @@ static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t, 
 }
 
 // The origins moved by a little along the rays.
-static inline void approach_moved(vfloat by, const struct prepared *scene, struct packet_rays *beam) {
+static inline void approach_moved(vfloat by, const struct prepared *scene,
+                                  struct packet_rays *beam) {
     COUNT(approach_moved, call);
     beam->high = beam->high + v_abs(by);
     for (int place = 0; place < beam->list.count; place++) {
@@ -134,8 +138,9 @@ struct nearest_so_far {
 
 // `steady`, `eval_kind` and `type` are known where these are inlined.
 __attribute__((always_inline)) static inline void
-packet_distance(struct packet_group *group, int k, int shape, int size, const struct primitive *placed,
-                bool steady, enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
+packet_distance(struct packet_group *group, int k, int shape, int size,
+                const struct primitive *placed, bool steady, enum eval_kind way,
+                enum shape_type type, struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
     COUNT(packet_distance, call);
     const struct local_ray *a = &group->beam[k].approach[shape];
@@ -151,8 +156,9 @@ packet_distance(struct packet_group *group, int k, int shape, int size, const st
 }
 
 __attribute__((always_inline)) static inline void
-group_distances(struct packet_group *group, int shape, int size, const struct primitive *placed, bool steady,
-              enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
+group_distances(struct packet_group *group, int shape, int size, const struct primitive *placed,
+                bool steady, enum eval_kind way, enum shape_type type,
+                struct nearest_so_far *found) {
     if (size == SMALL_GROUP && group->count == SMALL_GROUP) // unrolled
         for (int k = 0; k < SMALL_GROUP; k++)
             packet_distance(group, k, shape, size, placed, steady, way, type, found);
@@ -163,7 +169,8 @@ group_distances(struct packet_group *group, int shape, int size, const struct pr
 
 // An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
 // processor to look beyond it to the next packet.
-static inline void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count, const struct primitive *placed) {
+static inline void bulbs_iterate(struct bulb_orbit bulb[GROUP], int count,
+                                 const struct primitive *placed) {
     for (int n = 0; n < placed->iterations; n++) {
         vmask inside = v_mask_none();
         for (int i = 0; i < count; i++) {
@@ -184,7 +191,7 @@ static inline struct vec bulb_point(const struct packet_group *group, int k, int
 }
 
 static inline void store_bulb_distance(const struct packet_group *group, int k, vfloat distance,
-                              struct nearest_so_far *found) {
+                                       struct nearest_so_far *found) {
     COUNT(store_bulb_distance, call);
     found->least[k] = v_min(distance, found->least[k]);
     found->limit[k] = v_min(distance + group->t[k], found->limit[k]);
@@ -192,8 +199,9 @@ static inline void store_bulb_distance(const struct packet_group *group, int k, 
 
 // Rays that ask for it: the others have ended, or something else is nearer for sure. An estimate costs as much as all else
 // of a step ten times over, so where those of all packets fill fewer, they move together for it (NOTES.md).
-static inline void pack_bulb_points(struct packet_group *group, int shape, const struct primitive *placed,
-                                const vmask asking[GROUP], int rays, struct nearest_so_far *found) {
+static inline void pack_bulb_points(struct packet_group *group, int shape,
+                                    const struct primitive *placed, const vmask asking[GROUP],
+                                    int rays, struct nearest_so_far *found) {
     COUNT(pack_bulb_points, call);
     float row[3][GROUP * LANES + LANES], distance[GROUP * LANES + LANES];
     int at = 0;
@@ -230,13 +238,14 @@ static inline void pack_bulb_points(struct packet_group *group, int shape, const
     for (int i = 0; i < group->count; i++) {
         int k = group->list[i];
         ACTIVE(v_count(asking[k]));
-        store_bulb_distance(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]), found);
+        store_bulb_distance(group, k, v_expand_load(asking[k], v_splat(INFINITY), &distance[at]),
+                            found);
         at += v_count(asking[k]);
     }
 }
 
-static inline void bulb_distances(struct packet_group *group, int shape, const struct primitive *placed,
-                                  struct nearest_so_far *found) {
+static inline void bulb_distances(struct packet_group *group, int shape,
+                                  const struct primitive *placed, struct nearest_so_far *found) {
     COUNT(bulb_distances, call);
     vmask asking[GROUP];
     int rays = 0;
@@ -269,7 +278,7 @@ static inline void bulb_distances(struct packet_group *group, int shape, const s
 }
 
 __attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake, int size,
-                                                         const struct nearest_so_far *found) {
+                                                             const struct nearest_so_far *found) {
     COUNT(all_asleep, call);
     vmask awake = v_cmp_nge(wake[0], found->limit[0]);
     for (int k = 1; k < size; k++) {
@@ -281,8 +290,8 @@ __attribute__((always_inline)) static inline bool all_asleep(const vfloat *wake,
 
 // The types told apart once for all packets.
 __attribute__((always_inline)) static inline void
-distances_to_shape(struct packet_group *group, int shape, int size, const struct primitive *placed, bool steady,
-                struct nearest_so_far *found) {
+distances_to_shape(struct packet_group *group, int shape, int size, const struct primitive *placed,
+                   bool steady, struct nearest_so_far *found) {
 #define EACH(way, type) group_distances(group, shape, size, placed, steady, way, type, found)
     if (steady && placed->way == EVAL_LINEAR) {
         EACH(EVAL_LINEAR, SHAPE_PLANE);
@@ -307,7 +316,7 @@ distances_to_shape(struct packet_group *group, int shape, int size, const struct
 
 // Steady shapes are no further than this in the next steps.
 __attribute__((always_inline)) static inline void update_high(struct packet_group *group, int size,
-                                                            const struct nearest_so_far *found) {
+                                                              const struct nearest_so_far *found) {
     COUNT(update_high, call);
     for (int k = 0; k < size; k++) {
         COUNT(update_high, packet);
@@ -323,8 +332,8 @@ static inline void sdf(const struct packet_group *group, int k, struct nearest_s
     found->limit[k] = v_madd(v_splat(2.0f), group->t[k], group->high[k]);
 }
 
-__attribute__((always_inline)) static inline void reset_nearest(const struct packet_group *group, int size,
-                                                                struct nearest_so_far *found) {
+__attribute__((always_inline)) static inline void
+reset_nearest(const struct packet_group *group, int size, struct nearest_so_far *found) {
     for (int k = 0; k < size; k++)
         sdf(group, k, found);
 }
@@ -335,8 +344,10 @@ struct sole_shape {
     vfloat until[GROUP];
 };
 
-__attribute__((always_inline)) static inline void
-wake_of_others(const struct packet_group *group, int size, const struct shape_list *list, struct sole_shape *alone) {
+__attribute__((always_inline)) static inline void wake_of_others(const struct packet_group *group,
+                                                                 int size,
+                                                                 const struct shape_list *list,
+                                                                 struct sole_shape *alone) {
     COUNT(wake_of_others, call);
     for (int k = 0; k < size; k++)
         alone->until[k] = v_splat(INFINITY);
@@ -353,10 +364,9 @@ wake_of_others(const struct packet_group *group, int size, const struct shape_li
 }
 
 // All shapes that may be the nearest, but `sole_shape`, which has been asked.
-__attribute__((always_inline)) static inline void evaluate_awake(struct packet_group *group, int size,
-                                                            const struct prepared *scene,
-                                                            struct sole_shape *alone,
-                                                            struct nearest_so_far *found) {
+__attribute__((always_inline)) static inline void
+evaluate_awake(struct packet_group *group, int size, const struct prepared *scene,
+               struct sole_shape *alone, struct nearest_so_far *found) {
     const struct shape_list *list = &group->beam[0].list;
     int asked = alone->shape, last = asked, count = asked >= 0;
     for (int n = 0; n < list->count; n++) {
@@ -388,8 +398,9 @@ __attribute__((always_inline)) static inline void evaluate_awake(struct packet_g
 // `live` may hold anything. (To remember how far the other shapes were: saethrej/sphere-tracing, a student
 // project, keeps them in a priority queue.) Of most steps one shape is all that is awake, and the next step's
 // too: it is asked first, and then all others at once. Whether `sole_shape` is formed anew.
-__attribute__((always_inline)) static inline bool
-distances_of(struct packet_group *group, int size, const struct prepared *scene, struct sole_shape *alone) {
+__attribute__((always_inline)) static inline bool distances_of(struct packet_group *group, int size,
+                                                               const struct prepared *scene,
+                                                               struct sole_shape *alone) {
     struct nearest_so_far found;
     reset_nearest(group, size, &found);
     if (alone->shape >= 0)
@@ -407,7 +418,7 @@ distances_of(struct packet_group *group, int size, const struct prepared *scene,
 static inline bool scene_distances(struct packet_group *group, const struct prepared *scene,
                                    struct sole_shape *alone) {
     return group->size == SMALL_GROUP ? distances_of(group, SMALL_GROUP, scene, alone)
-                              : distances_of(group, GROUP, scene, alone);
+                                      : distances_of(group, GROUP, scene, alone);
 }
 
 // The packets that have a live ray, and what of a ray that has none would wake a shape.

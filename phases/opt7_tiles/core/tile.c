@@ -1,8 +1,8 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "cones/tile_cones.h"
 #include "core/camera_rays.h"
 #include "simd/point.h"
-#include "cones/tile_cones.h"
 
 #include <stdlib.h>
 
@@ -21,8 +21,8 @@ enum {
     BULB_PATCHES = (int)GROUP > (int)BLOCKS ? (int)GROUP / (int)BLOCKS : 1
 }; // patches where a Mandelbulb is
 
-static void store_block_result(struct frame *frame, struct pixel_block block, vfloat start, int shapes,
-                  const struct shaded *seen) {
+static void store_block_result(struct frame *frame, struct pixel_block block, vfloat start,
+                               int shapes, const struct shaded *seen) {
     COUNT(store_block_result, call);
     store_color(frame, block, seen->color);
     if (!frame->depth)
@@ -58,13 +58,13 @@ static struct pixel_rect rect_of_lane(struct cone_area area, int lane, const str
     int left = area.left + lane % PATCHES_ACROSS * size;
     int top = area.top + lane / PATCHES_ACROSS * size;
     return (struct pixel_rect){left, top, int_min(frame->width, left + size),
-                          int_min(frame->height, top + size)};
+                               int_min(frame->height, top + size)};
 }
 
 static struct cone_area child_area(struct cone_area area, int quarter) {
     int half = (PATCH << area.level) / 2;
     return (struct cone_area){area.left + quarter % 2 * PATCHES_ACROSS * half,
-                         area.top + quarter / 2 * PATCHES_DOWN * half, area.level - 1};
+                              area.top + quarter / 2 * PATCHES_DOWN * half, area.level - 1};
 }
 
 // The lane of the cone above that holds a lane's cone, which is of a quarter of those.
@@ -124,7 +124,7 @@ static struct pixel_block block_in_rect(const struct pixel_rect *patch, int numb
     int column = patch->left + number % (PATCH / BLOCK_WIDTH) * BLOCK_WIDTH;
     int row = patch->top + number / (PATCH / BLOCK_WIDTH) * BLOCK_HEIGHT;
     return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, patch->right - column),
-                          int_min(BLOCK_HEIGHT, patch->bottom - row)};
+                                int_min(BLOCK_HEIGHT, patch->bottom - row)};
 }
 
 // Nothing is hit by any of its rays.
@@ -135,13 +135,14 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
     nothing.hit.t = nothing.hit.evals = v_splat(0.0f);
     nothing.hit.normal = (struct vec){v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (int i = 0; i < BLOCKS; i++)
-        store_block_result(job->frame, block_in_rect(patch, i), v_splat(-1.0f), 0, &nothing); // no start
+        store_block_result(job->frame, block_in_rect(patch, i), v_splat(-1.0f), 0,
+                           &nothing); // no start
 }
 
 // Patches with one start and one list, `size` of their packets at a time.
-static void render_patches(const struct pixel_rect *patch, int patches, int size, struct point origin,
-                           vfloat start, struct shape_list list, const struct job *job,
-                           struct trace_context *world) {
+static void render_patches(const struct pixel_rect *patch, int patches, int size,
+                           struct point origin, vfloat start, struct shape_list list,
+                           const struct job *job, struct trace_context *world) {
     COUNT(render_patches, call);
     struct point origins[GROUP];
     struct vec direction[GROUP];
@@ -155,7 +156,8 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
             active[k] = v_mask_none();
             if (first + k >= blocks)
                 continue;
-            struct pixel_block block = block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
+            struct pixel_block block =
+                block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
             active[k] = in_picture(block);
             ACTIVE(v_count(active[k]));
             COUNT(render_patches, packet);
@@ -165,7 +167,8 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < size && first + k < blocks; k++) {
-            struct pixel_block block = block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
+            struct pixel_block block =
+                block_in_rect(&patch[(first + k) / BLOCKS], (first + k) % BLOCKS);
             ACTIVE(v_count(active[k]));
             store_block_result(job->frame, block, start, list.count, &seen[k]);
         }
@@ -187,8 +190,8 @@ struct cone_starts {
 
 // Those that can meet a Mandelbulb are offered all shapes, and start at the camera: as many together as make a large
 // group.
-static void draw_lanes(struct cone_area area, vmask there, struct cone_starts start, struct point origin,
-                         const struct job *job, struct trace_context *world) {
+static void draw_lanes(struct cone_area area, vmask there, struct cone_starts start,
+                       struct point origin, const struct job *job, struct trace_context *world) {
     struct pixel_rect waiting[BULB_PATCHES];
     int count = 0;
     for (int lane = 0; lane < LANES; lane++) {
@@ -201,7 +204,8 @@ static void draw_lanes(struct cone_area area, vmask there, struct cone_starts st
         }
         struct shape_list list = list_of_cone(lane, world->scene, world->own, &start.lane[lane]);
         if (list.shape != world->scene->all.shape) {
-            render_patches(&patch, 1, SMALL_GROUP, origin, v_splat(start.lane[lane]), list, job, world);
+            render_patches(&patch, 1, SMALL_GROUP, origin, v_splat(start.lane[lane]), list, job,
+                           world);
             continue;
         }
         waiting[count++] = patch;
@@ -251,7 +255,7 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     ACTIVE(LANES);
     set_cone_origins(origin, scene, &own);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
-                         tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};
+                              tile / tiles_across(job->frame) * TILE_HEIGHT, TOP_LEVEL};
     draw_area(whole, (struct cone_starts){{0}}, scene->all, origin, job, &world);
 }
 
@@ -274,13 +278,15 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct march_scratch parts = march_scratch_of(own, &prepared->model);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, 1, v_splat(0.0f)}, *beam = &all;
+    struct packet_rays all = {parts.approach, prepared->all, parts.wake, 1, v_splat(0.0f)},
+                       *beam = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam);
-        distance[i] = v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        distance[i] =
+            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

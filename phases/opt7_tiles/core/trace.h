@@ -2,15 +2,15 @@
 #ifndef TRACE_H
 #define TRACE_H
 
-#include "march/march_step.h"
 #include "core/sdf.h"
+#include "march/march_step.h"
 #include "simd/point.h"
 
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
     struct packet_group group; // of the rays being marched now
-    struct march_scratch *own;    // the worker's (cones/tile_cones.h)
+    struct march_scratch *own; // the worker's (cones/tile_cones.h)
 };
 
 // Of the packets of the group that is under way. Only lanes of `active` are marched, shaded and written; the others may
@@ -56,10 +56,12 @@ struct hit_surroundings {
     vmask contact;          // another shape is within two normal steps of it
 };
 
-struct hit_surroundings near_hit(vmask found, const struct prepared *scene, struct packet_rays *beam);
+struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
+                                 struct packet_rays *beam);
 // Of hits that are the origins of the beam, and the slope there.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct prepared *scene, const struct packet_rays *beam, vfloat *slope);
-void trace(const struct ray_group *rays, int bounce, struct trace_context *world, struct shaded *result);
+void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
+           struct shaded *result);
 
 #endif

@@ -1,8 +1,8 @@
 // The colour of a ray: what it hits in the light, mirrors by recursion, fog.
+#include "cones/tile_cones.h"
 #include "shading/phong.h"
 #include "simd/point.h"
 #include "simd/pow.h"
-#include "cones/tile_cones.h"
 
 // Colours of what the reflective hits of a few packets mirror, added to theirs. One reflective ray makes the call; the
 // others are masked out of it and of their colour.
@@ -48,9 +48,10 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
 }
 
 // The group's packets seen; the arrays have one for each.
-static inline void trace_packets(const struct ray_group *rays, int bounce, struct trace_context *world,
-                                 struct hit *hit, struct lighting *light, struct surfaces *surface,
-                                 vfloat *reach, struct shaded *result) {
+static inline void trace_packets(const struct ray_group *rays, int bounce,
+                                 struct trace_context *world, struct hit *hit,
+                                 struct lighting *light, struct surfaces *surface, vfloat *reach,
+                                 struct shaded *result) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;
@@ -77,7 +78,7 @@ static inline void trace_packets(const struct ray_group *rays, int bounce, struc
     if (model->features.mirrors && bounce < model->march.max_bounces)
         for (int first = 0; first < size; first += SMALL_GROUP) {
             const struct ray_group some = {rays->origin + first, rays->direction + first,
-                                      rays->active + first, rays->start};
+                                           rays->active + first, rays->start};
             mirror(&some, bounce, world, surface + first, result + first);
         }
     for (int k = 0; k < size; k++) {
@@ -97,7 +98,8 @@ static inline void trace_packets(const struct ray_group *rays, int bounce, struc
 
 // A large group is seen from the camera alone, so that as many bounces as a scene may ask for fit the stack.
 __attribute__((noinline)) static void trace_many(const struct ray_group *rays, int bounce,
-                                                 struct trace_context *world, struct shaded *result) {
+                                                 struct trace_context *world,
+                                                 struct shaded *result) {
     struct hit hit[GROUP];
     struct lighting light[GROUP];
     struct surfaces surface[GROUP];
@@ -106,7 +108,8 @@ __attribute__((noinline)) static void trace_many(const struct ray_group *rays, i
 }
 
 __attribute__((noinline)) static void trace_few(const struct ray_group *rays, int bounce,
-                                                struct trace_context *world, struct shaded *result) {
+                                                struct trace_context *world,
+                                                struct shaded *result) {
     struct hit hit[SMALL_GROUP];
     struct lighting light[SMALL_GROUP];
     struct surfaces surface[SMALL_GROUP];
@@ -114,7 +117,8 @@ __attribute__((noinline)) static void trace_few(const struct ray_group *rays, in
     trace_packets(rays, bounce, world, hit, light, surface, reach, result);
 }
 
-void trace(const struct ray_group *rays, int bounce, struct trace_context *world, struct shaded *result) {
+void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
+           struct shaded *result) {
     if (world->group.size == SMALL_GROUP)
         trace_few(rays, bounce, world, result);
     else

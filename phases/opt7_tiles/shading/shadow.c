@@ -1,7 +1,7 @@
 // Rays to the light, as a packet each: soft shadows and hard ones.
+#include "cones/tile_cones.h"
 #include "march/march_step.h"
 #include "simd/point.h"
-#include "cones/tile_cones.h"
 
 // Rays to the light.
 struct shadow_state {
@@ -11,7 +11,8 @@ struct shadow_state {
 };
 
 // The rays that are still under way, after some have ended.
-__attribute__((noinline)) static bool end_shadow_rays(int k, vmask live, struct packet_group *group) {
+__attribute__((noinline)) static bool end_shadow_rays(int k, vmask live,
+                                                      struct packet_group *group) {
     group->live[k] = live;
     group->high[k] = v_select(live, group->high[k], v_splat(-INFINITY));
     return v_any(live);
@@ -20,8 +21,8 @@ __attribute__((noinline)) static bool end_shadow_rays(int k, vmask live, struct 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. False after the
 // packet's last step.
-static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq, struct packet_group *group,
-                             const struct model *model) {
+static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq,
+                             struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];
     ACTIVE(v_count(live));
     COUNT(soft_step, call);
@@ -52,8 +53,8 @@ static inline bool soft_step(struct shadow_state *ray, int k, float strength_sq,
     return v_same(on, live) || end_shadow_rays(k, on, group);
 }
 
-static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k, struct packet_group *group,
-                             const struct model *model) {
+static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k,
+                             struct packet_group *group, const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(v_count(group->live[k]));
     COUNT(hard_step, call);
@@ -67,7 +68,8 @@ static inline bool hard_step(struct shadow_state *ray, vfloat distance, int k, s
 }
 
 // The list of what shadow rays can meet, and their origins in the frames of that.
-static void list_occluders(const struct hit *hit, const struct lighting *light, struct trace_context *world) {
+static void list_occluders(const struct hit *hit, const struct lighting *light,
+                           struct trace_context *world) {
     struct packet_group *group = &world->group;
     struct point origin[GROUP];
     struct vec direction[GROUP];
@@ -85,7 +87,8 @@ static void list_occluders(const struct hit *hit, const struct lighting *light, 
     if (!v_any(lit))
         return;
     bool soft = world->scene->model.shadows == SHADOWS_SOFT;
-    list_for_bundle(&rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world, world->own->shadow);
+    list_for_bundle(&rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
+                    world->own->shadow);
     for (int k = 0; k < world->group.size; k++)
         if (v_any(rays.active[k]))
             approach_origins(hit[k].point, world->scene, &group->beam[k]);

@@ -12,9 +12,9 @@
 #define CLOSE_H
 
 #include "bulb/bulb_estimate.h"
+#include "core/ray_queues.h"
 #include "simd/permute.h"
 #include "simd/point.h"
-#include "core/ray_queues.h"
 
 #include <string.h>
 
@@ -24,7 +24,7 @@
 #define LEAVE_ESTIMATE 1e-2f
 #define CLOSE_PIECE 0.02f // half length of a piece, at most
 #define CLOSE_PIECE_MIN 0x1p-20f
-#define CLOSE_PIECE_SHARE 0.03125f              // of ρ
+#define CLOSE_PIECE_SHARE 0.03125f          // of ρ
 enum { CLOSE_TERMS = 6, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 
 // What a lane knows; all from the middle of its piece.
@@ -68,9 +68,11 @@ static inline struct vec_double points_along(struct vec_double o, struct vec_dou
 }
 
 // The rays of the lanes in m wait for their next pieces. t is two floats.
-static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had, struct worker_scratch *scratch) {
+static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
+                        struct worker_scratch *scratch) {
     COUNT(queue_close, call);
-    if (scratch->close_count + 2 * LANES > CLOSE_ROOM) { // whole registers are read from the last ray on
+    if (scratch->close_count + 2 * LANES >
+        CLOSE_ROOM) { // whole registers are read from the last ray on
         int left = scratch->close_count - scratch->close_first;
         for (int i = 0; i < C_FIELDS; i++)
             memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
@@ -105,7 +107,7 @@ static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES
 
 // One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
 static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
-                             const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
+                               const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
     static const double even[3][3] = {
         {0.044658198738520484, -0.16666666666666696, 0.62200846792814624},
         {-0.75598306414370742, 2.6666666666666665, -1.9106836025229585},
@@ -127,10 +129,11 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
 }
 
 static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
-                       vfloat per_end, struct ray_pieces *to) {
+                         vfloat per_end, struct ray_pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
     COUNT(store_pieces, call);
-    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3], reach = v_double_sum(end, v_splat(0.0f));
+    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
+        reach = v_double_sum(end, v_splat(0.0f));
     for (int i = 0; i < 3; i++) {
         vdouble away = v_double_mul(reach, nodes[i]), before[CLOSE_VALUES], behind[CLOSE_VALUES];
         lane0_double(points_along(o, d, v_double_minus(middle, away)), before);
@@ -164,12 +167,13 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
     for (int i = 0; i < 6; i++)
         ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
     struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
-    vdouble t = v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
+    vdouble t =
+        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
     struct vec_double place = points_along(o, d, t);
     vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
            rho = v_sqrt(v_madd(x, x, z * z));
-    vfloat end =
-        v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)), v_splat(CLOSE_PIECE_MIN));
+    vfloat end = v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)),
+                       v_splat(CLOSE_PIECE_MIN));
     vfloat near_middle = v_double_to_float(t) + end;
     vdouble middle = v_double_sum(near_middle, v_splat(0.0f));
     store_pieces(o, d, middle, end, v_splat(1.0f) / end, to);
@@ -195,7 +199,8 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
 }
 
 // Lanes that have ended take the next rays, if there are any.
-static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, struct worker_scratch *scratch) {
+static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from,
+                             struct worker_scratch *scratch) {
     COUNT(refill_chebyshev, call);
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
         if (from->next == from->count) {
@@ -220,7 +225,8 @@ struct chebyshev_packet {
 };
 
 // After the first iteration.
-static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t, vmask done) {
+static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
+                                                  vmask done) {
     ACTIVE(LANES);
     COUNT(chebyshev_orbit, call);
     const vfloat *term = lanes->field + N_TERM + CLOSE_VALUES * (CLOSE_TERMS - 1);
@@ -234,11 +240,12 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
     }
     vfloat flat = v_madd(x, x, v_madd(z, z, v_splat(1e-30f)));
     vfloat m = v_madd(y, y, flat);
-    return (struct scaled_orbit){x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
+    return (struct scaled_orbit){
+        x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
-static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat field[N_FIELDS], vfloat h,
-                                 vfloat hit_distance, vfloat most) {
+static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat field[N_FIELDS],
+                                     vfloat h, vfloat hit_distance, vfloat most) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_chebyshev, call);
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
@@ -254,7 +261,7 @@ static inline void advance_chebyshev(struct chebyshev_packet *p, const vfloat fi
 
 // A step of all packets. How many lanes have ended.
 static inline int step_chebyshev(const struct primitive *s, const struct chebyshev_lanes *lanes,
-                             struct chebyshev_packet *p, vfloat hit_distance, vfloat most) {
+                                 struct chebyshev_packet *p, vfloat hit_distance, vfloat most) {
     struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED];
     vfloat h[INTERLEAVED];
@@ -281,10 +288,12 @@ static inline int step_chebyshev(const struct primitive *s, const struct chebysh
 
 // Where a ray's march is over: for resume_march(). t: from where it is nearest to the centre. What goes on among the other shapes
 // may have come below the plane by its last step, and be behind the camera.
-static void store_march_result(struct worker_scratch *scratch, int ray, double t, float evals, float found) {
+static void store_march_result(struct worker_scratch *scratch, int ray, double t, float evals,
+                               float found) {
     COUNT(store_march_result, call);
     int slot = (int)scratch->lone[B_SLOT][ray];
-    double all = ((double)scratch->lone[B_BEFORE][ray] + (double)scratch->lone[B_BEFORE_MORE][ray]) + t;
+    double all =
+        ((double)scratch->lone[B_BEFORE][ray] + (double)scratch->lone[B_BEFORE_MORE][ray]) + t;
     float far = (float)all;
     bool goes_on = found < 0 && far < 0;
     scratch->marched[MARCH_T][slot] = goes_on ? 0 : far;
@@ -294,8 +303,8 @@ static void store_march_result(struct worker_scratch *scratch, int ray, double t
 }
 
 // Of a packet's lanes that are over what store_march_result() wants: what has come to the plane is to ask there again.
-static inline void march_outcome(vmask met, vmask reached, vfloat had, vfloat most, float evals[LANES],
-                           float found[LANES]) {
+static inline void march_outcome(vmask met, vmask reached, vfloat had, vfloat most,
+                                 float evals[LANES], float found[LANES]) {
     COUNT(march_outcome, call);
     vmask capped = v_andnot(reached, v_cmp_ge(had, most)), plane = v_andnot(met, reached);
     v_store(had - v_select_or_zero(plane, v_splat(1.0f)), evals);
@@ -303,7 +312,8 @@ static inline void march_outcome(vmask met, vmask reached, vfloat had, vfloat mo
 }
 
 // Back to the rays that bulb/bulb_single.c marches in floats.
-static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest, float had) {
+static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
+                            float had) {
     int to = scratch->open_count++;
     for (int i = 0; i < B_LANE; i++)
         scratch->open[i][to] = scratch->lone[i][ray];
@@ -314,7 +324,7 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
 
 // What has ended is told; what is at the end of its piece waits for the next, and all are no longer live.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, vfloat most,
-                         struct worker_scratch *scratch) {
+                             struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_chebyshev, call);
     from->field[N_T] = p->t;
@@ -333,8 +343,8 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     march_outcome(p->met, p->reached, p->had, most, had, found);
     for (unsigned rest = ended & ~v_mask_bits(on); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
-        store_march_result(scratch, (int)rays[lane], (double)middle[lane] + (double)way[lane], had[lane],
-             found[lane]);
+        store_march_result(scratch, (int)rays[lane], (double)middle[lane] + (double)way[lane],
+                           had[lane], found[lane]);
     }
     if (!v_any(on))
         return;
@@ -354,8 +364,8 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
 
 // Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
 static void march_chebyshev(const struct primitive *s, vfloat hit_distance, vfloat most,
-                        struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
-                        struct worker_scratch *scratch) {
+                            struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
+                            struct worker_scratch *scratch) {
     COUNT(march_chebyshev, call);
     for (;;) {
         struct chebyshev_packet p[INTERLEAVED];
@@ -364,12 +374,13 @@ static void march_chebyshev(const struct primitive *s, vfloat hit_distance, vflo
             refill_chebyshev(&lanes[k], pieces, scratch);
             COUNT(march_chebyshev, packet);
             p[k] = (struct chebyshev_packet){lanes[k].field[N_T],   v_splat(0.0f),
-                                         lanes[k].field[N_HAD], v_mask_of_bits(~lanes[k].live),
-                                         v_mask_none(),         v_mask_none()};
+                                             lanes[k].field[N_HAD], v_mask_of_bits(~lanes[k].live),
+                                             v_mask_none(),         v_mask_none()};
             ended += v_count(p[k].done);
         }
         bool more = pieces->next < pieces->count || scratch->close_first < scratch->close_count;
-        if (ended == INTERLEAVED * LANES || (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
+        if (ended == INTERLEAVED * LANES ||
+            (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
             return;
         int enough = more || scratch->open_count > 0 ? ended + REFILL_CLOSE : INTERLEAVED * LANES;
         while (ended < enough && ended < INTERLEAVED * LANES)

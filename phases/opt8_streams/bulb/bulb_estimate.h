@@ -58,9 +58,9 @@ static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
     vhalf m = v_half_madd(y, y, k3), s = v_half_rsqrt_approx(m), root = m * s;
     vhalf twelve = v_half_madd(v_half_nmadd(root, s, one), v_half_splat(6.0), v_half_splat(12.0));
     return (struct orbit_double){v_half_madd(k_sin4, cos4, x),
-                               v_half_madd(k1, k1, v_half_nmadd(q, q, y)),
-                               v_half_madd(k_sin4, sin4, v_half_nmadd(k, two, z)),
-                               v_half_madd((m * m) * m, root * twelve, one)};
+                                 v_half_madd(k1, k1, v_half_nmadd(q, q, y)),
+                                 v_half_madd(k_sin4, sin4, v_half_nmadd(k, two, z)),
+                                 v_half_madd((m * m) * m, root * twelve, one)};
 }
 
 // What comes of an iteration for those that have not escaped before.
@@ -168,9 +168,9 @@ __attribute__((always_inline)) static inline void bulbs_end(const struct primiti
         distance[k] = bulb_end(&b[k], p[k], tiny);
 }
 
-__attribute__((always_inline)) static inline void bulbs(const struct primitive *s, const struct vec *p,
-                                                        const vmask *done, bool soon, bool exact,
-                                                        vfloat *distance) {
+__attribute__((always_inline)) static inline void bulbs(const struct primitive *s,
+                                                        const struct vec *p, const vmask *done,
+                                                        bool soon, bool exact, vfloat *distance) {
     struct scaled_orbit b[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++)
         bulb_begin(&b[k], p[k], v_not(done[k]));

@@ -12,7 +12,8 @@ struct bulb_lanes {
     unsigned live; // a bit for each lane
 };
 
-static int refill_single(struct bulb_lanes *to, int next, int count, float (*from)[BULB_SINGLE_ROOM]) {
+static int refill_single(struct bulb_lanes *to, int next, int count,
+                         float (*from)[BULB_SINGLE_ROOM]) {
     COUNT(refill_single, call);
     unsigned ended = ~to->live & ((1u << LANES) - 1);
     int more = __builtin_popcount(ended) - (count - next);
@@ -38,17 +39,17 @@ static inline struct vec vec_of_fields(const struct bulb_lanes *from, int first)
 
 static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
-                           vec_of_fields(from, B_DIRECTION),
-                           from->field[B_T],
-                           from->field[B_MORE],
-                           from->field[B_TO],
-                           from->field[B_HAD],
-                           from->field[B_HEIGHT],
-                           from->field[B_SLOPE],
-                           v_mask_of_bits(~from->live),
-                           v_mask_none(),
-                           v_mask_none(),
-                           v_mask_none()};
+                                vec_of_fields(from, B_DIRECTION),
+                                from->field[B_T],
+                                from->field[B_MORE],
+                                from->field[B_TO],
+                                from->field[B_HAD],
+                                from->field[B_HEIGHT],
+                                from->field[B_SLOPE],
+                                v_mask_of_bits(~from->live),
+                                v_mask_none(),
+                                v_mask_none(),
+                                v_mask_none()};
 }
 
 static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat most) {
@@ -70,7 +71,7 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
 
 // What has ended is told, what is close waits, and both are no longer live.
 static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, vfloat most,
-                        struct worker_scratch *scratch) {
+                          struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_single, call);
     from->field[B_T] = p->t;
@@ -89,15 +90,17 @@ static void retire_single(const struct bulb_packet *p, struct bulb_lanes *from, 
     march_outcome(p->met, p->reached, p->had, most, had, found);
     for (unsigned which = ended & ~v_mask_bits(close); which; which &= which - 1) {
         int lane = __builtin_ctz(which);
-        store_march_result(scratch, (int)rays[lane], (double)t[lane] + (double)rest[lane], had[lane], found[lane]);
+        store_march_result(scratch, (int)rays[lane], (double)t[lane] + (double)rest[lane],
+                           had[lane], found[lane]);
     }
     if (v_any(close))
         queue_close(close, from->field[B_RAY], p->t, p->rest, p->had, scratch);
 }
 
 // A step of all packets. How many lanes have ended.
-__attribute__((always_inline)) static inline int
-step_single(const struct primitive *s, struct bulb_packet *p, bool soon, vfloat hit_distance, vfloat most) {
+__attribute__((always_inline)) static inline int step_single(const struct primitive *s,
+                                                             struct bulb_packet *p, bool soon,
+                                                             vfloat hit_distance, vfloat most) {
     struct vec at[INTERLEAVED];
     vmask done[INTERLEAVED];
     vfloat h[INTERLEAVED];
@@ -119,8 +122,8 @@ step_single(const struct primitive *s, struct bulb_packet *p, bool soon, vfloat 
 
 // The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
 // until a ray of theirs ends.
-static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM], int count,
-                          vfloat hit_distance, vfloat most) {
+static void step_first_together(const struct primitive *s, float (*rays)[BULB_SINGLE_ROOM],
+                                int count, vfloat hit_distance, vfloat most) {
     COUNT(step_first_together, call);
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
@@ -229,7 +232,7 @@ static void pack_wide(vmask m, vdouble a, float (*field)[BULB_SINGLE_ROOM], int 
 }
 
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
-               struct trace_context *world) {
+                              struct trace_context *world) {
     ACTIVE(v_count(active));
     COUNT(queue_camera_rays_single, call);
     COUNT(queue_camera_rays_single, scalar);

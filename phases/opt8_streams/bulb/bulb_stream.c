@@ -69,7 +69,8 @@ bool next_camera_packet(struct ray_stream *stream, int number, struct trace_cont
 }
 
 // For resume_march().
-void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t, struct worker_scratch *scratch) {
+void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                        struct worker_scratch *scratch) {
     float values[MARCH_FIELDS][LANES], ray[LANES];
     v_store(t, values[MARCH_T]);
     v_store(v_select_or_zero(pool->found, pool->last), values[MARCH_LAST_STEP]);
@@ -85,7 +86,8 @@ void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat 
 }
 
 // How many lanes are still at work.
-static inline int camera_stream_step(struct refilled_packet *pool, int k, vfloat cap, struct trace_context *world) {
+static inline int camera_stream_step(struct refilled_packet *pool, int k, vfloat cap,
+                                     struct trace_context *world) {
     struct packet_group *group = &world->group;
     vmask live = group->live[k];
     ACTIVE(v_count(live));

@@ -63,7 +63,7 @@ static vfloat exit_distance(struct point origin, struct vec direction, const str
 }
 
 static struct ray_bundle bundle_of(const struct ray_group *rays, const vfloat *length,
-                               const struct model *model) {
+                                   const struct model *model) {
     COUNT(bundle_of, call);
     struct vec_range places = empty_range(), directions = places;
     for (int k = 0; k < GROUP; k++) {
@@ -120,8 +120,9 @@ struct ray_intervals {
 static struct ray_intervals intervals_of(const struct ray_bundle *b) {
     COUNT(intervals_of, call);
     vfloat ends = b->length * interval_ends();
-    return (struct ray_intervals){ends, ends - lane_before(ends),
-                              v_madd(b->spread, ends, v_madd(ends, v_splat(0x1p-18f), b->radius))};
+    return (struct ray_intervals){
+        ends, ends - lane_before(ends),
+        v_madd(b->spread, ends, v_madd(ends, v_splat(0x1p-18f), b->radius))};
 }
 
 // Between the ends, u and length − u away, a distance is within the bounds from both.
@@ -164,8 +165,9 @@ static vfloat bounds_at(vfloat ends, const struct ray_bundle *b, enum list_kind 
     return least;
 }
 
-static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list_kind meant, const struct prepared *scene,
-                          struct march_scratch *own, int *shapes) {
+static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list_kind meant,
+                                           const struct prepared *scene, struct march_scratch *own,
+                                           int *shapes) {
     struct ray_intervals in = intervals_of(b);
     vfloat least = bounds_at(in.ends, b, meant, scene, own);
     // A ray from within a shape is hit behind its origin: as far as it is deep.
@@ -178,7 +180,7 @@ static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list
         vmask here = v_mask_all();
         if (scene->placed[i].trust != BOUND_NONE)
             here = meant == LIST_NEAREST ? may_be_nearest(own->distance[i], least, &in)
-                                  : may_be_hit(own->distance[i], &in, close);
+                                         : may_be_hit(own->distance[i], &in, close);
         own->wanted[i] = (v_mask_bits(here) & ~1u) != 0;
     }
     if (meant == LIST_HIT)
@@ -186,8 +188,8 @@ static struct shape_list list_by_intervals(const struct ray_bundle *b, enum list
     return list_wanted(own->wanted, scene, shapes);
 }
 
-void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant, struct trace_context *world,
-          int *shapes) {
+void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
+                     struct trace_context *world, int *shapes) {
     ACTIVE(LANES);
     COUNT(list_for_bundle, call);
     const struct prepared *scene = world->scene;

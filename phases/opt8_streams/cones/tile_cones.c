@@ -2,8 +2,8 @@
 // on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
 // distance is taken off it before it is believed.
 #include "cones/distance_bounds.h"
-#include "simd/point.h"
 #include "core/ray_queues.h"
+#include "simd/point.h"
 
 enum { MAX_CONE_STEPS = 512 };
 
@@ -17,7 +17,8 @@ static size_t even_count(int shapes) { // so many that whole numbers behind mask
 size_t march_scratch_size(int shapes) {
     return even_count(shapes) *
            ((GROUP + 1) * (sizeof(struct local_ray) + sizeof(vfloat)) + GROUP * sizeof(vfloat) +
-            sizeof(struct local_ray) + (STRIP_TILES + 1) * sizeof(vmask) + 8 * sizeof(int) + sizeof(bool));
+            sizeof(struct local_ray) + (STRIP_TILES + 1) * sizeof(vmask) + 8 * sizeof(int) +
+            sizeof(bool));
 }
 
 struct march_scratch march_scratch_of(void *memory, int shapes) {
@@ -45,8 +46,8 @@ struct cone_step {
 };
 
 static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
-                                 struct shape_list offered, const struct prepared *scene,
-                                 struct march_scratch *own) {
+                                     struct shape_list offered, const struct prepared *scene,
+                                     struct march_scratch *own) {
     struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
@@ -82,8 +83,9 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
     approach_origins(eye, scene, &beam);
 }
 
-void march_cones(struct point eye, vmask active, struct shape_list offered, struct cone_packet *cones,
-                 const struct prepared *scene, struct march_scratch *own) {
+void march_cones(struct point eye, vmask active, struct shape_list offered,
+                 struct cone_packet *cones, const struct prepared *scene,
+                 struct march_scratch *own) {
     ACTIVE(v_count(active));
     COUNT(march_cones, call);
     const struct limits *limits = &scene->model.march;
@@ -158,13 +160,14 @@ struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *sc
 }
 
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
-                       struct march_scratch *own) {
+                                    struct march_scratch *own) {
     for (int i = 0; i < scene->model.shape_count; i++)
         own->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
     return list_wanted(own->wanted, scene, own->offered);
 }
 
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own, float *start) {
+struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
+                               float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
         own->wanted[i] = v_mask_bits(own->met[i]) >> lane & 1;

@@ -4,8 +4,8 @@
 #ifndef TILES_H
 #define TILES_H
 
-#include "simd/point.h"
 #include "core/trace.h"
+#include "simd/point.h"
 
 // A worker's memory, of the size that march_scratch_size() says.
 struct march_scratch {
@@ -14,7 +14,7 @@ struct march_scratch {
     vfloat *eye_wake; // of cones and bundles
     struct local_ray *eye;
     vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;       // of cones
+    struct local_ray *axis;      // of cones
     vmask *met;                  // lanes whose cone can meet the shape
     int *offered;                // a list of what wider cones have met
     int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
@@ -36,13 +36,15 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
 // From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
 // a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
 // asks for it.
-void march_cones(struct point eye, vmask active, struct shape_list offered, struct cone_packet *cones,
-                 const struct prepared *scene, struct march_scratch *own);
+void march_cones(struct point eye, vmask active, struct shape_list offered,
+                 struct cone_packet *cones, const struct prepared *scene,
+                 struct march_scratch *own);
 // What some of the cones have met; `some`: bits of their lanes.
 struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
-                       struct march_scratch *own);
+                                    struct march_scratch *own);
 // Where a Mandelbulb is on it, `start` is the camera.
-struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own, float *start);
+struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
+                               float *start);
 
 // What is on the last list_of_cone(), but for Mandelbulbs.
 struct shape_list list_without_bulbs(const struct prepared *scene, struct march_scratch *own);
@@ -54,7 +56,7 @@ enum list_kind { LIST_HIT, LIST_NEAREST };
 
 // Lists for the rays of a group, in its beams. LIST_HIT: what a ray can hit, and what is near such a place; LIST_NEAREST: the
 // least of all distances is that of the list, everywhere. `length`: of the rays; NULL: to the bounds.
-void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant, struct trace_context *world,
-          int *shapes);
+void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum list_kind meant,
+                     struct trace_context *world, int *shapes);
 
 #endif

@@ -34,7 +34,8 @@ static double bounding_radius(const struct shape *shape) {
     }
 }
 
-static void prepare_solid(struct primitive *p, const struct shape *shape, const struct model *model) {
+static void prepare_solid(struct primitive *p, const struct shape *shape,
+                          const struct model *model) {
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
@@ -76,7 +77,7 @@ static void prepare_cone(struct primitive *p, float q, bool soft) {
 }
 
 static struct primitive prepare_shape(int index, const struct shape *shape,
-                                 const struct limits *limits) {
+                                      const struct limits *limits) {
     struct primitive p = {.type = shape->type, .index = (float)index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);

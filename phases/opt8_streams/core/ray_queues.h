@@ -5,10 +5,10 @@
 #ifndef STREAMS_H
 #define STREAMS_H
 
+#include "cones/tile_cones.h"
 #include "core/pixel_block.h"
 #include "simd/permute.h"
 #include "simd/point.h"
-#include "cones/tile_cones.h"
 
 enum {
     PATCH = 8, // pixels on each side
@@ -18,9 +18,9 @@ enum {
     TILE_PIXELS = TILE_WIDTH * TILE_HEIGHT,
     STRIP_TILES = 4, // tiles side by side, whose rays wait together
     STRIP_PIXELS = STRIP_TILES * TILE_PIXELS,
-    GROUP_RAYS = GROUP * LANES, // rays that are marched together
-    QUEUE = STRIP_PIXELS,     // of each kind; a full one is worked off
-    QUEUE_ROOM = QUEUE + GROUP_RAYS   // what is packed or loaded may reach beyond its end
+    GROUP_RAYS = GROUP * LANES,     // rays that are marched together
+    QUEUE = STRIP_PIXELS,           // of each kind; a full one is worked off
+    QUEUE_ROOM = QUEUE + GROUP_RAYS // what is packed or loaded may reach beyond its end
 };
 
 // Mirror rays: what they add to their pixel is `weight` times what they see.
@@ -41,7 +41,14 @@ enum shadow_field {
 enum march_field { MARCH_T, MARCH_LAST_STEP, MARCH_EVALS, MARCH_FOUND, MARCH_FIELDS };
 
 // How far a shadow ray has come, where there is a Mandelbulb; SEGMENT_END: of the stretch where that may be the nearest.
-enum segment_field { SEGMENT_T, SEGMENT_LEAST_SQ, SEGMENT_TWICE, SEGMENT_EVALS, SEGMENT_END, SEGMENT_FIELDS };
+enum segment_field {
+    SEGMENT_T,
+    SEGMENT_LEAST_SQ,
+    SEGMENT_TWICE,
+    SEGMENT_EVALS,
+    SEGMENT_END,
+    SEGMENT_FIELDS
+};
 
 // Camera rays of bulb/bulb_single.c, in the Mandelbulb's frame, from the place that is nearest to its centre.
 enum bulb_single_field {
@@ -71,10 +78,12 @@ struct worker_scratch {
     float color[3][STRIP_PIXELS]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     int mirrors, shadows;
-    float gaze[3][STRIP_PIXELS], marched[MARCH_FIELDS][STRIP_PIXELS]; // camera rays of bulb/bulb_stream.c
-    int camera_slot[STRIP_PIXELS / LANES], camera_packets;                    // the first pixel of each packet
+    float gaze[3][STRIP_PIXELS],
+        marched[MARCH_FIELDS][STRIP_PIXELS];               // camera rays of bulb/bulb_stream.c
+    int camera_slot[STRIP_PIXELS / LANES], camera_packets; // the first pixel of each packet
     unsigned camera_active[STRIP_PIXELS / LANES];
-    float lone[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_SINGLE_ROOM];
+    float lone[B_FIELDS][BULB_SINGLE_ROOM], close[C_FIELDS][CLOSE_ROOM],
+        open[B_LANE][BULB_SINGLE_ROOM];
     int single_count, close_first, close_count, open_count;
     float leg[SEGMENT_FIELDS][QUEUE_ROOM];
     unsigned under_way[QUEUE_ROOM / LANES]; // the rays of each packet that have not ended
@@ -93,7 +102,7 @@ void queue_camera_rays(struct vec direction, vmask active, int slot, struct trac
 void march_camera_stream(struct trace_context *world);
 // The same where a Mandelbulb is alone (core/primitive.h); exact: the directions once more.
 void queue_camera_rays_single(struct vec direction, struct vec_double exact, vmask active, int slot,
-               struct trace_context *world);
+                              struct trace_context *world);
 void march_single_bulb(struct trace_context *world);
 
 // Work off the queues.
@@ -106,11 +115,11 @@ void list_occluders(const struct hit hit[GROUP], const struct lighting light[GRO
                     struct trace_context *world);
 // Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
 // below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.
-vmask trivially_lit(const struct hit *hit, const struct lighting *light, const struct packet_rays *beam,
-              const struct trace_context *world);
+vmask trivially_lit(const struct hit *hit, const struct lighting *light,
+                    const struct packet_rays *beam, const struct trace_context *world);
 // The soft shadow on these: the least of those two terms.
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
-                  const struct lighting *light, const struct model *model);
+                   const struct lighting *light, const struct model *model);
 
 static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
     return (struct vec){v_load(&field[0][first]), v_load(&field[1][first]),
@@ -132,7 +141,8 @@ static inline vmask is_shape(vfloat shape, int i) {
 }
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
-static inline void add_light(vmask m, struct vec light, vfloat pixel, struct worker_scratch *scratch) {
+static inline void add_light(vmask m, struct vec light, vfloat pixel,
+                             struct worker_scratch *scratch) {
     COUNT(add_light, call);
     float from[3][LANES], at[LANES];
     v_store(light.x, from[0]);

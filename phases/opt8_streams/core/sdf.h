@@ -18,7 +18,7 @@ enum { GROUP = 4 };
 // A packet of rays under way. `high` + t is no less than the distance to the nearest steady shape.
 struct packet_rays {
     struct local_ray *approach; // one per shape
-    struct shape_list list;          // those that its rays can meet: the same for all of a group
+    struct shape_list list;     // those that its rays can meet: the same for all of a group
     // One per shape, GROUP apart: the shape is not the nearest as long as this is above (distance to the
     // nearest) + t.
     vfloat *wake;
@@ -72,8 +72,8 @@ static inline void approach_directions(struct vec direction, const struct prepar
 }
 
 // Distance to the nearest shape at distance t along the rays, and which one it is (the first of equals).
-static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t, const struct prepared *scene,
-                                   vmask live, vfloat *shape) {
+static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t,
+                                      const struct prepared *scene, vmask live, vfloat *shape) {
     COUNT(nearest_shape_at, call);
     vfloat least = v_splat(INFINITY);
     for (int place = 0; place < beam->list.count; place++) {
@@ -89,7 +89,8 @@ static inline vfloat nearest_shape_at(const struct packet_rays *beam, vfloat t, 
 }
 
 // The origins moved by a little along the rays.
-static inline void approach_moved(vfloat by, const struct prepared *scene, struct packet_rays *beam) {
+static inline void approach_moved(vfloat by, const struct prepared *scene,
+                                  struct packet_rays *beam) {
     COUNT(approach_moved, call);
     beam->high = beam->high + v_abs(by);
     for (int place = 0; place < beam->list.count; place++) {
@@ -125,8 +126,9 @@ struct nearest_so_far {
 
 // `steady`, `eval_kind` and `type` are known where these are inlined.
 __attribute__((always_inline)) static inline void
-packet_distance(struct packet_group *group, int k, int shape, const struct primitive *placed, bool steady,
-                enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
+packet_distance(struct packet_group *group, int k, int shape, const struct primitive *placed,
+                bool steady, enum eval_kind way, enum shape_type type,
+                struct nearest_so_far *found) {
     ACTIVE(v_count(group->live[k]));
     COUNT(packet_distance, call);
     const struct local_ray *a = &group->beam[k].approach[shape];
@@ -143,7 +145,7 @@ packet_distance(struct packet_group *group, int k, int shape, const struct primi
 
 __attribute__((always_inline)) static inline void
 group_distances(struct packet_group *group, int shape, const struct primitive *placed, bool steady,
-              enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
+                enum eval_kind way, enum shape_type type, struct nearest_so_far *found) {
     if (group->count == GROUP) // unrolled
         for (int k = 0; k < GROUP; k++)
             packet_distance(group, k, shape, placed, steady, way, type, found);
@@ -154,8 +156,8 @@ group_distances(struct packet_group *group, int shape, const struct primitive *p
 
 // An iteration of each packet after the other: one alone is a chain of a hundred cycles, and too long for the
 // processor to look beyond it to the next packet.
-static inline void bulb_distances(struct packet_group *group, int shape, const struct primitive *placed,
-                                  struct nearest_so_far *found) {
+static inline void bulb_distances(struct packet_group *group, int shape,
+                                  const struct primitive *placed, struct nearest_so_far *found) {
     COUNT(bulb_distances, call);
     struct bulb_orbit bulb[GROUP];
     int count = group->count;
@@ -196,10 +198,9 @@ static inline bool all_asleep(const vfloat *wake, const struct nearest_so_far *f
 }
 
 // The types told apart once for all packets.
-__attribute__((always_inline)) static inline void distances_to_shape(struct packet_group *group, int shape,
-                                                                  const struct primitive *placed,
-                                                                  bool steady,
-                                                                  struct nearest_so_far *found) {
+__attribute__((always_inline)) static inline void
+distances_to_shape(struct packet_group *group, int shape, const struct primitive *placed,
+                   bool steady, struct nearest_so_far *found) {
 #define EACH(way, type) group_distances(group, shape, placed, steady, way, type, found)
     if (steady && placed->way == EVAL_LINEAR) {
         EACH(EVAL_LINEAR, SHAPE_PLANE);
@@ -244,7 +245,7 @@ struct sole_shape {
 };
 
 static inline void wake_of_others(const struct packet_group *group, const struct shape_list *list,
-                                struct sole_shape *alone) {
+                                  struct sole_shape *alone) {
     COUNT(wake_of_others, call);
     for (int k = 0; k < GROUP; k++)
         alone->until[k] = v_splat(INFINITY);
@@ -261,8 +262,8 @@ static inline void wake_of_others(const struct packet_group *group, const struct
 }
 
 // All shapes that may be the nearest, but `sole_shape`, which has been asked.
-static inline void evaluate_awake(struct packet_group *group, const struct prepared *scene, struct sole_shape *alone,
-                             struct nearest_so_far *found) {
+static inline void evaluate_awake(struct packet_group *group, const struct prepared *scene,
+                                  struct sole_shape *alone, struct nearest_so_far *found) {
     const struct shape_list *list = &group->beam[0].list;
     int asked = alone->shape, last = asked, count = asked >= 0;
     for (int n = 0; n < list->count; n++) {

@@ -1,8 +1,8 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
 #include "core/camera_rays.h"
-#include "simd/point.h"
 #include "core/ray_queues.h"
+#include "simd/point.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -65,17 +65,17 @@ static struct pixel_rect rect_of_patch(int tile, int lane, const struct frame *f
     int left = tile % tiles_across(frame) * TILE_WIDTH + lane % PATCHES_ACROSS * PATCH;
     int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / PATCHES_ACROSS * PATCH;
     return (struct pixel_rect){left, top, int_min(frame->width, left + PATCH),
-                          int_min(frame->height, top + PATCH)};
+                               int_min(frame->height, top + PATCH)};
 }
 
 enum { SQUARE = 2 * PATCH, SQUARES_ACROSS = STRIP_TILES * PATCHES_ACROSS / 2 };
 
 static struct pixel_rect rect_of_square(int tile, int lane,
-                              const struct frame *frame) { // the strip's first tile
+                                        const struct frame *frame) { // the strip's first tile
     int left = tile % tiles_across(frame) * TILE_WIDTH + lane % SQUARES_ACROSS * SQUARE;
     int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / SQUARES_ACROSS * SQUARE;
     return (struct pixel_rect){left, top, int_min(frame->width, left + SQUARE),
-                          int_min(frame->height, top + SQUARE)};
+                               int_min(frame->height, top + SQUARE)};
 }
 
 // The square that a patch is in.
@@ -135,7 +135,7 @@ static struct pixel_block block_in_rect(const struct pixel_rect *patch, int numb
     int column = patch->left + number % (PATCH / BLOCK_WIDTH) * BLOCK_WIDTH;
     int row = patch->top + number / (PATCH / BLOCK_WIDTH) * BLOCK_HEIGHT;
     return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, patch->right - column),
-                          int_min(BLOCK_HEIGHT, patch->bottom - row)};
+                                int_min(BLOCK_HEIGHT, patch->bottom - row)};
 }
 
 // Nothing is hit by any of its rays.
@@ -165,7 +165,7 @@ static bool may_meet_bulb(const struct shape_list *list, const struct prepared *
 }
 
 static void queue_patch(const struct pixel_rect *patch, int at, const struct job *job,
-                       struct trace_context *world) {
+                        struct trace_context *world) {
     COUNT(queue_patch, call);
     for (int i = 0; i < BLOCKS; i++) {
         struct pixel_block block = block_in_rect(patch, i);
@@ -176,16 +176,16 @@ static void queue_patch(const struct pixel_rect *patch, int at, const struct job
             continue;
         struct vec direction = get_direction(block, job->frame, job->view);
         if (world->lone)
-            queue_camera_rays_single(direction, exact_direction(block, job->frame, job->view), active,
-                      at + i * LANES, world);
+            queue_camera_rays_single(direction, exact_direction(block, job->frame, job->view),
+                                     active, at + i * LANES, world);
         else
             queue_camera_rays(direction, active, at + i * LANES, world);
     }
 }
 
 // Into the desk, from place `at` on.
-static void render_patch(const struct pixel_rect *patch, float start, struct shape_list list, int at,
-                         const struct job *job, struct trace_context *world) {
+static void render_patch(const struct pixel_rect *patch, float start, struct shape_list list,
+                         int at, const struct job *job, struct trace_context *world) {
     COUNT(render_patch, call);
     bool marched = may_meet_bulb(&list, world->scene);
     struct ray_group rays = {.start = v_splat(start)};
@@ -249,7 +249,8 @@ struct tile_in_work {
 };
 
 // Cones for the squares of a strip; `squares->tile` is its first one.
-static void begin_strip(struct tile_in_work *squares, const struct job *job, struct trace_context *world) {
+static void begin_strip(struct tile_in_work *squares, const struct job *job,
+                        struct trace_context *world) {
     struct cone_packet cones;
     struct pixel_rect square[LANES];
     for (int lane = 0; lane < LANES; lane++)
@@ -316,7 +317,8 @@ static void store_colors(const struct tile_in_work *drawn, int at, const struct 
         struct pixel_rect patch = rect_of_patch(drawn->tile, lane, job->frame);
         for (int i = 0; i < BLOCKS; i++) {
             int first = at + lane * PATCH * PATCH + i * LANES;
-            struct vec color = {v_load(&scratch->color[0][first]), v_load(&scratch->color[1][first]),
+            struct vec color = {v_load(&scratch->color[0][first]),
+                                v_load(&scratch->color[1][first]),
                                 v_load(&scratch->color[2][first])};
             store_color(job->frame, block_in_rect(&patch, i), color);
         }
@@ -338,10 +340,12 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
     const struct prepared *scene = job->prepared;
     int shapes = scene->model.shape_count, across = strips_across(job->frame), count = 0;
     struct march_scratch own = march_scratch_of(memory, shapes);
-    struct worker_scratch *scratch = (struct worker_scratch *)((char *)memory + scratch_offset(shapes));
+    struct worker_scratch *scratch =
+        (struct worker_scratch *)((char *)memory + scratch_offset(shapes));
     scratch->occluders = (int *)((char *)scratch + whole_lines(sizeof *scratch));
     scratch->mirrors = scratch->shadows = scratch->camera_packets = scratch->single_count = 0;
-    struct trace_context world = {.scene = scene, .view = job->view, .own = &own, .scratch = scratch};
+    struct trace_context world = {
+        .scene = scene, .view = job->view, .own = &own, .scratch = scratch};
     world.eye = point_from_doubles(job->view->position);
     world.lone = scene->lone && within_bounds(job->view, &scene->model);
     init_packet_rays(&world.group, &own, shapes);
@@ -389,13 +393,15 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct march_scratch parts = march_scratch_of(own, prepared->model.shape_count);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, v_splat(0.0f)}, *beam = &all;
+    struct packet_rays all = {parts.approach, prepared->all, parts.wake, v_splat(0.0f)},
+                       *beam = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam);
-        distance[i] = v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        distance[i] =
+            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

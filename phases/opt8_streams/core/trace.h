@@ -2,8 +2,8 @@
 #ifndef TRACE_H
 #define TRACE_H
 
-#include "march/march_step.h"
 #include "core/sdf.h"
+#include "march/march_step.h"
 #include "simd/point.h"
 
 struct worker_scratch; // core/ray_queues.h
@@ -12,14 +12,15 @@ struct trace_context {
     const struct prepared *scene;
     const struct view *view;
     struct packet_group group; // of the rays being marched now
-    struct march_scratch *own;    // the worker's (cones/tile_cones.h)
+    struct march_scratch *own; // the worker's (cones/tile_cones.h)
     struct point eye;
     bool lone; // camera rays go by bulb/bulb_single.c
     struct worker_scratch *scratch;
 };
 
 // NULL: there is none.
-static inline const struct primitive *single_shape(enum shape_type type, const struct prepared *scene) {
+static inline const struct primitive *single_shape(enum shape_type type,
+                                                   const struct prepared *scene) {
     for (int i = 0; i < scene->model.shape_count; i++)
         if (scene->placed[i].type == type)
             return &scene->placed[i];
@@ -33,9 +34,9 @@ struct ray_group {
     vmask active[GROUP];
     vfloat weight[GROUP]; // of what they see in their pixel
     vfloat pixel[GROUP], bounce[GROUP];
-    vfloat start;       // where they begin
+    vfloat start;             // where they begin
     struct shape_list others; // what those of them can meet that no Mandelbulb is before
-    int marched;        // the pixel of the first, if the desk knows where they end; else −1
+    int marched;              // the pixel of the first, if the desk knows where they end; else −1
 };
 
 struct hit {
@@ -60,7 +61,8 @@ struct hit_surroundings {
     vmask contact;          // another shape is within two normal steps of it
 };
 
-struct hit_surroundings near_hit(vmask found, const struct prepared *scene, struct packet_rays *beam);
+struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
+                                 struct packet_rays *beam);
 // Of hits that are the origins of the beam, and the slope there; `smooth` as in struct hit.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct prepared *scene, const struct packet_rays *beam, vfloat *slope,

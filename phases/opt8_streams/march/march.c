@@ -1,9 +1,9 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
-#include "march/march_step.h"
 #include "core/numerics.h"
-#include "simd/point.h"
 #include "core/ray_queues.h"
+#include "march/march_step.h"
+#include "simd/point.h"
 
 // Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
 // sum, rounded, would lose what places the hit on the surface.
@@ -29,7 +29,7 @@ static int steps_left(const struct march_state *at, vmask live, int cap) {
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
 __attribute__((noinline)) static void end_rays(struct march_state *at, int step, int k, vmask going,
-                                                 vmask inside, struct packet_group *group, int cap) {
+                                               vmask inside, struct packet_group *group, int cap) {
     COUNT(end_rays, call);
     vmask live = group->live[k], reached = v_andnot(going, live);
     at->last = v_select(reached, group->distance[k], at->last);
@@ -132,8 +132,8 @@ static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
 }
 
 // From step number `next` on.
-static void march_to_plane(struct march_state packets[GROUP], int shape, int next, struct packet_group *group,
-                        const struct model *model) {
+static void march_to_plane(struct march_state packets[GROUP], int shape, int next,
+                           struct packet_group *group, const struct model *model) {
     COUNT(march_to_plane, call);
     vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct plane_ray line[GROUP];
@@ -142,7 +142,7 @@ static void march_to_plane(struct march_state packets[GROUP], int shape, int nex
     for (int k = 0; k < GROUP; k++) {
         const struct local_ray *a = &group->beam[k].approach[shape];
         line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
-                                group->live[k]};
+                                     group->live[k]};
         if (v_any(group->live[k]) && packets[k].left < left)
             left = packets[k].left;
         ACTIVE(v_count(group->live[k]));
@@ -201,9 +201,9 @@ static bool plane_is_sole_hit(const struct packet_group *group, const struct sol
 
 // The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
 __attribute__((always_inline)) static inline void march_one_solid(struct march_state packets[GROUP],
-                                                              int shape, enum shape_type type,
-                                                              struct packet_group *group,
-                                                              const struct prepared *scene) {
+                                                                  int shape, enum shape_type type,
+                                                                  struct packet_group *group,
+                                                                  const struct prepared *scene) {
     COUNT(march_one_solid, call);
     const struct primitive *placed = &scene->placed[shape];
     vfloat hit_distance = v_splat((float)scene->model.march.hit_distance);
@@ -252,7 +252,8 @@ static bool march_solid(struct march_state packets[GROUP], int shape, struct pac
 }
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
-static void march(struct march_state packets[GROUP], const struct ray_group *rays, struct trace_context *world) {
+static void march(struct march_state packets[GROUP], const struct ray_group *rays,
+                  struct trace_context *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct packet_group *group = &world->group;
@@ -295,8 +296,9 @@ static void march(struct march_state packets[GROUP], const struct ray_group *ray
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const struct prepared *scene,
-                                              const struct packet_rays *beam, vfloat *shape) {
+__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
+                                                   const struct prepared *scene,
+                                                   const struct packet_rays *beam, vfloat *shape) {
     ACTIVE(v_count(deep));
     COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
@@ -308,7 +310,7 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const s
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
-                   const struct prepared *scene, struct packet_rays *beam, vmask *live) {
+                      const struct prepared *scene, struct packet_rays *beam, vmask *live) {
     ACTIVE(v_count(at->found));
     COUNT(land_hits, call);
     if (!v_any(at->found))
@@ -342,8 +344,8 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     return v_any(*live);
 }
 
-static struct hit finish_hit(struct march_state *at, struct vec direction, const struct prepared *scene,
-                         struct packet_rays *beam) {
+static struct hit finish_hit(struct march_state *at, struct vec direction,
+                             const struct prepared *scene, struct packet_rays *beam) {
     COUNT(finish_hit, call);
     struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
     hit.smooth = v_mask_none();
@@ -374,7 +376,8 @@ static struct hit finish_hit(struct march_state *at, struct vec direction, const
 }
 
 // Rays whose march is over: see bulb/bulb_stream.c. Those that no Mandelbulb is before march on among the other shapes.
-static void resume_march(struct march_state packets[GROUP], const struct ray_group *rays, struct trace_context *world) {
+static void resume_march(struct march_state packets[GROUP], const struct ray_group *rays,
+                         struct trace_context *world) {
     COUNT(resume_march, call);
     const struct worker_scratch *scratch = world->scratch;
     struct packet_group *group = &world->group;
@@ -430,7 +433,7 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
         recalled = true;
         for (int k = 0; k < GROUP; k++)
             if (going >> k & 1 && !land_hits(&packets[k], settled[k], rays->direction[k], scene,
-                                          &world->group.beam[k], &world->group.live[k]))
+                                             &world->group.beam[k], &world->group.live[k]))
                 going &= ~(1u << k);
     }
     for (int k = 0; k < GROUP; k++) {

@@ -1,7 +1,7 @@
 // Normals of hits.
+#include "core/trace.h"
 #include "shading/gradients.h"
 #include "simd/point.h"
-#include "core/trace.h"
 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
@@ -23,7 +23,8 @@ static struct vec scene_difference(vmask live, float step, const struct prepared
 }
 
 // Which shapes a ray from there need not ask for yet is known then, too.
-struct hit_surroundings near_hit(vmask found, const struct prepared *scene, struct packet_rays *beam) {
+struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
+                                 struct packet_rays *beam) {
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
@@ -45,7 +46,7 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene, stru
     beam->high = beam->high + v_splat(1e-30f); // at distance 0 the shape is awake
     float step = (float)scene->model.march.normal_step;
     return (struct hit_surroundings){least, v_select(found, shape, v_splat(-1.0f)),
-                             v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
+                                     v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
 }
 
 // `contact`: hits near another shape, whose difference is the scene's.

@@ -1,9 +1,9 @@
 // What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
 // pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+#include "core/ray_queues.h"
 #include "simd/permute.h"
 #include "simd/point.h"
 #include "simd/pow.h"
-#include "core/ray_queues.h"
 
 // Materials of hits.
 struct surface {
@@ -89,7 +89,8 @@ static void queue_shadow(vmask m, const struct hit *hit, const struct lighting *
 }
 
 static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, vfloat weight,
-                         vfloat share, vfloat pixel, vfloat bounce, const struct trace_context *world) {
+                         vfloat share, vfloat pixel, vfloat bounce,
+                         const struct trace_context *world) {
     ACTIVE(v_count(m));
     COUNT(queue_mirror, call);
     struct worker_scratch *scratch = world->scratch;
@@ -108,8 +109,8 @@ static void queue_mirror(vmask m, const struct hit *hit, struct vec direction, v
 
 // Of cleared rays: their own shape's terms, where it rises slowly.
 static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const struct hit *hit,
-                         const struct lighting *light, const struct packet_rays *beam,
-                         const struct prepared *scene) {
+                                       const struct lighting *light, const struct packet_rays *beam,
+                                       const struct prepared *scene) {
     float id[LANES];
     v_store(hit->shape, id);
     COUNT(scale_by_self_shadow, call);
@@ -121,7 +122,7 @@ static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const str
         vmask same = v_and(grazes, is_shape(hit->shape, i));
         rest &= ~v_mask_bits(same);
         vfloat lit = self_shadow(&scene->placed[i], beam->approach[i].origin, hit->normal, light,
-                                &scene->model);
+                                 &scene->model);
         bright = vec_select(same, vec_scale(bright, lit), bright);
     }
     return bright;
@@ -129,8 +130,8 @@ static struct vec scale_by_self_shadow(struct vec bright, vmask clear, const str
 
 // The light on a packet's hits: what is told at once is added, what is not waits.
 static struct vec lit_color(struct vec color, struct vec bright, const struct hit *hit,
-                            const struct lighting *light, vfloat pixel, const struct packet_rays *beam,
-                            struct trace_context *world) {
+                            const struct lighting *light, vfloat pixel,
+                            const struct packet_rays *beam, struct trace_context *world) {
     const struct prepared *scene = world->scene;
     bool soft = scene->model.shadows == SHADOWS_SOFT;
     vmask open = light->lit;

@@ -4,14 +4,14 @@
 #ifndef POOL_H
 #define POOL_H
 
-#include "simd/permute.h"
 #include "shadow/soft_shadow.h"
+#include "simd/permute.h"
 
 enum { REFILL = GROUP_RAYS / 16 }; // lanes that have ended
 
 // What the lanes of a packet have, but for what is in the group.
 struct refilled_packet {
-    struct shadow_state shade;             // camera rays have its exit alone
+    struct shadow_state shade;      // camera rays have its exit alone
     vfloat evals, length, end, ray; // ray: a whole number. POOL_REALS from the beginning to here
     vfloat last;                    // of a camera ray that has been hit
     vmask held, found, passed;      // with a ray, if it has ended or not; of those that have: how
@@ -32,8 +32,10 @@ struct ray_stream {
 bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_context *world);
 bool next_camera_packet(struct ray_stream *stream, int number, struct trace_context *world);
 // Lanes whose ray has ended leave what has become of it.
-void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t, struct worker_scratch *scratch);
-void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t, struct worker_scratch *scratch);
+void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                        struct worker_scratch *scratch);
+void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                        struct worker_scratch *scratch);
 
 static inline void pack_in_place(vmask m, vfloat *first, int count) {
     for (int i = 0; i < count; i++)
@@ -47,7 +49,8 @@ static inline int approach_reals(const struct primitive *placed) {
 
 // The rays of m, which may start inside of a shape, move to the front; how far the steady shapes are is known of all of
 // them at once: so no lane that is filled wakes one for the others.
-static inline void prepare_packet(struct ray_stream *stream, vmask m, const struct prepared *scene) {
+static inline void prepare_packet(struct ray_stream *stream, vmask m,
+                                  const struct prepared *scene) {
     ACTIVE(v_count(m));
     COUNT(prepare_packet, call);
     struct packet_rays *beam = &stream->beam;
@@ -78,7 +81,8 @@ static inline void fill_reals(vmask m, vfloat *to, const vfloat *from, int gone,
         to[i] = v_expand_load(m, to[i], (const float *)&from[i] + gone);
 }
 
-static inline void fill_lanes(struct ray_stream *stream, int k, unsigned lanes, struct trace_context *world) {
+static inline void fill_lanes(struct ray_stream *stream, int k, unsigned lanes,
+                              struct trace_context *world) {
     struct packet_group *group = &world->group;
     struct refilled_packet *pool = &stream->pool[k];
     vmask m = v_mask_of_bits(lanes);

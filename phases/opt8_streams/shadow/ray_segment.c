@@ -2,8 +2,8 @@
 // plane is nearer than any Mandelbulb can be. So a ray goes among the other shapes, in packets, to the stretch where one
 // may be the nearest; through that in a stream (shadow/lane_refill.h); and behind it as before. Its steps are the same: what is left
 // out is further than what is returned.
-#include "cones/distance_bounds.h"
 #include "bulb/bulb_estimate.h"
+#include "cones/distance_bounds.h"
 #include "shadow/lane_refill.h"
 #include "simd/point.h"
 
@@ -33,8 +33,9 @@ static struct ray_segment segment_within(vfloat along, vfloat square, vfloat rad
 
 // Where the Mandelbulb may be nearer than the plane: its estimate is at least half of the distance to its ball, and above
 // the tangent of its form from afar.
-static struct ray_segment segment_before_plane(const struct local_ray *bulb, const struct local_ray *plane,
-                                   const struct primitive *placed) {
+static struct ray_segment segment_before_plane(const struct local_ray *bulb,
+                                               const struct local_ray *plane,
+                                               const struct primitive *placed) {
     COUNT(segment_before_plane, call);
     vfloat height = plane->origin.x, slope = plane->direction.x + v_splat(0x1p-12f);
     height = v_madd(v_splat(0x1p-10f), v_abs(height), height + v_splat(0x1p-10f));
@@ -71,7 +72,8 @@ static struct ray_segment segment_of(const struct packet_rays *beam, const struc
 }
 
 // The shadow rays from `first` on, of the desk's queue.
-static vmask load_shadow_rays(int first, struct worker_scratch *scratch, struct point *origin, struct vec *to_light) {
+static vmask load_shadow_rays(int first, struct worker_scratch *scratch, struct point *origin,
+                              struct vec *to_light) {
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     *origin = (struct point){load_vec(field + S_HI, first), load_vec(field + S_LO, first)};
     *to_light = load_vec(field + S_TO_LIGHT, first);
@@ -85,8 +87,8 @@ struct segment_walk {
     vmask there[GROUP]; // rays that have come as far
 };
 
-static void begin_segment(struct segment_walk *walk, int k, int first, bool before, struct shape_list others,
-                       struct trace_context *world) {
+static void begin_segment(struct segment_walk *walk, int k, int first, bool before,
+                          struct shape_list others, struct trace_context *world) {
     COUNT(begin_segment, call);
     struct worker_scratch *scratch = world->scratch;
     struct packet_group *group = &world->group;
@@ -122,8 +124,8 @@ static void begin_segment(struct segment_walk *walk, int k, int first, bool befo
 }
 
 // False after the packet's last step.
-static inline bool step_among_others(struct segment_walk *walk, int k, float strength_sq, vfloat cap,
-                             struct trace_context *world) {
+static inline bool step_among_others(struct segment_walk *walk, int k, float strength_sq,
+                                     vfloat cap, struct trace_context *world) {
     struct packet_group *group = &world->group;
     const struct model *model = &world->scene->model;
     vmask live = group->live[k];
@@ -154,7 +156,8 @@ static inline void plane_distances(struct packet_group *group, const struct prim
 }
 
 // Four packets of the queue, as far as the stretch, or from behind it on.
-static void march_among_others(int first, bool before, struct shape_list others, struct trace_context *world) {
+static void march_among_others(int first, bool before, struct shape_list others,
+                               struct trace_context *world) {
     COUNT(march_among_others, call);
     struct packet_group *group = &world->group;
     struct worker_scratch *scratch = world->scratch;
@@ -210,9 +213,9 @@ bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_cont
     stream->beam = eye_rays(world->own, world->scene);
     approach_origins(origin, world->scene, &stream->beam);
     approach_directions(to_light, world->scene, &stream->beam);
-    stream->ready.shade = (struct shadow_state){v_load(&scratch->leg[SEGMENT_LEAST_SQ][first]),
-                                         v_load(&scratch->leg[SEGMENT_TWICE][first]),
-                                         bounds_exit_of(origin, to_light, &world->scene->model)};
+    stream->ready.shade = (struct shadow_state){
+        v_load(&scratch->leg[SEGMENT_LEAST_SQ][first]), v_load(&scratch->leg[SEGMENT_TWICE][first]),
+        bounds_exit_of(origin, to_light, &world->scene->model)};
     stream->ready.evals = v_load(&scratch->leg[SEGMENT_EVALS][first]);
     stream->ready.length = v_load(&scratch->shadow[S_DISTANCE][first]);
     stream->ready.end = v_load(&scratch->leg[SEGMENT_END][first]);
@@ -222,7 +225,8 @@ bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_cont
     return true;
 }
 
-void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t, struct worker_scratch *scratch) {
+void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                        struct worker_scratch *scratch) {
     COUNT(finish_shadow_rays, call);
     float values[SEGMENT_END][LANES], ray[LANES];
     v_store(t, values[SEGMENT_T]);
@@ -240,8 +244,8 @@ void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat 
 }
 
 // How many lanes are still at work.
-static inline int shadow_stream_step(struct refilled_packet *pool, int k, float strength_sq, vfloat cap,
-                            struct trace_context *world) {
+static inline int shadow_stream_step(struct refilled_packet *pool, int k, float strength_sq,
+                                     vfloat cap, struct trace_context *world) {
     struct packet_group *group = &world->group;
     const struct model *model = &world->scene->model;
     ACTIVE(v_count(group->live[k]));
@@ -260,7 +264,7 @@ static inline int shadow_stream_step(struct refilled_packet *pool, int k, float 
 
 // What scene_distances() finds where a Mandelbulb is alone: nobody asks which shape is awake.
 static inline void single_bulb_distances(struct packet_group *group, const struct primitive *bulb,
-                                  const struct primitive *plane) {
+                                         const struct primitive *plane) {
     COUNT(single_bulb_distances, call);
     struct scaled_orbit b[GROUP];
     struct vec p[GROUP];

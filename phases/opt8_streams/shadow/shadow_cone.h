@@ -9,8 +9,10 @@ struct shadow_cone {
     vfloat need, lean; // |v|² − R², v·l + q·R
 };
 
-static inline struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s) {
-    return (struct shadow_cone){vec_dot(v, v) - v_splat(s->bound_sq), vec_dot(v, l) + v_splat(s->lean)};
+static inline struct shadow_cone shadow_cone_to(struct vec v, struct vec l,
+                                                const struct primitive *s) {
+    return (struct shadow_cone){vec_dot(v, v) - v_splat(s->bound_sq),
+                                vec_dot(v, l) + v_splat(s->lean)};
 }
 
 static inline vmask cone_misses(struct shadow_cone c, const struct primitive *s) {
@@ -63,7 +65,7 @@ static inline vfloat flat_radius(struct vec p, const struct primitive *s) {
 // and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
 // first two steps of a march tell the shadow (shadow/shadow_cull.c), if they are short beside what the shape curves by.
 static inline vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
-                           const struct prepared *scene) {
+                                const struct prepared *scene) {
     COUNT(convex_from, call);
     if (s->type == SHAPE_MANDELBULB)
         return v_mask_none();

@@ -1,8 +1,8 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
 // that only touches the march changes it; but of most rays it can be told without one. NOTES.md has the proofs.
-#include "shadow/shadow_cone.h"
 #include "core/numerics.h"
+#include "shadow/shadow_cone.h"
 
 // The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
 struct light_bundle {
@@ -10,7 +10,7 @@ struct light_bundle {
 };
 
 static bool light_bundle_of(const struct hit hit[GROUP], const struct lighting light[GROUP],
-                    const struct view *view, struct light_bundle *ball) {
+                            const struct view *view, struct light_bundle *ball) {
     COUNT(light_bundle_of, call);
     COUNT(light_bundle_of, scalar);
     vfloat none = v_splat(INFINITY);
@@ -79,8 +79,8 @@ void list_occluders(const struct hit hit[GROUP], const struct lighting light[GRO
     }
 }
 
-vmask trivially_lit(const struct hit *hit, const struct lighting *light, const struct packet_rays *beam,
-              const struct trace_context *world) {
+vmask trivially_lit(const struct hit *hit, const struct lighting *light,
+                    const struct packet_rays *beam, const struct trace_context *world) {
     COUNT(trivially_lit, call);
     const struct prepared *scene = world->scene;
     float q = scene->lit_slope;
@@ -100,8 +100,8 @@ vmask trivially_lit(const struct hit *hit, const struct lighting *light, const s
             COUNT(trivially_lit, solid);
             here = cone_misses(shadow_cone_to(to_centre(s, point), light->to_light, s), s);
             if (v_any(v_and(own, v_andnot(here, clear))))
-                here = v_or(here,
-                            v_and(own, convex_from(s, beam->approach[i].origin, light->facing, scene)));
+                here = v_or(here, v_and(own, convex_from(s, beam->approach[i].origin, light->facing,
+                                                         scene)));
         }
         clear = v_and(clear, here);
     }
@@ -134,7 +134,7 @@ static vfloat half_curvature(struct vec p, struct vec n, struct vec l, vfloat fa
 }
 
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec normal,
-                  const struct lighting *light, const struct model *model) {
+                   const struct lighting *light, const struct model *model) {
     COUNT(self_shadow, call);
     vfloat one = v_splat(1.0f), strength = v_splat((float)model->shadow_strength),
            facing = light->facing;

@@ -1,9 +1,10 @@
 // Shadow rays that wait, in packets: see core/ray_queues.h. Each of them marches until its last ray is done.
-#include "shadow/soft_shadow.h"
 #include "cones/distance_bounds.h"
+#include "shadow/soft_shadow.h"
 #include "simd/point.h"
 
-static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first, struct worker_scratch *scratch) {
+static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
+                              struct worker_scratch *scratch) {
     COUNT(load_shadow_group, call);
     float (*field)[QUEUE_ROOM] = scratch->shadow;
     for (int k = 0; k < GROUP; k++, first += LANES) {
@@ -17,8 +18,8 @@ static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int 
 }
 
 // 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
-static void shadow(const struct ray_group *rays, const vfloat length[GROUP], struct trace_context *world,
-                   vfloat reach[GROUP]) {
+static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
+                   struct trace_context *world, vfloat reach[GROUP]) {
     COUNT(shadow, call);
     COUNT(shadow, scalar);
     const struct prepared *scene = world->scene;
@@ -27,7 +28,8 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP], str
     struct packet_group *group = &world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shadow_state shades[GROUP];
-    list_for_bundle(rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world, world->own->shadow);
+    list_for_bundle(rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,
+                    world->own->shadow);
     for (int k = 0; k < GROUP; k++) {
         shades[k].least_sq = v_splat(1.0f);
         group->live[k] = rays->active[k];

@@ -11,7 +11,8 @@ struct shadow_state {
 };
 
 // The rays that are still under way, after some have ended.
-__attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live, struct packet_group *group) {
+__attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
+                                                              struct packet_group *group) {
     group->live[k] = live;
     group->high[k] = v_select(live, group->high[k], v_splat(-INFINITY));
     return v_any(live);
@@ -20,8 +21,8 @@ __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
 // this step: of those that are not, the shade stays as it is.
-static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq, struct packet_group *group,
-                              const struct model *model) {
+static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq,
+                              struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];
     ACTIVE(v_count(live));
     COUNT(soft_step, call);
@@ -51,8 +52,8 @@ static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq
     return v_cmp_ngt_in(going, outside_of_bounds(ray->exit, t), zero);
 }
 
-static inline vmask hard_step(struct shadow_state *ray, vfloat distance, int k, struct packet_group *group,
-                              const struct model *model) {
+static inline vmask hard_step(struct shadow_state *ray, vfloat distance, int k,
+                              struct packet_group *group, const struct model *model) {
     // Past the light a ray is lit, and has taken one evaluation too many.
     ACTIVE(v_count(group->live[k]));
     COUNT(hard_step, call);

@@ -12,9 +12,9 @@
 #define OPT9_CLOSE_H
 
 #include "bulb/bulb_estimate.h"
+#include "core/shading_packet.h"
 #include "simd/permute.h"
 #include "simd/point.h"
-#include "core/shading_packet.h"
 
 #include <string.h>
 
@@ -24,7 +24,7 @@
 #define LEAVE_ESTIMATE 1e-2f
 #define CLOSE_PIECE 0.02f // half length of a piece, at most
 #define CLOSE_PIECE_MIN 0x1p-20f
-#define CLOSE_PIECE_SHARE 0.03125f                               // of ρ
+#define CLOSE_PIECE_SHARE 0.03125f                           // of ρ
 enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 
 // What a lane knows; all from the middle of its piece.
@@ -71,9 +71,11 @@ static inline struct vec_double points_along(struct vec_double o, struct vec_dou
 }
 
 // The rays of the lanes in m wait for their next pieces. t is two floats.
-static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had, struct worker_scratch *scratch) {
+static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
+                        struct worker_scratch *scratch) {
     COUNT(queue_close, call);
-    if (scratch->close_count + 2 * LANES > CLOSE_ROOM) { // whole registers are read from the last ray on
+    if (scratch->close_count + 2 * LANES >
+        CLOSE_ROOM) { // whole registers are read from the last ray on
         int left = scratch->close_count - scratch->close_first;
         for (int i = 0; i < C_FIELDS; i++)
             memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
@@ -108,7 +110,7 @@ static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES
 
 // One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
 static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
-                             const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
+                               const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
     static const double even[3][3] = {
         {0.044658198738520484, -0.16666666666666696, 0.62200846792814624},
         {-0.75598306414370742, 2.6666666666666665, -1.9106836025229585},
@@ -132,7 +134,7 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
 // The derivative's: the first of the Chebyshev polynomials through its values. It scales the estimate alone: a step's
 // length errs by less than 2^-19 of itself, and no pixel was seen to need more (HISTORY, "Fewer products").
 static inline void store_slope(const vdouble sum[3], const vdouble difference[3],
-                             const vfloat power[CLOSE_TERMS], struct ray_pieces *to) {
+                               const vfloat power[CLOSE_TERMS], struct ray_pieces *to) {
     static const double slope[SLOPE_TERMS][3] = {
         {-0.12200846792814626, 0.16666666666666657, 0.45534180126147961},
         {-0.38513150575685806, 0.94280904158206325, 0.79337979622072108},
@@ -152,10 +154,11 @@ static inline void store_slope(const vdouble sum[3], const vdouble difference[3]
 }
 
 static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
-                       vfloat per_end, struct ray_pieces *to) {
+                         vfloat per_end, struct ray_pieces *to) {
     static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
     COUNT(store_pieces, call);
-    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3], reach = v_double_sum(end, v_splat(0.0f));
+    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
+        reach = v_double_sum(end, v_splat(0.0f));
     for (int i = 0; i < 3; i++) {
         vdouble away = v_double_mul(reach, nodes[i]), before[CLOSE_VALUES], behind[CLOSE_VALUES];
         lane0_double(points_along(o, d, v_double_minus(middle, away)), before);
@@ -190,12 +193,13 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
     for (int i = 0; i < 6; i++)
         ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
     struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
-    vdouble t = v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
+    vdouble t =
+        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
     struct vec_double place = points_along(o, d, t);
     vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
            rho = v_sqrt(v_madd(x, x, z * z));
-    vfloat end =
-        v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)), v_splat(CLOSE_PIECE_MIN));
+    vfloat end = v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)),
+                       v_splat(CLOSE_PIECE_MIN));
     vfloat near_middle = v_double_to_float(t) + end;
     vdouble middle = v_double_sum(near_middle, v_splat(0.0f));
     store_pieces(o, d, middle, end, v_splat(1.0f) / end, to);
@@ -222,7 +226,7 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
 
 // Lanes that have ended take the next rays, if there are any. steps: of all so far.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, float steps,
-                         struct worker_scratch *scratch) {
+                             struct worker_scratch *scratch) {
     COUNT(refill_chebyshev, call);
     for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
         if (from->next == from->count) {
@@ -251,7 +255,8 @@ struct chebyshev_packet {
 };
 
 // After the first iteration.
-static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t, vmask done) {
+static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
+                                                  vmask done) {
     ACTIVE(LANES);
     COUNT(chebyshev_orbit, call);
     const vfloat *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
@@ -267,11 +272,12 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
         slope = v_madd(slope, t, of_slope[k]);
     vfloat flat = v_madd(x, x, v_madd(z, z, v_splat(1e-30f)));
     vfloat m = v_madd(y, y, flat);
-    return (struct scaled_orbit){x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
+    return (struct scaled_orbit){
+        x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
-                                 vfloat hit_distance, vfloat oldest) {
+                                     vfloat hit_distance, vfloat oldest) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_chebyshev, call);
     vfloat born = field[N_BORN];
@@ -288,10 +294,9 @@ static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_
 }
 
 // A step of the first `count` packets. How many of their lanes have ended.
-__attribute__((always_inline)) static inline int step_chebyshev(const struct primitive *s, int count,
-                                                            struct chebyshev_lanes *lanes,
-                                                            struct chebyshev_packet *p,
-                                                            vfloat hit_distance, vfloat oldest) {
+__attribute__((always_inline)) static inline int
+step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lanes,
+               struct chebyshev_packet *p, vfloat hit_distance, vfloat oldest) {
     struct scaled_orbit b[INTERLEAVED];
     struct vec at[INTERLEAVED] = {0};
     vfloat h[INTERLEAVED];
@@ -331,12 +336,13 @@ static void store_chebyshev_hit(struct worker_scratch *scratch, int ray, float m
     scratch->met[slot] = all;
     scratch->met_shape[slot] = scratch->shape;
     for (int i = 0; i < 3; i++)
-        scratch->met_at[i][slot] =
-            (float)(field_double(scratch, B_ORIGIN + i, ray) + field_double(scratch, B_DIRECTION + i, ray) * t);
+        scratch->met_at[i][slot] = (float)(field_double(scratch, B_ORIGIN + i, ray) +
+                                           field_double(scratch, B_DIRECTION + i, ray) * t);
 }
 
 // Back to the rays that bulb/bulb_march.c marches in floats.
-static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest, float had) {
+static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
+                            float had) {
     int to = scratch->open_count++;
     for (int i = 0; i < B_LANE; i++)
         scratch->open[i][to] = scratch->bulb[i][ray];
@@ -346,8 +352,8 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
 }
 
 // What has ended gives its answer; what is at the end of its piece waits for the next, and all are no longer live.
-static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps, float most,
-                         struct worker_scratch *scratch) {
+static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps,
+                             float most, struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
     COUNT(retire_chebyshev, call);
     from->field[N_T] = p->t;
@@ -401,8 +407,8 @@ static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
 
 // Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
 static void march_chebyshev(const struct primitive *s, const struct limits *limits,
-                        struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces, float *steps,
-                        struct worker_scratch *scratch) {
+                            struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
+                            float *steps, struct worker_scratch *scratch) {
     COUNT(march_chebyshev, call);
     float hit = (float)limits->hit_distance, most = (float)limits->max_steps;
     vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
@@ -418,13 +424,14 @@ static void march_chebyshev(const struct primitive *s, const struct limits *limi
             join_chebyshev(lanes);
         for (int k = 0; k < INTERLEAVED; k++) {
             COUNT(march_chebyshev, packet);
-            p[k] =
-                (struct chebyshev_packet){lanes[k].field[N_T], v_splat(0.0f),
-                                      v_mask_of_bits(~lanes[k].live), v_mask_none(), v_mask_none()};
+            p[k] = (struct chebyshev_packet){lanes[k].field[N_T], v_splat(0.0f),
+                                             v_mask_of_bits(~lanes[k].live), v_mask_none(),
+                                             v_mask_none()};
         }
         int ended = INTERLEAVED * LANES - live;
         bool more = pieces->next < pieces->count || scratch->close_first < scratch->close_count;
-        if (ended == INTERLEAVED * LANES || (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
+        if (ended == INTERLEAVED * LANES ||
+            (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
             return;
         int enough = one ? INTERLEAVED * LANES : (INTERLEAVED - 1) * LANES;
         if (more || scratch->open_count > 0)
@@ -434,7 +441,8 @@ static void march_chebyshev(const struct primitive *s, const struct limits *limi
             *steps += 1.0f;
             vfloat oldest = v_splat(*steps - most);
             if (one)
-                ended = (INTERLEAVED - 1) * LANES + step_chebyshev(s, 1, lanes, p, hit_distance, oldest);
+                ended = (INTERLEAVED - 1) * LANES +
+                        step_chebyshev(s, 1, lanes, p, hit_distance, oldest);
             else
                 ended = step_chebyshev(s, INTERLEAVED, lanes, p, hit_distance, oldest);
         }

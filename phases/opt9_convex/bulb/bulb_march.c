@@ -47,21 +47,21 @@ static inline struct vec vec_of_fields(const struct bulb_lanes *from, int first)
 
 static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
-                           vec_of_fields(from, B_DIRECTION),
-                           from->field[B_T],
-                           from->field[B_MORE],
-                           from->field[B_TO],
-                           from->field[B_BORN],
-                           from->field[B_HEIGHT],
-                           from->field[B_SLOPE],
-                           v_mask_of_bits(~from->live),
-                           v_mask_none(),
-                           v_mask_none()};
+                                vec_of_fields(from, B_DIRECTION),
+                                from->field[B_T],
+                                from->field[B_MORE],
+                                from->field[B_TO],
+                                from->field[B_BORN],
+                                from->field[B_HEIGHT],
+                                from->field[B_SLOPE],
+                                v_mask_of_bits(~from->live),
+                                v_mask_none(),
+                                v_mask_none()};
 }
 
 // `oldest`: rays that old have had their steps. close: of such an estimate a ray goes on in bulb/bulb_chebyshev.h.
 static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat oldest,
-                           vfloat close) {
+                                vfloat close) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_bulb, call);
     p->born = v_select(p->done, p->born + v_splat(1.0f), p->born); // waiting for others is no step
@@ -106,7 +106,7 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     if (v_any(close)) {
         COUNT(retire_bulb, close);
         queue_close(close, from->field[B_RAY], p->t, p->rest, v_splat(steps) - from->field[B_BORN],
-                   scratch);
+                    scratch);
     }
     from->live &= ~ended;
 }
@@ -138,7 +138,7 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct primiti
 // The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
 // until a ray of theirs ends.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
-                          const struct limits *limits, vfloat hit_distance, float close) {
+                                const struct limits *limits, vfloat hit_distance, float close) {
     COUNT(step_first_together, call);
     for (int first = 0; first < count; first += INTERLEAVED * LANES) {
         struct bulb_packet p[INTERLEAVED];
@@ -217,13 +217,15 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
     } while (next < count || live);
 }
 
-void march_bulb(const struct primitive *s, int count, const struct limits *limits, struct worker_scratch *scratch) {
+void march_bulb(const struct primitive *s, int count, const struct limits *limits,
+                struct worker_scratch *scratch) {
     COUNT(march_bulb, call);
     scratch->shape = s->index;
     bool coarse = !((float)limits->hit_distance < COARSE_HIT_DISTANCE);
     float close = coarse ? 0.0f : CLOSE_ESTIMATE;
     float hit = (float)limits->hit_distance;
-    step_first_together(s, scratch->bulb, count, limits, v_splat(hit > 0x1p-24f ? hit : 0x1p-24f), close);
+    step_first_together(s, scratch->bulb, count, limits, v_splat(hit > 0x1p-24f ? hit : 0x1p-24f),
+                        close);
     march_floats(s, scratch->bulb, count, limits, close, scratch);
     if (coarse)
         return;
@@ -259,8 +261,8 @@ static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
 }
 
 int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
-                const struct packet_ray *ray, vfloat end, int slot, const struct prepared *scene,
-                struct worker_scratch *scratch) {
+                    const struct packet_ray *ray, vfloat end, int slot,
+                    const struct prepared *scene, struct worker_scratch *scratch) {
     ACTIVE(v_count(ray->active));
     COUNT(queue_bulb_rays, call);
     vfloat height = v_splat(INFINITY), slope = v_splat(0.0f);
@@ -332,15 +334,16 @@ static struct vec_double to_doubles(struct vec v) {
                                v_double_sum(v.z, zero)};
 }
 
-INLINE void meet_bulb(int i, const struct shading_packet *stage, int packets, const struct tile_context *work) {
+INLINE void meet_bulb(int i, const struct shading_packet *stage, int packets,
+                      const struct tile_context *work) {
     const struct primitive *s = &KNOWN(work->scene)->placed[i];
     if (s->type != SHAPE_MANDELBULB)
         return;
     int count = 0;
     for (int k = 0; k < packets; k++)
         count = queue_bulb_rays(count, s, to_doubles(to_local(s, stage[k].ray.origin)),
-                            to_doubles(turned(s, stage[k].ray.direction)), &stage[k].ray,
-                            stage[k].hit.t, k * LANES, work->scene, work->scratch);
+                                to_doubles(turned(s, stage[k].ray.direction)), &stage[k].ray,
+                                stage[k].hit.t, k * LANES, work->scene, work->scratch);
     march_bulb(s, count, &work->scene->model.march, work->scratch);
 }
 

@@ -1,9 +1,9 @@
 // Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
 // bulb/bulb_march.c, and rays on which no later term can come below what they have leave for packets of their own.
 #include "core/numerics.h"
+#include "shadow/shadow_queue.h"
 #include "simd/permute.h"
 #include "simd/pow.h"
-#include "shadow/shadow_queue.h"
 
 #include <string.h>
 
@@ -45,8 +45,8 @@ nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool l
     EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
 }
 
-INLINE void put_behind(int i, const struct shadow_march *m, vfloat q, const struct known_scene *scene,
-                       vmask *behind) {
+INLINE void put_behind(int i, const struct shadow_march *m, vfloat q,
+                       const struct known_scene *scene, vmask *behind) {
     const struct primitive *s = &scene->placed[i];
     const struct shadow_candidate *near = &m->nears[i];
     if (!v_any(*behind))
@@ -68,7 +68,7 @@ INLINE void put_behind(int i, const struct shadow_march *m, vfloat q, const stru
 // Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
 // slope q at which no term is less than 0.866·strength·q.
 static inline vmask is_behind_all(const struct shadow_march *m, float per_strength,
-                               const struct prepared *scene) {
+                                  const struct prepared *scene) {
     ACTIVE(LANES - v_count(m->done));
     COUNT(is_behind_all, call);
     COUNT(is_behind_all, scalar);
@@ -99,8 +99,9 @@ static inline unsigned lowest_bits(unsigned bits, int count) {
 
 // The first lanes of `here` go on in those of `there`, as many as both have. Which were moved. Of what a shape is to a
 // ray: a height and a slope, or a place and a direction (beside Mandelbulbs no sphere has `power`).
-static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there, const struct refilled_packet *from, unsigned here,
-                          const struct prepared *scene) {
+static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
+                                   const struct refilled_packet *from, unsigned here,
+                                   const struct prepared *scene) {
     COUNT(move_rays_to_lanes, call);
     int a = __builtin_popcount(there), b = __builtin_popcount(here);
     there = lowest_bits(there, a < b ? a : b);
@@ -131,7 +132,8 @@ static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there, c
 #define LAST_TERM_SHARE 0.94f // 1.05 in the mean, times √(1 − 0.45²)
 enum { BEHIND_CHECK_INTERVAL = 6 };
 
-static void store_bulb_light(const struct refilled_packet *from, unsigned which, const struct tile_context *work) {
+static void store_bulb_light(const struct refilled_packet *from, unsigned which,
+                             const struct tile_context *work) {
     COUNT(store_bulb_light, call);
     if (!which)
         return;
@@ -145,12 +147,13 @@ static void store_bulb_light(const struct refilled_packet *from, unsigned which,
     vfloat all = v_sqrt(from->march.square / from->march.divisor);
     v_store(v_select(dark, v_min(all, v_splat(last) / from->march.t), all), lit);
     for (unsigned rest = which; rest; rest &= rest - 1)
-        add_light_to_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)], work->scratch);
+        add_light_to_lane((int)from->ray[__builtin_ctz(rest)], lit[__builtin_ctz(rest)],
+                          work->scratch);
 }
 
 // Takes rays from `ready`, which is made anew from the queue whenever it is empty.
-static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet *ready, int next, int steps,
-                          const struct tile_context *work) {
+static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet *ready, int next,
+                              int steps, const struct tile_context *work) {
     COUNT(refill_shadow_rays, call);
     struct worker_scratch *scratch = work->scratch;
     unsigned ended = ~to->live & ((1u << LANES) - 1), all = ended;
@@ -192,7 +195,8 @@ struct refilled_packets {
 // in packets of such rays: one iteration each. `plane_is_nearest_for_good`: where a plane is nearer for good, and was at the step before, too,
 // so that the next term is of its distances alone. For good: at 3 and beyond the estimate is above 0.33·|p|·ln|p|, whose slope
 // along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
-INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_scene *scene, vmask *over) {
+INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_scene *scene,
+                      vmask *over) {
     const struct shadow_candidate *near = &m->nears[i];
     if (scene->placed[i].type != SHAPE_MANDELBULB)
         return;
@@ -212,7 +216,8 @@ INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_sc
     *over = v_and(*over, beyond);
 }
 
-static inline vmask plane_is_nearest_for_good(const struct shadow_march *m, const struct prepared *scene) {
+static inline vmask plane_is_nearest_for_good(const struct shadow_march *m,
+                                              const struct prepared *scene) {
     COUNT(plane_is_nearest_for_good, call);
     vmask over = v_mask_all();
     EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
@@ -252,7 +257,8 @@ static void march_leaving_rays(struct refilled_packets *pools, const struct tile
     pools->leaving = 0;
 }
 
-static void retire_shadow_rays(struct refilled_packet *from, struct refilled_packets *pools, const struct tile_context *work) {
+static void retire_shadow_rays(struct refilled_packet *from, struct refilled_packets *pools,
+                               const struct tile_context *work) {
     unsigned ended = from->live & v_mask_bits(from->march.done), leaving = ended & from->leaving;
     store_bulb_light(from, ended & ~leaving, work);
     from->live &= ~ended;
@@ -275,7 +281,7 @@ static void retire_shadow_rays(struct refilled_packet *from, struct refilled_pac
 
 // One step of each packet. How many lanes have ended.
 static inline int step_refilled(struct shadow_march *m, struct refilled_packet *pool, int steps,
-                           const struct tile_context *work) {
+                                const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat strength = v_splat((float)model->shadow_strength),
            hit = v_splat((float)work->scene->model.march.hit_distance);
@@ -311,7 +317,8 @@ void cast_streams(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     const struct known_model *model = &KNOWN(work->scene)->model;
     struct refilled_packet all[REFILLED_PACKETS] = {0};
-    memset(scratch->near, 0, REFILLED_PACKETS * (size_t)model->shape_count * sizeof(struct shadow_candidate));
+    memset(scratch->near, 0,
+           REFILLED_PACKETS * (size_t)model->shape_count * sizeof(struct shadow_candidate));
     for (int k = 0; k < REFILLED_PACKETS; k++)
         all[k].march.nears = all[k].nears = scratch->near + k * model->shape_count;
     struct refilled_packets pools = {all, all + INTERLEAVED, all + 2 * INTERLEAVED, 0};

@@ -16,15 +16,15 @@ bool bvh_reserve(struct bvh *tree, int leaves) {
         entries = nodes_for(entries);
     }
     *tree = (struct bvh){.memory = calloc((size_t)all * 4, sizeof(float)),
-                          .shape = calloc((size_t)room[0], sizeof(int))};
+                         .shape = calloc((size_t)room[0], sizeof(int))};
     if (!tree->memory || !tree->shape) {
         bvh_free(tree);
         return false;
     }
     float *next = tree->memory;
     for (int level = 0; level < TREE_LEVELS; level++, next += 4 * room[level - 1])
-        tree->level[level] = (struct sphere_array){0, next, next + room[level], next + 2 * room[level],
-                                              next + 3 * room[level]};
+        tree->level[level] = (struct sphere_array){0, next, next + room[level],
+                                                   next + 2 * room[level], next + 3 * room[level]};
     return true;
 }
 
@@ -83,7 +83,8 @@ static void set_sphere(struct sphere_array *to, int i, const float *centre, floa
 }
 
 // A sphere about the box of a node's spheres; 1e-5: what is rounded must not cut them.
-static void enclosing_sphere(const struct sphere_array *below, int node, float centre[3], float *about) {
+static void enclosing_sphere(const struct sphere_array *below, int node, float centre[3],
+                             float *about) {
     int first = node * TREE_WIDTH, end = first + TREE_WIDTH;
     if (end > below->count)
         end = below->count;

@@ -1,8 +1,8 @@
 // See bvh/bvh_lists.h. What is asked is the same as of a small scene, first of the spheres about nodes: what those rule out
 // they rule out for all in them.
-#include "shadow/flat_faces.h"
 #include "bvh/bvh_traversal.h"
 #include "hit/tile_frustum.h"
+#include "shadow/flat_faces.h"
 
 static int list_marked(struct worker_scratch *scratch, const struct prepared *scene, int *list) {
     int count = 0;
@@ -48,7 +48,8 @@ static float manhattan_length(const double a[3]) {
     return (float)sum;
 }
 
-void bvh_list_in_window(const struct window *w, const struct job *job, struct worker_scratch *scratch) {
+void bvh_list_in_window(const struct window *w, const struct job *job,
+                        struct worker_scratch *scratch) {
     COUNT(bvh_list_in_window, call);
     const struct prepared *scene = job->prepared;
     const struct view *view = job->view;
@@ -65,7 +66,8 @@ void bvh_list_in_window(const struct window *w, const struct job *job, struct wo
         {v_sqrt(v_splat(1 + w->left * w->left)), v_sqrt(v_splat(1 + w->right * w->right)),
          v_sqrt(v_splat(1 + w->bottom * w->bottom)), v_sqrt(v_splat(1 + w->top * w->top))}};
     scratch->far = scratch->leaf = -1;
-    int *list = scratch->camera_list_count.index, count = bvh_list(&scene->tree, sphere_in_window, &seen, list);
+    int *list = scratch->camera_list_count.index,
+        count = bvh_list(&scene->tree, sphere_in_window, &seen, list);
     for (int k = 0; k < count; k++)
         mark(scratch, list[k]);
     for (int k = 0; k < scene->plane_count; k++)
@@ -76,7 +78,7 @@ void bvh_list_in_window(const struct window *w, const struct job *job, struct wo
 
 // The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
 void bvh_list_in_row(const struct window *row, float across, const struct job *job,
-                  struct worker_scratch *scratch) {
+                     struct worker_scratch *scratch) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
     ACTIVE(GROUP);
     COUNT(bvh_list_in_row, call);
@@ -113,15 +115,15 @@ void bvh_list_in_row(const struct window *row, float across, const struct job *j
     }
 }
 
-static struct bundle_cone bundle_cone_from(const float centre[3], float radius, const float to_light[3],
-                               float q) {
+static struct bundle_cone bundle_cone_from(const float centre[3], float radius,
+                                           const float to_light[3], float q) {
     COUNT(bundle_cone_from, call);
     float size = fabsf(centre[0]) + fabsf(centre[1]) + fabsf(centre[2]);
     return bundle_cone_of(vec_set(centre), vec_set(to_light), radius, v_splat(size), q);
 }
 
 void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
-                         const struct tile_context *work) {
+                            const struct tile_context *work) {
     COUNT(bvh_list_towards_light, call);
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
     struct shape_set *shading = &work->scratch->occluders;
@@ -130,7 +132,7 @@ void bvh_list_towards_light(const float centre[3], float radius, const float to_
 }
 
 void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
-                      const struct tile_context *work) {
+                        const struct tile_context *work) {
     COUNT(bvh_list_for_batch, call);
     const struct prepared *scene = work->scene;
     struct worker_scratch *scratch = work->scratch;
@@ -152,24 +154,28 @@ void bvh_list_for_batch(const float centre[3], float radius, const float to_ligh
 }
 
 void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
-                        const struct tile_context *work) {
+                         const struct tile_context *work) {
     COUNT(bvh_list_for_packet, call);
     struct worker_scratch *scratch = work->scratch;
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
     scratch->entry_count = 0;
     if (scratch->batch_count < 0) {
-        scratch->entry_count = bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
+        scratch->entry_count =
+            bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
         return;
     }
     for (int first = 0; first < scratch->batch_count; first += LANES) {
         ACTIVE(int_min(LANES, scratch->batch_count - first));
         COUNT(bvh_list_for_packet, spheres);
-        struct vec at = {v_load(&scratch->batch_sphere[0][first]), v_load(&scratch->batch_sphere[1][first]),
+        struct vec at = {v_load(&scratch->batch_sphere[0][first]),
+                         v_load(&scratch->batch_sphere[1][first]),
                          v_load(&scratch->batch_sphere[2][first])};
-        unsigned which = v_mask_bits(v_and(sphere_in_bundle_cone(at, v_load(&scratch->batch_sphere[3][first]), &shaft),
-                                           v_mask_first(scratch->batch_count - first)));
+        unsigned which = v_mask_bits(
+            v_and(sphere_in_bundle_cone(at, v_load(&scratch->batch_sphere[3][first]), &shaft),
+                  v_mask_first(scratch->batch_count - first)));
         for (; which; which &= which - 1)
-            scratch->ahead[scratch->entry_count++] = scratch->batch_shape[first + __builtin_ctz(which)];
+            scratch->ahead[scratch->entry_count++] =
+                scratch->batch_shape[first + __builtin_ctz(which)];
     }
 }
 
@@ -195,8 +201,8 @@ static inline void mark_leaf(int shape, void *with) {
     mark(((struct ray_bundle *)with)->scratch, shape);
 }
 
-int bvh_list_along(struct vec origin, struct vec direction, vmask active, const struct tile_context *work,
-                int *list) {
+int bvh_list_along(struct vec origin, struct vec direction, vmask active,
+                   const struct tile_context *work, int *list) {
     struct ray_bundle bundle = {origin, direction, active, work->scratch};
     bvh_visit(&work->scene->tree, sphere_met_by_ray, mark_leaf, &bundle);
     mark_planes(work->scratch, work->scene);
@@ -231,7 +237,8 @@ struct leap_query {
     const struct prepared *scene;
 };
 
-static inline vfloat earliest_approach(const float centre[3], float radius, const struct shadow_rays *r) {
+static inline vfloat earliest_approach(const float centre[3], float radius,
+                                       const struct shadow_rays *r) {
     COUNT(earliest_approach, call);
     COUNT(earliest_approach, scalar);
     struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
@@ -249,7 +256,8 @@ static inline vfloat earliest_approach(const float centre[3], float radius, cons
 static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
     COUNT(sphere_limits_leap, call);
     struct leap_query *l = with;
-    return v_any(v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
+    return v_any(
+        v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
 }
 
 static inline void limit_leap(int shape, void *with) {
@@ -261,7 +269,8 @@ static inline void limit_leap(int shape, void *with) {
 }
 
 // Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
-static inline vmask may_enter_sphere(const struct primitive *s, int i, const struct shadow_rays *r) {
+static inline vmask may_enter_sphere(const struct primitive *s, int i,
+                                     const struct shadow_rays *r) {
     COUNT(may_enter_sphere, call);
     COUNT(may_enter_sphere, scalar);
     struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
@@ -275,7 +284,8 @@ static inline vmask may_enter_sphere(const struct primitive *s, int i, const str
     return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
 }
 
-void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears, const struct tile_context *work) {
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
+                     const struct tile_context *work) {
     ACTIVE(v_count(r->active));
     COUNT(bvh_first_entry, call);
     const struct prepared *scene = work->scene;
@@ -285,7 +295,7 @@ void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears, cons
     }
     for (int k = 0; k < scene->plane_count; k++)
         candidate_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
-                      &nears[scene->planes[k]]);
+                        &nears[scene->planes[k]]);
     end_behind_bvh(r, scene);
     for (int k = 0; k < work->scratch->entry_count; k++) {
         int i = work->scratch->ahead[k];

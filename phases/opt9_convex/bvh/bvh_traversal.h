@@ -49,8 +49,8 @@ _Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
 
 // Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
 // last are overwritten. Level by level: no node's test waits for that of another.
-__attribute__((always_inline)) static inline int
-bvh_list(const struct bvh *tree, sphere_test *test, const void *with, int *list) {
+__attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree, sphere_test *test,
+                                                          const void *with, int *list) {
     COUNT(bvh_list, call);
     int nodes[2][NODES + LANES]; // not zeroed
     int listed = 1;
@@ -85,7 +85,7 @@ typedef bool ray_test(const float centre[3], float radius, void *with);
 typedef void leaf_visit(int shape, void *with);
 
 __attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tree, ray_test *test,
-                                                         leaf_visit *visit, void *with) {
+                                                            leaf_visit *visit, void *with) {
     int waiting[STACK_ROOM];
     waiting[0] = pack_node(tree->levels - 1, 0);
     for (int count = 1; count > 0;) {
@@ -116,15 +116,15 @@ struct bundle_cone {
 };
 
 // From a slope of 1 on cones meet what is behind them, too: nothing is left out.
-static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light, float radius,
-                                    vfloat reach, float q) {
+static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light,
+                                                float radius, vfloat reach, float q) {
     bool wide = !(q < 1);
     return (struct bundle_cone){centre,
-                          to_light,
-                          v_splat(radius),
-                          reach,
-                          v_splat(wide ? INFINITY : q),
-                          v_splat(wide ? 0 : 1 - q * q)};
+                                to_light,
+                                v_splat(radius),
+                                reach,
+                                v_splat(wide ? INFINITY : q),
+                                v_splat(wide ? 0 : 1 - q * q)};
 }
 
 static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {

@@ -1,7 +1,7 @@
 // Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
-#include "shadow/shadow_batch.h"
-#include "core/numerics.h"
 #include "bvh/bvh_traversal.h"
+#include "core/numerics.h"
+#include "shadow/shadow_batch.h"
 
 // A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
 struct ray_cone {
@@ -13,7 +13,7 @@ struct ray_cone {
 // rounded by 8·2⁻²⁴·|v|², and its margin 2e-6·narrow·|v|²: where narrow is less than a quarter (q above 0.87) a sphere that the
 // cone no more than grazes may be told to be beside it. The term that it would have brought is next to 1.
 static inline vmask cone_meets_sphere(const struct ray_cone *c, struct vec centre, vfloat radius,
-                               vfloat *lean, vfloat *rest) {
+                                      vfloat *lean, vfloat *rest) {
     COUNT(cone_meets_sphere, call);
     vfloat zero = v_splat(0.0f);
     struct vec v = {centre.x - c->point.x, centre.y - c->point.y, centre.z - c->point.z};
@@ -76,16 +76,16 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
         from = v_min(from, v_select(c->now, c->t, v_splat(INFINITY)));
     }
     return (struct query_bundle){centre,
-                          to,
-                          sqrtf(most_lane(away)) * (1 + 1e-4f),
-                          sqrtf(most_lane(turned)) * 1.01f + 1e-4f,
-                          most_lane(q),
-                          least_lane(from)};
+                                 to,
+                                 sqrtf(most_lane(away)) * (1 + 1e-4f),
+                                 sqrtf(most_lane(turned)) * 1.01f + 1e-4f,
+                                 most_lane(q),
+                                 least_lane(from)};
 }
 
 // Which of the rays `now` meet a leaf, and where they leave it. Whether any does, and whether any does not.
 static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cones *cones, int count,
-                        bool *left) {
+                            bool *left) {
     COUNT(cones_meet_leaf, call);
     const struct sphere_array *s = &tree->level[0];
     bool met = false;
@@ -97,11 +97,11 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
         ACTIVE(v_count(c->now));
         COUNT(cones_meet_leaf, packet);
         vfloat lean, rest;
-        vmask meets = v_and(
-            v_andnot(is_shape(c->own, tree->shape[leaf]), c->now),
-            cone_meets_sphere(&c->rays,
-                       (struct vec){v_splat(s->x[leaf]), v_splat(s->y[leaf]), v_splat(s->z[leaf])},
-                       v_splat(s->radius[leaf]), &lean, &rest));
+        vmask meets = v_and(v_andnot(is_shape(c->own, tree->shape[leaf]), c->now),
+                            cone_meets_sphere(&c->rays,
+                                              (struct vec){v_splat(s->x[leaf]), v_splat(s->y[leaf]),
+                                                           v_splat(s->z[leaf])},
+                                              v_splat(s->radius[leaf]), &lean, &rest));
         if (v_any(meets)) {
             ACTIVE(v_count(meets));
             COUNT(cones_meet_leaf, met);
@@ -119,7 +119,7 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
 // when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
 // long.
 static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *about, vfloat wider,
-                        struct packet_cones *cones, int packets, int *leaf) {
+                              struct packet_cones *cones, int packets, int *leaf) {
     COUNT(cone_query_bundle, call);
     int waiting[STACK_ROOM]; // not zeroed
     waiting[0] = pack_node(tree->levels - 1, 0);
@@ -132,9 +132,9 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
             COUNT(cone_query_bundle, spheres);
             struct vec centre = {v_load(s->x + first), v_load(s->y + first), v_load(s->z + first)};
             vfloat lean, rest;
-            vmask meets =
-                v_and(cone_meets_sphere(about, centre, v_load(s->radius + first) + wider, &lean, &rest),
-                      v_mask_first(end - first));
+            vmask meets = v_and(
+                cone_meets_sphere(about, centre, v_load(s->radius + first) + wider, &lean, &rest),
+                v_mask_first(end - first));
             unsigned which = v_mask_bits(meets);
             if (!which)
                 continue;
@@ -143,8 +143,8 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
                 vfloat order = v_select(meets, v_splat(0.0f) - lean, v_splat(INFINITY));
                 unsigned last = v_mask_bits(v_cmp_ge(v_splat(least_lane(order)), order)) & which;
                 last &= 0u - last;
-                count +=
-                    push_nodes(v_andnot(v_mask_of_bits(last), meets), level, first, waiting + count);
+                count += push_nodes(v_andnot(v_mask_of_bits(last), meets), level, first,
+                                    waiting + count);
                 waiting[count++] = pack_node(level - 1, first + __builtin_ctz(last));
                 continue;
             }
@@ -161,7 +161,8 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
 
 // Of each ray that is open, for its own cone: where something that it meets is left; `until` stays where nothing is met. Asked
 // for all at once that are near to each other.
-static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count, int *leaf) {
+static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count,
+                            int *leaf) {
     COUNT(cone_query_rays, call);
     bool left = false;
     for (int i = 0; i < count; i++) {
@@ -188,7 +189,7 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
         COUNT(cone_query_rays, asked);
         float narrow = 1 - q * q;
         struct ray_cone about = {sheaf.centre, sheaf.to_light, v_splat(q), v_splat(narrow),
-                                    v_splat(narrow * sheaf.from)};
+                                 v_splat(narrow * sheaf.from)};
         cone_query_bundle(tree, &about, v_splat(sheaf.radius), cones, count, leaf);
         left = false;
         for (int i = 0; i < count; i++)
@@ -213,7 +214,8 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
             blocked = v_or(blocked, v_cmp_lt(slope, q));
         }
         vfloat narrow = v_nmadd(q, q, v_splat(1.0f));
-        cones[i] = (struct packet_cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
+        cones[i] =
+            (struct packet_cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
                                   a->t,
                                   a->own,
                                   v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
@@ -226,7 +228,7 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
 }
 
 vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
-                   vfloat shape, vmask active, const struct tile_context *work) {
+                        vfloat shape, vmask active, const struct tile_context *work) {
     ACTIVE(v_count(active));
     COUNT(bvh_trivially_lit, call);
     const struct prepared *scene = work->scene;
@@ -249,18 +251,19 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
         rest &= ~v_mask_bits(same);
         if (scene->placed[i].way != EVAL_LINEAR)
             clear = v_andnot(
-                v_andnot(convex_from(&scene->placed[i], local, facing, &scene->known), same), clear);
+                v_andnot(convex_from(&scene->placed[i], local, facing, &scene->known), same),
+                clear);
     }
     if (!v_any(clear) || q >= 0.99f)
         return v_mask_none();
     COUNT(bvh_trivially_lit, asked);
     vfloat zero = v_splat(0.0f);
     struct packet_cones cones = {{point, to_light, v_splat(q), v_splat(1 - q * q), zero},
-                          zero,
-                          shape,
-                          v_splat(-1.0f),
-                          clear,
-                          v_mask_none()};
+                                 zero,
+                                 shape,
+                                 v_splat(-1.0f),
+                                 clear,
+                                 v_mask_none()};
     cone_query_rays(&scene->tree, &cones, 1, &work->scratch->leaf);
     return v_and(clear, v_cmp_lt(cones.until, zero));
 }

@@ -2,10 +2,10 @@
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
 #include "hit/camera_rays.h"
-#include "repetition/repeated_bundles.h"
 #include "hit/closest_hit.h"
-#include "simd/point.h"
 #include "hit/tile_frustum.h"
+#include "repetition/repeated_bundles.h"
+#include "simd/point.h"
 
 // The last of the rays that wait first: what they see may make more of them.
 static void follow_mirrors(const struct tile_context *work) {
@@ -19,13 +19,13 @@ static void follow_mirrors(const struct tile_context *work) {
                 first = scratch->mirrors -= count;
             struct shading_packet *at = &stage[packets];
             at->ray = (struct packet_ray){load_vec(field + M_ORIGIN, first),
-                                   load_vec(field + M_DIRECTION, first),
-                                   v_load(&field[M_WEIGHT][first]),
-                                   v_load(&field[M_PIXEL][first]),
-                                   v_load(&field[M_BOUNCE][first]),
-                                   v_load(&field[M_LEAVES][first]),
-                                   v_mask_first(count),
-                                   {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)}};
+                                          load_vec(field + M_DIRECTION, first),
+                                          v_load(&field[M_WEIGHT][first]),
+                                          v_load(&field[M_PIXEL][first]),
+                                          v_load(&field[M_BOUNCE][first]),
+                                          v_load(&field[M_LEAVES][first]),
+                                          v_mask_first(count),
+                                          {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)}};
             if (REPEATS(work->scene))
                 at->ray.local = load_vec(field + M_LOCAL, first);
         }
@@ -86,7 +86,8 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
 
 // A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
 static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
-                        const struct job *job, const struct worker_scratch *scratch, struct shading_packet *at) {
+                                 const struct job *job, const struct worker_scratch *scratch,
+                                 struct shading_packet *at) {
     ACTIVE(block.across * block.down);
     COUNT(camera_packet, call);
     struct vec d = get_direction(tile, block, job->frame);
@@ -105,7 +106,7 @@ static inline void camera_packet(const struct tile *tile, struct pixel_block blo
 
 // Of a crowd: what each of the row's blocks can meet.
 static inline void list_for_row(const struct tile *tile, int row, const struct job *job,
-                           struct worker_scratch *scratch) {
+                                struct worker_scratch *scratch) {
     struct frame *frame = job->frame;
     float per = tile->per_height;
     struct window window = {
@@ -121,8 +122,8 @@ INLINE void is_single(int i, const struct prepared *scene, bool *some) {
 }
 
 // What a tile's packets meet where shapes are repeated: first of the others.
-static void repeated_tile(const struct tile *tile, const struct job *job, const struct worker_scratch *scratch,
-                         struct primary_hit *sights) {
+static void repeated_tile(const struct tile *tile, const struct job *job,
+                          const struct worker_scratch *scratch, struct primary_hit *sights) {
     struct block_grid mesh;
     float per_height = tile->per_height;
     mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
@@ -151,8 +152,8 @@ static void repeated_tile(const struct tile *tile, const struct job *job, const 
             at->active = in_picture(block);
             at->only = -1;
             no_hit(&at->hit);
-            EACH_IN(scratch->camera_list_count, meet, at->direction, at->active, job->eyes, job->prepared,
-                    &at->hit);
+            EACH_IN(scratch->camera_list_count, meet, at->direction, at->active, job->eyes,
+                    job->prepared, &at->hit);
             if (others)
                 primary_normals(at, job->prepared);
         }
@@ -161,8 +162,8 @@ static void repeated_tile(const struct tile *tile, const struct job *job, const 
 }
 
 // A row of packets that nothing waits for.
-static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *sights, int pixel,
-                      struct frame *frame, const struct tile_context *work) {
+static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *sights,
+                              int pixel, struct frame *frame, const struct tile_context *work) {
     COUNT(shade_primary_row, call);
     sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
     bool all = frame->depth != NULL;
@@ -201,8 +202,8 @@ INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *
             struct shading_packet at;
             struct pixel_block block = block_at(tile, row, i);
             camera_packet(tile, block, slot, job, scratch, &at);
-            count = queue_bulb_rays(count, s, o, exact_look(tile, block, &eye, job), &at.ray, at.hit.t,
-                                slot, job->prepared, scratch);
+            count = queue_bulb_rays(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
+                                    at.hit.t, slot, job->prepared, scratch);
         }
     march_bulb(s, count, &job->prepared->model.march, scratch);
 }
@@ -212,7 +213,8 @@ int count_tiles(const struct job *job) {
            ((job->frame->height + job->tile_height - 1) / job->tile_height);
 }
 
-static inline void set_tile_context(const struct job *job, struct worker_scratch *scratch, struct tile_context *work) {
+static inline void set_tile_context(const struct job *job, struct worker_scratch *scratch,
+                                    struct tile_context *work) {
     const struct view *view = job->view;
     *work = (struct tile_context){.scene = job->prepared, .view = view, .scratch = scratch};
     for (int k = 0; k < 3; k++) {
@@ -245,7 +247,8 @@ static inline void set_tile(const struct job *job, int number, struct tile *tile
 }
 
 // To desk->listed: what the tile's camera rays may meet.
-static inline void list_for_tile(const struct tile *tile, const struct job *job, struct worker_scratch *scratch) {
+static inline void list_for_tile(const struct tile *tile, const struct job *job,
+                                 struct worker_scratch *scratch) {
     const struct frame *frame = job->frame;
     struct window window = {(float)(2 * tile->left + 1 - frame->width) * tile->per_height,
                             (float)(2 * tile->right - 1 - frame->width) * tile->per_height,
@@ -258,8 +261,9 @@ static inline void list_for_tile(const struct tile *tile, const struct job *job,
 }
 
 // A row's packets; how many. sights: where shapes are repeated, what they see.
-static inline int camera_row(const struct tile *tile, int row, int pixel, const struct primary_hit *sights,
-                           const struct job *job, struct worker_scratch *scratch, struct shading_packet *stage) {
+static inline int camera_row(const struct tile *tile, int row, int pixel,
+                             const struct primary_hit *sights, const struct job *job,
+                             struct worker_scratch *scratch, struct shading_packet *stage) {
     int count = 0;
     sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
     if (HAS_BVH(job->prepared))
@@ -282,8 +286,9 @@ static inline int camera_row(const struct tile *tile, int row, int pixel, const 
     return count;
 }
 
-static inline void store_row_colors(const struct tile *tile, int row, int pixel, const struct shading_packet *stage,
-                            int count, struct frame *frame, struct worker_scratch *scratch) {
+static inline void store_row_colors(const struct tile *tile, int row, int pixel,
+                                    const struct shading_packet *stage, int count,
+                                    struct frame *frame, struct worker_scratch *scratch) {
     for (int i = 0; i < count; i++, pixel += LANES) {
         if (frame->depth)
             store_hit(frame, block_at(tile, row, i), &stage[i].hit, stage[i].surface.normal);

@@ -3,8 +3,8 @@
 #ifndef OPT9_LIGHT_H
 #define OPT9_LIGHT_H
 
-#include "simd/pow.h"
 #include "core/shading_packet.h"
+#include "simd/pow.h"
 
 // a to the power of the shininess. One that is known and whole: products in place of a logarithm and an exponential.
 static inline vfloat phong_power(vfloat a, vfloat shininess) {
@@ -18,8 +18,8 @@ static inline vfloat phong_power(vfloat a, vfloat shininess) {
 }
 
 // shine: the cosine between the way back and the light's mirror image.
-INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine, vfloat reach,
-                        const struct tile_context *work) {
+INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine,
+                      vfloat reach, const struct tile_context *work) {
     COUNT(add_phong, call);
     vfloat specular = v_splat(0.0f);
     const float *e = work->emission;
@@ -37,8 +37,8 @@ INLINE void add_phong(struct shading_packet *at, const struct surface *surface, 
 }
 
 // axis: the plane's normal, which a kernel knows, where all hits are on it.
-INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface, const float *axis,
-                        const struct tile_context *work) {
+INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface,
+                           const float *axis, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     const struct packet_ray *ray = &at->ray;
     ACTIVE(v_count(at->hit.found));
@@ -66,7 +66,8 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
 }
 
 // As light_surfaces(), of camera rays: the way to the light is told from the camera's, not of unit length.
-INLINE void primary_light(struct shading_packet *at, const struct surface *surface, const struct tile_context *work) {
+INLINE void primary_light(struct shading_packet *at, const struct surface *surface,
+                          const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     ACTIVE(v_count(at->hit.found));
     COUNT(primary_light, call);

@@ -9,8 +9,8 @@ struct pixel_block {
     int across, down; // what of it is in the picture
 };
 
-static void store_plane(float *plane, int stride, const struct frame *frame, struct pixel_block block,
-                        vfloat values) {
+static void store_plane(float *plane, int stride, const struct frame *frame,
+                        struct pixel_block block, vfloat values) {
     float lanes[LANES];
     v_store(values, lanes);
     for (int row = 0; row < block.down; row++) {
@@ -20,13 +20,14 @@ static void store_plane(float *plane, int stride, const struct frame *frame, str
     }
 }
 
-static inline void display_samples(const struct frame *frame, int row, int column, const float *linear,
-                                int pixels) {
+static inline void display_samples(const struct frame *frame, int row, int column,
+                                   const float *linear, int pixels) {
     size_t first = (size_t)row * (size_t)frame->width + (size_t)column;
     frame->show(frame->presenter, linear, 3 * (size_t)pixels, frame->shown + 3 * first);
 }
 
-static inline void display_block(const struct frame *frame, struct pixel_block block, struct vec color) {
+static inline void display_block(const struct frame *frame, struct pixel_block block,
+                                 struct vec color) {
     float lanes[3][LANES], line[3 * BLOCK_WIDTH];
     v_store(color.x, lanes[0]);
     v_store(color.y, lanes[1]);

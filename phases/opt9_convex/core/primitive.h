@@ -6,8 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "phase.h"
 #include "bvh/bvh.h"
+#include "phase.h"
 
 // As an unevaluated sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
@@ -80,20 +80,20 @@ struct known_model {
 struct known_scene {
     struct known_model model;
     const struct primitive *placed; // one per shape
-    bool repeats;                // a shape is repeated
-    int plane;                   // the first that there is, −1: none
-    int bulbs;                   // how many of them are Mandelbulbs
-    float lit_slope;             // see lit_slope() in core/primitives.c
+    bool repeats;                   // a shape is repeated
+    int plane;                      // the first that there is, −1: none
+    int bulbs;                      // how many of them are Mandelbulbs
+    float lit_slope;                // see lit_slope() in core/primitives.c
 };
 
 struct prepared {
     struct model model;
     struct known_scene known;
-    struct primitive *placed;    // one per shape, known.placed
+    struct primitive *placed;     // one per shape, known.placed
     struct primitive_extra *more; // one per shape
-    struct local_camera *eyes;         // one per shape; of the frame being rendered
-    bool solids;              // core/analytic_tile.c can have it
-    struct bvh tree;         // of the solids, if they are a crowd
+    struct local_camera *eyes;    // one per shape; of the frame being rendered
+    bool solids;                  // core/analytic_tile.c can have it
+    struct bvh tree;              // of the solids, if they are a crowd
     struct bvh_leaf *leaves;      // what it is made of
     int *planes, plane_count;
 };
@@ -128,8 +128,8 @@ struct job {
     const struct view *view;
     struct frame *frame;
     const struct local_camera *eyes; // one per shape
-    int tile_height;        // of core/analytic_tile.c's
-    bool solids;            // every ray by core/analytic_tile.c, none by fallback/march.c
+    int tile_height;                 // of core/analytic_tile.c's
+    bool solids;                     // every ray by core/analytic_tile.c, none by fallback/march.c
 };
 
 #define KERNEL(width)                                                                              \

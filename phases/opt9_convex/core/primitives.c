@@ -28,7 +28,7 @@ static void to_floats(const double from[3], float to[3]) {
 
 // See struct primitive. A plane that is not repeated has one row.
 static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
-                       struct primitive_extra *more) {
+                         struct primitive_extra *more) {
     bool linear = p->way == EVAL_LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
@@ -51,7 +51,8 @@ static void prepare_rows(struct primitive *p, const struct shape *shape, double 
 // Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
 // power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
 // cheaper, and from many radii away more exact. 1e15: its square is a float.
-static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated, const struct limits *limits) {
+static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
+                                   const struct limits *limits) {
     if (repeated)
         return EVAL_POINT;
     if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&
@@ -60,9 +61,10 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated, con
     return shape->type == SHAPE_PLANE ? EVAL_LINEAR : EVAL_POINT;
 }
 
-static struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits,
-                                 struct primitive_extra *more) {
-    struct primitive p = {.type = shape->type, .index = (float)index, .next_same_grid = -1, .leader = index};
+static struct primitive prepare_shape(int index, const struct shape *shape,
+                                      const struct limits *limits, struct primitive_extra *more) {
+    struct primitive p = {
+        .type = shape->type, .index = (float)index, .next_same_grid = -1, .leader = index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
@@ -129,7 +131,8 @@ static double bounding_radius(const struct shape *shape) {
                      shape->cone.half_height) *
                (1 + 1e-5);
     case SHAPE_OCTAHEDRON: return shape->octahedron.radius * (1 + 1e-5);
-    case SHAPE_MANDELBULB: return 1.15; // beyond 2^(1/7) every point escapes; see bulb/bulb_estimate.h
+    case SHAPE_MANDELBULB:
+        return 1.15; // beyond 2^(1/7) every point escapes; see bulb/bulb_estimate.h
     default: return INFINITY;
     }
 }
@@ -139,7 +142,8 @@ static double bounding_radius(const struct shape *shape) {
 // MAX_CELLS, and float counts them.
 enum { MAX_CELLS = 4096 };
 
-static bool fits_its_cells(const struct shape *shape, struct primitive *p, const struct limits *limits) {
+static bool fits_its_cells(const struct shape *shape, struct primitive *p,
+                           const struct limits *limits) {
     double half[3] = {INFINITY, INFINITY, INFINITY}, cells = 0;
     switch (shape->type) {
     case SHAPE_SPHERE: half[0] = half[1] = half[2] = shape->sphere.radius; break;
@@ -170,7 +174,8 @@ static bool fits_its_cells(const struct shape *shape, struct primitive *p, const
     return !jumps && cells < MAX_CELLS;
 }
 
-static void prepare_solid(struct primitive *p, const struct shape *shape, const struct model *model) {
+static void prepare_solid(struct primitive *p, const struct shape *shape,
+                          const struct model *model) {
     double bound = bounding_radius(shape);
     p->bound = (float)bound;
     p->bound_sq = (float)(bound * bound);
@@ -204,8 +209,8 @@ enum { BVH_MIN_MAX_STEPS = 256 };
 static void build_bvh(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->tree.levels = 0;
-    if (count < BVH_MIN_SHAPES || !prepared->solids || prepared->known.repeats || prepared->known.bulbs ||
-        prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
+    if (count < BVH_MIN_SHAPES || !prepared->solids || prepared->known.repeats ||
+        prepared->known.bulbs || prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;
     for (int i = 0; i < count; i++) {
         const struct primitive *p = &prepared->placed[i];
@@ -247,20 +252,21 @@ static void link_same_grid(struct primitive *placed, int first, int count) {
 static struct known_scene known_of(const struct model *model) {
     const struct features *features = &model->features;
     const double *background = model->background;
-    return (struct known_scene){.model = {.shape_count = model->shape_count,
-                                    .shadows = model->shadows,
-                                    .shadow_strength = model->shadow_strength,
-                                    .fog = model->fog,
-                                    .background = {background[0], background[1], background[2]},
-                                    .features = {features->rotation, features->repetition,
-                                                 features->mirrors, features->fog},
-                                    .march = {.bounds_radius = model->march.bounds_radius,
-                                              .normal_step = model->march.normal_step,
-                                              .surface_offset = model->march.surface_offset,
-                                              .max_bounces = model->march.max_bounces}},
-                          .plane = -1,
-                          .bulbs = model->features.count[SHAPE_MANDELBULB],
-                          .lit_slope = lit_slope(model->shadow_strength)};
+    return (struct known_scene){
+        .model = {.shape_count = model->shape_count,
+                  .shadows = model->shadows,
+                  .shadow_strength = model->shadow_strength,
+                  .fog = model->fog,
+                  .background = {background[0], background[1], background[2]},
+                  .features = {features->rotation, features->repetition, features->mirrors,
+                               features->fog},
+                  .march = {.bounds_radius = model->march.bounds_radius,
+                            .normal_step = model->march.normal_step,
+                            .surface_offset = model->march.surface_offset,
+                            .max_bounces = model->march.max_bounces}},
+        .plane = -1,
+        .bulbs = model->features.count[SHAPE_MANDELBULB],
+        .lit_slope = lit_slope(model->shadow_strength)};
 }
 
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
@@ -279,7 +285,8 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
         if (p->way == EVAL_LINEAR)
             prepared->planes[prepared->plane_count++] = i;
         known->repeats = known->repeats || p->repeated;
-        if ((p->repeated && (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
+        if ((p->repeated &&
+             (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
             p->way == EVAL_POWER ||
             // of two Mandelbulbs each one's estimate is a part of the other's steps
             (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
@@ -299,7 +306,8 @@ bool place_room(struct prepared *prepared, int shape_count) {
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
     return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
-           prepared->leaves && (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->tree, shape_count));
+           prepared->leaves &&
+           (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->tree, shape_count));
 }
 
 void place_free(struct prepared *prepared) {

@@ -3,9 +3,9 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
+#include "core/primitive.h"
 #include "counting/flops.h"
 #include "driver/variant.h"
-#include "core/primitive.h"
 #include "workers/workers.h"
 
 // What a tile reads is `prepared`; the team stands behind it.

@@ -1,10 +1,10 @@
 // What a group's hits look like: normals in closed form, light (core/lighting.h), and what has to wait for a shadow or a mirror
 // ray. Where nothing ever waits: hit/primary_hits.c.
-#include "core/scene_bounds.h"
 #include "bulb/bulb_estimate.h"
-#include "repetition/repeated_rays.h"
 #include "bvh/bvh_lists.h"
 #include "core/lighting.h"
+#include "core/scene_bounds.h"
+#include "repetition/repeated_rays.h"
 #include "shadow/shadow_candidates.h"
 #include "simd/permute.h"
 
@@ -69,7 +69,8 @@ static void surface_at(const struct surface_hit *restrict hit, const struct vec 
 }
 
 static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, struct vec to_light,
-                         vfloat facing, struct vec light, vfloat pixel, const struct tile_context *work) {
+                         vfloat facing, struct vec light, vfloat pixel,
+                         const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     if (scratch->shadows > QUEUE - LANES)
         cast_shadows(work);
@@ -85,8 +86,9 @@ static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, s
     scratch->shadows += v_count(m);
 }
 
-static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, struct vec n, vfloat weight,
-                         const struct surface_hit *hit, const struct tile_context *work) {
+static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, struct vec n,
+                         vfloat weight, const struct surface_hit *hit,
+                         const struct tile_context *work) {
     ACTIVE(v_count(m));
     COUNT(queue_mirror, call);
     struct worker_scratch *scratch = work->scratch;
@@ -104,8 +106,8 @@ static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, st
     scratch->mirrors += v_count(m);
 }
 
-INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec to_light, vfloat facing,
-                  const struct prepared *scene, struct vec *light) {
+INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec to_light,
+                  vfloat facing, const struct prepared *scene, struct vec *light) {
     vmask same = v_and(grazes, is_shape(hit->shape, i));
     if (!v_any(same))
         return;
@@ -178,11 +180,11 @@ static inline void cull_shadows(struct shading_packet *at, const struct tile_con
         return;
     // HAS_BVH once more: without optimization too, a kernel must not refer to what is called here.
     if (HAS_BVH(work->scene) && queries_rays_singly(work->scene))
-        at->open = bvh_trivially_lit(at->point, at->hit.local, at->to_light, at->facing, at->hit.shape,
-                                at->lit, work);
+        at->open = bvh_trivially_lit(at->point, at->hit.local, at->to_light, at->facing,
+                                     at->hit.shape, at->lit, work);
     else if (model->shadows == SHADOWS_SOFT)
-        at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing, at->hit.shape,
-                           at->lit, work);
+        at->open = trivially_lit(&at->point, &at->hit.local, &at->to_light, at->facing,
+                                 at->hit.shape, at->lit, work);
     else if (model->shadows == SHADOWS_HARD) {
         ACTIVE(v_count(at->lit));
         COUNT(cull_shadows, hard);

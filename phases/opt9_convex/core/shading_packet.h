@@ -56,19 +56,24 @@ struct primary_hit {
 // Of hits on what is not repeated: their normals, as a sight has them.
 KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene);
 // Its colour, where nothing waits for it.
-KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at, const struct tile_context *work);
+KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
+                                     const struct tile_context *work);
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
-KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count, const struct tile_context *work);
+KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count,
+                                 const struct tile_context *work);
 
 // Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
 // in its frame; slot: where the first lane's answer is to be.
-KERNEL_SHARED int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
-                       const struct packet_ray *ray, vfloat end, int slot, const struct prepared *scene,
-                       struct worker_scratch *scratch);
+KERNEL_SHARED int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o,
+                                  struct vec_double d, const struct packet_ray *ray, vfloat end,
+                                  int slot, const struct prepared *scene,
+                                  struct worker_scratch *scratch);
 // The answers: what the packet meets there, if before what it has met so far.
-KERNEL_SHARED void take_bulb_hits(struct shading_packet *at, int slot, const struct worker_scratch *scratch);
+KERNEL_SHARED void take_bulb_hits(struct shading_packet *at, int slot,
+                                  const struct worker_scratch *scratch);
 KERNEL_SHARED void clear_bulb_hits(struct worker_scratch *scratch, int slots);
 // All of it for a group of mirror rays.
-KERNEL_SHARED void hit_bulbs(struct shading_packet *stage, int packets, const struct tile_context *work);
+KERNEL_SHARED void hit_bulbs(struct shading_packet *stage, int packets,
+                             const struct tile_context *work);
 
 #endif

@@ -37,11 +37,11 @@ static inline bool is_set_empty(const struct shape_set *set) {
 #define EACH_HIT(m, shape, scene, visit, ...)                                                      \
     for (unsigned rest_ = v_mask_bits(m); rest_;) {                                                \
         int shape_ = (int)lane_of(shape, __builtin_ctz(rest_));                                    \
-        rest_ &= ~v_mask_bits(is_shape(shape, shape_));                                          \
+        rest_ &= ~v_mask_bits(is_shape(shape, shape_));                                            \
         visit(shape_, __VA_ARGS__);                                                                \
     }
 #define EACH_ALIKE(scene, visit, first, ...)                                                       \
-    for (int alike_ = (first); alike_ >= 0; alike_ = KNOWN(scene)->placed[alike_].next_same_grid)           \
+    for (int alike_ = (first); alike_ >= 0; alike_ = KNOWN(scene)->placed[alike_].next_same_grid)  \
     visit(alike_, first, __VA_ARGS__)
 
 #endif

@@ -3,8 +3,8 @@
 #define OPT9_PICTURE_H
 
 #include "core/pixel_block.h"
-#include "simd/rgb.h"
 #include "core/shading_packet.h"
+#include "simd/rgb.h"
 
 static void store_hit(struct frame *frame, struct pixel_block block, const struct surface_hit *hit,
                       struct vec normal) {
@@ -58,7 +58,7 @@ static inline const float *row_from(const float *color, int row, int across) {
 
 // Samples of a tile's rows, in a row each.
 static inline void display_rows(struct frame *frame, int left, int right, int top, int bottom,
-                              const float *color) {
+                                const float *color) {
     float line[3 * TILE_WIDTH];
     int across = right - left;
     for (int row = top; row < bottom; row++) {
@@ -72,7 +72,7 @@ static inline void display_rows(struct frame *frame, int left, int right, int to
 }
 
 static void store_rows(struct frame *frame, int left, int right, int top, int bottom,
-                        const float *color) {
+                       const float *color) {
     if (frame->shown) {
         display_rows(frame, left, right, top, bottom, color);
         return;
@@ -90,7 +90,7 @@ static void store_rows(struct frame *frame, int left, int right, int top, int bo
 }
 
 static void display_background(struct frame *frame, int left, int right, int top, int bottom,
-                            const struct known_model *model) {
+                               const struct known_model *model) {
     float line[3 * TILE_WIDTH];
     for (int i = 0; i < 3 * TILE_WIDTH; i++)
         line[i] = (float)model->background[i % 3];

@@ -2,8 +2,8 @@
 // of a block lies outside the picture is masked, so any size will do.
 #include "core/pixel_block.h"
 #include "core/worker_scratch.h"
-#include "simd/point.h"
 #include "fallback/trace.h"
+#include "simd/point.h"
 
 #include <stdlib.h>
 
@@ -43,7 +43,8 @@ static struct vec get_direction(struct pixel_block block, const struct frame *fr
     return vec_scale(d, v_splat(1.0f) / vec_norm(d));
 }
 
-static void store_block_result(struct frame *frame, struct pixel_block block, const struct shaded *seen) {
+static void store_block_result(struct frame *frame, struct pixel_block block,
+                               const struct shaded *seen) {
     COUNT(store_block_result, call);
     if (frame->shown) {
         display_block(frame, block, seen->color);
@@ -80,7 +81,7 @@ static void draw_tile(const struct job *job, int tile, struct local_ray *own) {
     for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
         for (int column = left; column < right; column += BLOCK_WIDTH) {
             struct pixel_block block = {column, row, int_min(BLOCK_WIDTH, right - column),
-                                  int_min(BLOCK_HEIGHT, bottom - row)};
+                                        int_min(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
             struct shaded seen;
@@ -113,7 +114,8 @@ int VARIANT(tiles)(const struct job *job) {
 void VARIANT(tile)(const struct job *job, int tile, void *own) {
     if (job->solids)
         draw_analytic_tile(job, tile,
-                    scratch_at(own, job->prepared->model.shape_count, candidate_slots(&job->prepared->model)));
+                           scratch_at(own, job->prepared->model.shape_count,
+                                      candidate_slots(&job->prepared->model)));
     else
         draw_tile(job, tile, own);
 }

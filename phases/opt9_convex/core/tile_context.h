@@ -4,8 +4,8 @@
 
 #include <string.h>
 
-#include "simd/permute.h"
 #include "hit/solids.h"
+#include "simd/permute.h"
 
 enum {
     TILE_WIDTH = 32,
@@ -73,17 +73,19 @@ struct worker_scratch {
     float color[3 * COLOR_ROOM]; // blocks one behind the other, their lanes in a row
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     float bulb[B_FIELDS][BULB_ROOM];
-    float close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_ROOM]; // rays of these, see bulb/bulb_chebyshev.h
+    float close[C_FIELDS][CLOSE_ROOM],
+        open[B_LANE][BULB_ROOM]; // rays of these, see bulb/bulb_chebyshev.h
     int close_first, close_count, open_count;
     float met[TILE_PIXELS],
         met_shape[TILE_PIXELS], // where rays meet a Mandelbulb, ∞: nowhere, and which
         met_at[3][TILE_PIXELS]; // in its frame
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
-    struct shadow_candidate *near;            // of the packets of shadow rays in work, one per shape and packet
-    struct shape_set camera_list_count;         // those that the tile's camera rays may meet
-    int *row_list, row_counts[GROUP];        // of a crowd: of those what each block of a row may meet
-    struct shape_set occluders;        // those that can matter to the light on the group in work
+    struct shadow_candidate
+        *near; // of the packets of shadow rays in work, one per shape and packet
+    struct shape_set camera_list_count; // those that the tile's camera rays may meet
+    int *row_list, row_counts[GROUP];   // of a crowd: of those what each block of a row may meet
+    struct shape_set occluders;         // those that can matter to the light on the group in work
     struct shape_set candidates[PACKETS_IN_WORK]; // those that a packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirror_list, *active_list;
@@ -112,7 +114,7 @@ struct shadow_candidate {
     vfloat constant, slope;       // of a sphere that some of the rays are from (power):
     bool power;                   // |p|² − radius² = constant + t·(t + slope)
     vfloat from;                  // before that it is further than any other
-    vfloat wake_bound;                 // where t + the nearest distance is less, so is that one
+    vfloat wake_bound;            // where t + the nearest distance is less, so is that one
 };
 
 _Static_assert(offsetof(struct shadow_candidate, origin) == 0 &&
@@ -124,27 +126,30 @@ struct tile_context {
     const struct view *view;
     struct worker_scratch *scratch;
     float light[3], emission[3]; // the view's, as floats: not once more for each packet
-    float light_from_eye[3];               // the light from the camera
+    float light_from_eye[3];     // the light from the camera
     float inside;                // nearer than this a camera ray is within the bounds
 };
 
 // Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
 // neither, but for the first two, since it bulges.
-KERNEL_SHARED vmask trivially_lit(const struct vec *point, const struct vec *local, const struct vec *to_light,
-                     vfloat facing, vfloat shape, vmask active, const struct tile_context *work);
+KERNEL_SHARED vmask trivially_lit(const struct vec *point, const struct vec *local,
+                                  const struct vec *to_light, vfloat facing, vfloat shape,
+                                  vmask active, const struct tile_context *work);
 // The shadow on these: the least of those two terms.
 KERNEL_SHARED vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light,
-                         vfloat facing, const struct prepared *scene);
+                                 vfloat facing, const struct prepared *scene);
 // Hard shadows: which rays reach the light.
-KERNEL_SHARED vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
-                           vfloat distance, vmask active, const struct tile_context *work);
+KERNEL_SHARED vmask reaches_light(struct vec point, struct vec local, struct vec to_light,
+                                  vfloat shape, vfloat distance, vmask active,
+                                  const struct tile_context *work);
 // Mandelbulb: where the group's rays that wait on the desk meet it.
 KERNEL_SHARED void march_bulb(const struct primitive *s, int count, const struct limits *limits,
-                       struct worker_scratch *scratch);
+                              struct worker_scratch *scratch);
 // Marches all shadow rays that wait, and adds their light.
 KERNEL_SHARED void cast_shadows(const struct tile_context *work);
 KERNEL_SHARED int count_tiles(const struct job *job);
-KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile, struct worker_scratch *scratch);
+KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile,
+                                      struct worker_scratch *scratch);
 
 static inline int int_min(int a, int b) {
     return a < b ? a : b;
@@ -176,7 +181,8 @@ static inline void pack_vec(vmask m, struct vec v, float field[][QUEUE_ROOM], in
 
 // Adds to the pixels of the lanes in m, one after the other: two may be the same.
 // Of an empty m the pixels are what is behind a queue's end: an older ray's, or the zeros of own_memory.
-static inline void add_light(vmask m, struct vec light, vfloat pixel, struct worker_scratch *scratch) {
+static inline void add_light(vmask m, struct vec light, vfloat pixel,
+                             struct worker_scratch *scratch) {
     COUNT(add_light, call);
     float *first = &scratch->color[(int)v_lane0(pixel)];
     vmask apart = v_cmp_gt(v_abs(pixel - v_splat(v_lane0(pixel)) - v_iota()), v_splat(0.5f));

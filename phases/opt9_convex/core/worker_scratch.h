@@ -7,14 +7,19 @@
 
 // Packets whose shadow rays know something of every shape: those in work; of a crowd one, and behind it its vicinity, which
 // takes the room of two.
-enum { CANDIDATE_SLOTS = PACKETS_IN_WORK > 3 ? PACKETS_IN_WORK : 3, SCRATCH_LISTS = 4 + GROUP + PACKETS_IN_WORK };
-_Static_assert((int)REFILLED_PACKETS >= (int)CANDIDATE_SLOTS, "a kernel's desk has room for a Mandelbulb's streams");
+enum {
+    CANDIDATE_SLOTS = PACKETS_IN_WORK > 3 ? PACKETS_IN_WORK : 3,
+    SCRATCH_LISTS = 4 + GROUP + PACKETS_IN_WORK
+};
+_Static_assert((int)REFILLED_PACKETS >= (int)CANDIDATE_SLOTS,
+               "a kernel's desk has room for a Mandelbulb's streams");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 // A list of shapes, and room for a row of lanes behind them (bvh_list).
 #define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
 // nears: of how many packets of shadow rays what they know of every shape.
-#define SCRATCH_SIZE(shapes, nears)                                                                   \
-    (WHOLE_LINES(sizeof(struct worker_scratch)) + (size_t)(nears) * (size_t)(shapes) * sizeof(struct shadow_candidate) + \
+#define SCRATCH_SIZE(shapes, nears)                                                                \
+    (WHOLE_LINES(sizeof(struct worker_scratch)) +                                                  \
+     (size_t)(nears) * (size_t)(shapes) * sizeof(struct shadow_candidate) +                        \
      SCRATCH_LISTS * LIST_SIZE(shapes))
 
 static inline struct worker_scratch *scratch_at(void *own, int shape_count, int nears) {

@@ -1,7 +1,7 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
 // of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
-#include "simd/point.h"
 #include "fallback/trace.h"
+#include "simd/point.h"
 
 #include <limits.h>
 
@@ -11,13 +11,14 @@ struct bounds_exit {
     vfloat linear, constant; // t·(t + linear) + constant > 0
 };
 
-static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction, const struct model *model) {
+static struct bounds_exit bounds_exit_of(struct point origin, struct vec direction,
+                                         const struct model *model) {
     COUNT(bounds_exit_of, call);
     COUNT(bounds_exit_of, scalar);
     float radius = (float)model->march.bounds_radius;
     struct vec o = origin.hi;
     return (struct bounds_exit){v_splat(2.0f) * vec_dot(o, direction),
-                         vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
+                                vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
 static vmask within(struct point place, const struct model *model) {
@@ -55,7 +56,8 @@ struct march_state {
 };
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
-static inline void march(struct march_state *at, struct vec direction, const struct trace_context *world) {
+static inline void march(struct march_state *at, struct vec direction,
+                         const struct trace_context *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct bounds_exit exit = bounds_exit_of(at->origin, direction, &scene->model);
@@ -82,8 +84,8 @@ static inline void march(struct march_state *at, struct vec direction, const str
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const struct trace_context *world,
-                                              vfloat *shape) {
+__attribute__((noinline)) static void
+shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
     ACTIVE(v_count(deep));
     COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
@@ -106,15 +108,16 @@ static int fewest(vfloat evals, vmask on) {
 // Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there.
-void ray_march(struct point origin, struct vec direction, vmask active, const struct trace_context *world,
-               struct hit *hit) {
+void ray_march(struct point origin, struct vec direction, vmask active,
+               const struct trace_context *world, struct hit *hit) {
     COUNT(ray_march, call);
     COUNT(ray_march, scalar);
     const struct prepared *scene = world->scene;
     float twice = 2.0f * (float)scene->model.march.hit_distance;
     vfloat zero = v_splat(0.0f), off_from = v_splat(twice), sunk_from = v_splat(-twice);
     vfloat most = v_splat((float)scene->model.march.max_steps);
-    struct march_state at = {.origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
+    struct march_state at = {
+        .origin = origin, .before = zero, .evals = zero, .found = v_mask_none()};
     at.done = v_not(active);
     vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
     vfloat inside = v_splat(-1.0f);
@@ -181,7 +184,8 @@ void ray_march(struct point origin, struct vec direction, vmask active, const st
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
 // rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds.
-static vfloat soft_shadow(vmask active, struct bounds_exit exit, const struct trace_context *world) {
+static vfloat soft_shadow(vmask active, struct bounds_exit exit,
+                          const struct trace_context *world) {
     COUNT(soft_shadow, call);
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;

@@ -65,8 +65,8 @@ static struct vec octahedron_gradient(struct vec p) {
 
 // The hit in the frame of one shape, and moved there by `shadow_step` along an axis of the world (a column
 // of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct primitive *placed, const struct local_ray *approach, float step,
-                           int axis) {
+static struct vec moved_in(const struct primitive *placed, const struct local_ray *approach,
+                           float step, int axis) {
     COUNT(moved_in, call);
     struct vec p = approach->origin;
     if (axis < 0)
@@ -79,8 +79,8 @@ static struct vec moved_in(const struct primitive *placed, const struct local_ra
     return placed->repeated ? vec_wrapped(placed, p) : p;
 }
 
-static vfloat moved_power(const struct primitive *placed, const struct local_ray *approach, float step,
-                          int axis) {
+static vfloat moved_power(const struct primitive *placed, const struct local_ray *approach,
+                          float step, int axis) {
     if (axis < 0)
         return approach->power;
     COUNT(moved_power, moved);
@@ -147,7 +147,7 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
     }
     float step = (float)scene->model.march.normal_step;
     return (struct hit_surroundings){least, v_select(found, shape, v_splat(-1.0f)),
-                             v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
+                                     v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
 }
 
 // `contact`: hits near another shape, whose difference is the scene's.

@@ -1,8 +1,8 @@
 // What a hit looks like: light (B. T. Phong, "Illumination for computer generated
 // pictures", CACM 18 (1975)), mirror by recursion, fog.
+#include "fallback/trace.h"
 #include "simd/point.h"
 #include "simd/pow.h"
-#include "fallback/trace.h"
 
 // Materials of hits, gathered.
 struct surfaces {

@@ -26,8 +26,8 @@ struct shaded {
 };
 
 // Only lanes of `active` are marched, shaded and written; the others may hold anything.
-void ray_march(struct point origin, struct vec direction, vmask active, const struct trace_context *world,
-               struct hit *hit);
+void ray_march(struct point origin, struct vec direction, vmask active,
+               const struct trace_context *world, struct hit *hit);
 vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
               const struct trace_context *world);
 // What a hit's place says, once it is the origin of world->approach: more exactly than the march,

@@ -27,7 +27,7 @@ struct tile {
 static inline struct pixel_block block_at(const struct tile *tile, int row, int i) {
     int column = tile->left + i * BLOCK_WIDTH;
     return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, tile->right - column),
-                          int_min(BLOCK_HEIGHT, tile->bottom - row)};
+                                int_min(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
 // A direction, not of unit length, but for its part up, which is the row's: of blocks one below the other it is the same.

@@ -2,11 +2,12 @@
 #ifndef OPT9_MEET_H
 #define OPT9_MEET_H
 
-#include "repetition/repeated_rays.h"
 #include "bvh/bvh_lists.h"
 #include "core/worker_scratch.h"
+#include "repetition/repeated_rays.h"
 
-INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primitive *s, struct surface_hit *hit) {
+INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primitive *s,
+                     struct surface_hit *hit) {
     if (!v_any(met))
         return;
     hit->found = v_or(hit->found, met);
@@ -51,8 +52,8 @@ INLINE void meet(int i, struct vec direction, vmask active, const struct local_c
 
 // Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
 // then hit it at once, at the distance that they are at, which is negative.
-INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active, vmask own,
-                       vfloat *t, struct vec *local) {
+INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
+                              vmask own, vfloat *t, struct vec *local) {
     COUNT(hit_from_surface, call);
     if (s->convex)
         active = v_andnot(own, active); // what it leaves, it does not meet again
@@ -89,17 +90,19 @@ INLINE void meet_mirror(int i, const struct packet_ray *ray, const struct prepar
         met = v_and(v_andnot(own, ray->active), v_or(under, v_cmp_lt(slope, v_splat(0.0f))));
     } else if (REPEATED(s)) {
         COUNT(closest_mirror_hit, repeated);
-        vfloat end = v_min(bounds_distance(ray->origin, ray->direction, &scene->model.march), hit->t);
+        vfloat end =
+            v_min(bounds_distance(ray->origin, ray->direction, &scene->model.march), hit->t);
         met = hit_cells(ray, s, own, end, (float)scene->model.march.surface_offset, &t, &local);
     } else {
         COUNT(closest_mirror_hit, solid);
-        met = hit_from_surface(to_local(s, ray->origin), turned(s, ray->direction), s, ray->active, own,
-                        &t, &local);
+        met = hit_from_surface(to_local(s, ray->origin), turned(s, ray->direction), s, ray->active,
+                               own, &t, &local);
     }
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
 }
 
-static struct surface_hit closest_mirror_hit(const struct packet_ray *ray, const struct tile_context *work) {
+static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
+                                             const struct tile_context *work) {
     COUNT(closest_mirror_hit, call);
     struct surface_hit hit;
     no_hit(&hit);

@@ -9,7 +9,7 @@ static double dot(const double a[3], const double b[3]) {
 
 // Whether the camera is outside of the box about the copy whose cell it is in.
 static bool camera_beside_copies(const struct primitive *p, const double from[3], double far,
-                          struct local_camera *eye) {
+                                 struct local_camera *eye) {
     bool outside = false;
     for (int k = 0; k < 3; k++) {
         double at = dot(p->row[k], from);

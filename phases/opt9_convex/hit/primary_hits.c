@@ -1,7 +1,7 @@
 // What a packet of camera rays sees where nothing waits for it, neither a shadow nor a mirror ray: coloured by itself, from
 // a normal that was told where it met the shape.
-#include "core/scene_bounds.h"
 #include "core/lighting.h"
+#include "core/scene_bounds.h"
 
 INLINE void material_of(int i, const struct primary_hit *seen, const struct prepared *scene,
                         struct surface *all) {
@@ -25,7 +25,7 @@ INLINE void all_of(int i, const struct primary_hit *seen, const struct prepared 
 }
 
 static inline void primary_material(const struct primary_hit *seen, const struct prepared *scene,
-                                 struct surface *all) {
+                                    struct surface *all) {
     COUNT(primary_material, call);
     if (ONE_MATERIAL) {
         all_of(0, seen, scene, all);
@@ -41,7 +41,8 @@ static inline void primary_material(const struct primary_hit *seen, const struct
     EACH_HIT(seen->hit.found, seen->hit.shape, scene, material_of, seen, scene, all);
 }
 
-KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at, const struct tile_context *work) {
+KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
+                                     const struct tile_context *work) {
     ACTIVE(v_count(seen->active));
     COUNT(shade_primary_hit, call);
     const struct known_scene *scene = KNOWN(work->scene);

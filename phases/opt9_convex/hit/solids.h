@@ -45,8 +45,8 @@ INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, 
 // From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
 // the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
 // nearer has missed. A flat part is there at once. away (NULL: not asked for): where they enter, from the smaller box.
-INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per, const struct primitive *s,
-                               vmask near, vfloat *t, struct vec *away) {
+INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
+                               const struct primitive *s, vmask near, vfloat *t, struct vec *away) {
     COUNT(enter_rounded_box, call);
     COUNT(enter_rounded_box, scalar);
     vfloat zero = v_splat(0.0f), out = v_splat(INFINITY), at = v_splat(-INFINITY);
@@ -155,7 +155,8 @@ static inline struct vec shared_inverses(struct vec d, const struct vec *known) 
 // their origin, within the bounding sphere where `shadow_candidate`; half: how long, half of it (spheres and tori alone). Those that
 // enter it: how far from there. Not for planes.
 INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half,
-                          const struct vec *per, const struct primitive *s, vmask near, vfloat *in) {
+                          const struct vec *per, const struct primitive *s, vmask near,
+                          vfloat *in) {
     COUNT(enter_nearby, call);
     switch (s->type) {
     case SHAPE_SPHERE:

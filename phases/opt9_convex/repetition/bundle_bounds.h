@@ -3,8 +3,8 @@
 #ifndef OPT9_PROVE_H
 #define OPT9_PROVE_H
 
-#include "repetition/repeated_bundles.h"
 #include "repetition/cell_walk.h"
+#include "repetition/repeated_bundles.h"
 
 enum {
     BUNDLE_HEIGHT = 4, // and as wide as a block
@@ -42,8 +42,9 @@ struct bundle_bounds {
     vfloat lo, hi, others, shape, axis, away; // away: what none of them meets
 };
 
-INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk *b, const struct cell_grid *grid,
-                      const struct bundle_bounds *p, vfloat *lo, vfloat *hi, vfloat *axis) {
+INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk *b,
+                            const struct cell_grid *grid, const struct bundle_bounds *p, vfloat *lo,
+                            vfloat *hi, vfloat *axis) {
     COUNT(bound_shape_entry, box);
     COUNT(bound_shape_entry, box_scalar);
     const struct walk *w = &b->walk;
@@ -73,8 +74,8 @@ INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk 
     *hi = v_select(v_and(flat, v_cmp_gt(in, apart)), in + apart, v_splat(INFINITY));
 }
 
-INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid, const struct bundle_walk *b,
-                  struct bundle_bounds *p) {
+INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid,
+                              const struct bundle_walk *b, struct bundle_bounds *p) {
     const struct primitive *s = &KNOWN(grid->scene)->placed[i];
     if (s->leader != first)
         return;
@@ -102,11 +103,12 @@ INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid, co
 }
 
 static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec d, float bound,
-                                          const struct cell_grid *grid) {
+                                                       const struct cell_grid *grid) {
     COUNT(empty_bundle_bounds, call);
     COUNT(empty_bundle_bounds, scalar);
     vfloat none = v_splat(INFINITY);
-    struct bundle_bounds p = {.o = o, .before = v_splat(0.0f) - vec_dot(o, d), .lo = none, .hi = none};
+    struct bundle_bounds p = {
+        .o = o, .before = v_splat(0.0f) - vec_dot(o, d), .lo = none, .hi = none};
     struct vec c = vec_along(o, d, p.before);
     p.square = vec_dot(c, c);
     // A ray along d′, within `spread` of d, is out of the copy's ball by t = bound − o·d′ ≤ bound + before + |o|·spread,

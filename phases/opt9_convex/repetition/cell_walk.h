@@ -17,10 +17,12 @@ static inline struct cell_axis cell_axis_of(vfloat o, vfloat d, float cell, floa
     vfloat wall = v_splat(0.5f * cell) * size;
     if (!(cell > 0.0f))
         wall = v_splat(INFINITY);
-    return (struct cell_axis){base, v_splat(cell) * size, v_splat(half) * size, wall, zero, base, size};
+    return (struct cell_axis){base, v_splat(cell) * size, v_splat(half) * size, wall, zero, base,
+                              size};
 }
 
-static inline vfloat cell_exit(const struct cell_axis *x, const struct cell_axis *y, const struct cell_axis *z) {
+static inline vfloat cell_exit(const struct cell_axis *x, const struct cell_axis *y,
+                               const struct cell_axis *z) {
     return v_min(x->middle + x->wall, v_min(y->middle + y->wall, z->middle + z->wall));
 }
 

@@ -22,7 +22,7 @@ static inline bool is_mostly_round(const struct primitive *s) {
 }
 
 INLINE void hit_shape_of_copy(int i, int first, const struct prepared *scene, unsigned away,
-                       struct copy_packet *b, struct surface_hit *hit) {
+                              struct copy_packet *b, struct surface_hit *hit) {
     const struct primitive *s = &KNOWN(scene)->placed[i];
     if (s->leader != first || (away & shape_bit(i, first)))
         return;
@@ -75,8 +75,8 @@ INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *sla
 }
 
 // A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
-INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o, struct vec rest,
-                       unsigned away, vmask active) {
+INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
+                      struct vec rest, unsigned away, vmask active) {
     COUNT(hit_copy, call);
     struct copy_packet b;
     b.d = local_direction(first, grid, block);
@@ -91,13 +91,14 @@ INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct
     EACH_ALIKE(grid->scene, mark_slabs, first, grid->scene, &slabs);
     if (slabs)
         b.per = inverses_of(b.d);
-    EACH_ALIKE(grid->scene, hit_shape_of_copy, first, grid->scene, away, &b, &grid->sights[block].hit);
+    EACH_ALIKE(grid->scene, hit_shape_of_copy, first, grid->scene, away, &b,
+               &grid->sights[block].hit);
     return b.met;
 }
 
 // A copy that all of a packet's rays meet, on one face or one sphere of it.
-INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid, int block,
-                       struct vec o, struct vec rest) {
+INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid,
+                             int block, struct vec o, struct vec rest) {
     COUNT(hit_whole_packet, call);
     const struct primitive *s = &KNOWN(grid->scene)->placed[i];
     if (i != shape || s->leader != first)

@@ -7,12 +7,12 @@
 // goes through are all that there are, in the order in which every ray meets them. Behind that each ray walks by itself.
 //
 // The lanes are bundles in the walk, rays where a copy is asked (repetition/copy_hit.h).
-#include "repetition/copy_hit.h"
 #include "core/numerics.h"
+#include "repetition/copy_hit.h"
 
 // The camera from the middles of the cells that the lanes are in, as two floats.
 static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfloat d, vfloat count,
-                                vfloat *rest) {
+                                     vfloat *rest) {
     COUNT(lane_coordinate, call);
     vhalf size = v_half_splat(grid->size[axis]), eye = v_half_splat(grid->eye[axis]);
     vfloat number = v_copysign(count, d);
@@ -23,18 +23,19 @@ static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfl
     return at;
 }
 
-static inline struct vec lane_points(const struct cell_grid *grid, struct vec d, const struct walk *w,
-                                     struct vec *rest) {
+static inline struct vec lane_points(const struct cell_grid *grid, struct vec d,
+                                     const struct walk *w, struct vec *rest) {
     return (struct vec){lane_coordinate(grid, 0, d.x, w->x.count, &rest->x),
                         lane_coordinate(grid, 1, d.y, w->y.count, &rest->y),
                         lane_coordinate(grid, 2, d.z, w->z.count, &rest->z)};
 }
 
-static inline struct walk cell_walk_from(const struct cell_grid *grid, struct vec d, const struct primitive *s,
-                                    vfloat end) {
-    return (struct walk){cell_axis_of(v_splat((float)grid->eye[0]), d.x, s->cell[0], s->box_of_grid[0]),
-                         cell_axis_of(v_splat((float)grid->eye[1]), d.y, s->cell[1], s->box_of_grid[1]),
-                         cell_axis_of(v_splat((float)grid->eye[2]), d.z, s->cell[2], s->box_of_grid[2]), end};
+static inline struct walk cell_walk_from(const struct cell_grid *grid, struct vec d,
+                                         const struct primitive *s, vfloat end) {
+    return (struct walk){
+        cell_axis_of(v_splat((float)grid->eye[0]), d.x, s->cell[0], s->box_of_grid[0]),
+        cell_axis_of(v_splat((float)grid->eye[1]), d.y, s->cell[1], s->box_of_grid[1]),
+        cell_axis_of(v_splat((float)grid->eye[2]), d.z, s->cell[2], s->box_of_grid[2]), end};
 }
 
 // Each ray by itself, from the camera on. What it has met it does not ask again.
@@ -80,7 +81,7 @@ static inline vmask bundles_next(struct bundle_walk *b, float spread, vmask goin
 
 // The rays of a bundle that go on.
 INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec o, struct vec rest,
-                        int shape, int axis, unsigned away) {
+                       int shape, int axis, unsigned away) {
     bool on = false, whole = shape >= 0;
     int block = bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS;
     for (int k = 0; k < BUNDLE_BLOCKS; k++) {
@@ -112,8 +113,8 @@ INLINE void max_bound(int i, int first, const struct prepared *scene, float *mos
 }
 
 // What bundles meet of the copies in their cells; those that go on.
-INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struct bundle_walk *b, int from,
-                           vmask met) {
+INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struct bundle_walk *b,
+                                  int from, vmask met) {
     ACTIVE(v_count(met));
     COUNT(hit_cells_of_bundles, call);
     struct vec d = b->direction, rest, o = lane_points(grid, d, &b->walk, &rest);
@@ -134,9 +135,10 @@ INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struc
         struct vec more = {v_splat(places[3][lane]), v_splat(places[4][lane]),
                            v_splat(places[5][lane])};
         if (!hit_bundle(first, grid, from + lane, at, more,
-                         grid->alone && needs_no_secondary(&KNOWN(grid->scene)->model) ? (int)places[6][lane]
-                                                                             : -1,
-                         (int)places[7][lane], (unsigned)places[8][lane]))
+                        grid->alone && needs_no_secondary(&KNOWN(grid->scene)->model)
+                            ? (int)places[6][lane]
+                            : -1,
+                        (int)places[7][lane], (unsigned)places[8][lane]))
             on &= ~(1u << lane);
     }
     return v_mask_of_bits(on);
@@ -150,7 +152,7 @@ INLINE void is_other(int i, int first, const struct prepared *scene, bool *alone
 
 // What the grid is to the tile; the bundles that have rays.
 INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct block_grid *mesh,
-                           const struct job *job) {
+                                const struct job *job) {
     const struct primitive *s = &KNOWN(job->prepared)->placed[first];
     const struct local_camera *eye = &job->eyes[first];
     float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
@@ -195,13 +197,14 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
     for (; open; open &= open - 1) {
         int lane = __builtin_ctz(open), bundle = from + lane;
         const struct primary_hit *at =
-            &grid->sights[bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS];
+            &grid->sights[bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS +
+                          bundle % BLOCKS_ACROSS];
         vfloat furthest = v_splat(0.0f);
         bool all = true;
         for (int k = 0; k < BUNDLE_BLOCKS && all; k++) {
             all = !v_any(v_andnot(at[k * BLOCKS_ACROSS].hit.found, at[k * BLOCKS_ACROSS].active));
-            furthest =
-                v_max(furthest, v_select_or_zero(at[k * BLOCKS_ACROSS].active, at[k * BLOCKS_ACROSS].hit.t));
+            furthest = v_max(furthest, v_select_or_zero(at[k * BLOCKS_ACROSS].active,
+                                                        at[k * BLOCKS_ACROSS].hit.t));
         }
         if (!all)
             continue;
@@ -228,14 +231,15 @@ static inline float bundle_holds_until(const struct cell_grid *grid, const struc
 
 // The bundles `open` of those from `from` on.
 INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_grid *mesh,
-                         const struct job *job, int from, unsigned open) {
+                        const struct job *job, int from, unsigned open) {
     ACTIVE(__builtin_popcount(open));
     COUNT(hit_bundles, call);
     COUNT(hit_bundles, scalar);
     const struct primitive *s = &KNOWN(job->prepared)->placed[first];
     const struct local_camera *eye = &job->eyes[first];
     vfloat number = v_iota() + v_splat((float)from);
-    vfloat row = v_floor(number * v_splat(1.0f / BLOCKS_ACROSS)), column = number - row * v_splat(BLOCKS_ACROSS);
+    vfloat row = v_floor(number * v_splat(1.0f / BLOCKS_ACROSS)),
+           column = number - row * v_splat(BLOCKS_ACROSS);
     vfloat four = v_splat(4.0f * mesh->pixel);
     vfloat x = v_madd(column, four, v_splat(mesh->left + 2.0f * mesh->pixel));
     vfloat y = v_nmadd(row, four, v_splat(mesh->top - 2.0f * mesh->pixel));
@@ -259,12 +263,13 @@ INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_gr
         int bundle = from + __builtin_ctz(open), row_of = bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS;
         for (int k = 0; k < BUNDLE_BLOCKS; k++)
             if (v_any(grid->left[(row_of + k) * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS]))
-                walk_single_rays(first, grid, (row_of + k) * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS);
+                walk_single_rays(first, grid,
+                                 (row_of + k) * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS);
     }
 }
 
 KERNEL_INLINE void hit_repeated(int first, const struct block_grid *mesh, const struct job *job,
-                              struct primary_hit *sights) {
+                                struct primary_hit *sights) {
     if (KNOWN(job->prepared)->placed[first].leader != first ||
         !REPEATED(&KNOWN(job->prepared)->placed[first]))
         return;

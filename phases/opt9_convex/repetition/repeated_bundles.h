@@ -19,6 +19,6 @@ struct block_grid {
 
 // What a tile's packets meet of all shapes that are repeated as the shape `first` is, if it is the first of them.
 KERNEL_INLINE void hit_repeated(int first, const struct block_grid *mesh, const struct job *job,
-                              struct primary_hit *sights);
+                                struct primary_hit *sights);
 
 #endif

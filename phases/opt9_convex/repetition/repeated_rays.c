@@ -5,8 +5,8 @@
 // Only of shapes that are in their cell and its mirror image (fits_its_cells() in core/primitives.c): there the wrapped distance is the
 // distance to all copies, and what a march comes to is the first of them.
 #include "repetition/repeated_rays.h"
-#include "simd/point.h"
 #include "repetition/cell_walk.h"
+#include "simd/point.h"
 
 static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, double cell) {
     return v_half_nmadd(count, v_half_splat(cell), v_half_madd(t, d, o));
@@ -14,8 +14,8 @@ static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, doubl
 
 // A coordinate at `from` in the copy's frame, rounded once: at the size of the shape, not of the way to it.
 static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat from,
-                                 const struct cell_axis *axis, struct vec_double direction,
-                                 const double row[3], double cell) {
+                                       const struct cell_axis *axis, struct vec_double direction,
+                                       const double row[3], double cell) {
     COUNT(start_beside_copy, call);
     vdouble start = v_double_sum(o, rest), along = v_double_dot(direction, row);
     vfloat count = v_copysign(axis->count, d);
@@ -24,8 +24,8 @@ static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat f
         half_cell_size(start.high, v_half_high(from), along.high, v_half_high(count), cell));
 }
 
-static inline struct vec in_copy_frame(const struct primitive *s, const struct repeated_query *a, struct vec d,
-                                 const struct walk *w, vfloat from) {
+static inline struct vec in_copy_frame(const struct primitive *s, const struct repeated_query *a,
+                                       struct vec d, const struct walk *w, vfloat from) {
     COUNT(in_copy_frame, call);
     vfloat zero = v_splat(0.0f);
     struct vec_double to = {v_double_sum(a->direction.x, zero), v_double_sum(a->direction.y, zero),
@@ -33,11 +33,12 @@ static inline struct vec in_copy_frame(const struct primitive *s, const struct r
     return (struct vec){
         start_beside_copy(a->origin.x, a->rest.x, d.x, from, &w->x, to, s->row[0], s->wide_cell[0]),
         start_beside_copy(a->origin.y, a->rest.y, d.y, from, &w->y, to, s->row[1], s->wide_cell[1]),
-        start_beside_copy(a->origin.z, a->rest.z, d.z, from, &w->z, to, s->row[2], s->wide_cell[2])};
+        start_beside_copy(a->origin.z, a->rest.z, d.z, from, &w->z, to, s->row[2],
+                          s->wide_cell[2])};
 }
 
-KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among, vfloat *t,
-                         struct vec *local) {
+KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among,
+                                vfloat *t, struct vec *local) {
     ACTIVE(v_count(among->active));
     COUNT(enter_cells, call);
     struct vec o = among->origin, d = turned(s, among->direction);
@@ -79,16 +80,17 @@ static inline vmask is_same_point(struct vec a, struct vec b) {
     return v_cmp_ge(v_splat(0.0f), apart);
 }
 
-static struct repeated_query repeated_query_of(const struct primitive *s, struct vec *o, struct vec direction, vmask own,
-                             vmask active, vfloat end) {
+static struct repeated_query repeated_query_of(const struct primitive *s, struct vec *o,
+                                               struct vec direction, vmask own, vmask active,
+                                               vfloat end) {
     struct vec at = vec_wrapped(s, *o), none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     own = v_and(own, is_same_point(at, *o)); // from another cell than its own it may be met
     *o = at;
     return (struct repeated_query){at, none, direction, active, own, end};
 }
 
-KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own, vfloat end,
-                        float offset, vfloat *t, struct vec *local) {
+KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own,
+                              vfloat end, float offset, vfloat *t, struct vec *local) {
     ACTIVE(v_count(ray->active));
     COUNT(hit_cells, call);
     struct vec o = to_local(s, ray->origin), d = turned(s, ray->direction);
@@ -116,7 +118,7 @@ KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primiti
 }
 
 KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
-                             const struct limits *limits) {
+                                        const struct limits *limits) {
     ACTIVE(v_count(r->active));
     COUNT(first_entry_in_cells, call);
     vmask own = is_shape(r->shape, i);
@@ -132,8 +134,8 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
     }
 }
 
-KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin, struct vec direction, vmask own,
-                         vmask active, vfloat reach) {
+KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
+                                  struct vec direction, vmask own, vmask active, vfloat reach) {
     ACTIVE(v_count(active));
     COUNT(cells_occlude, call);
     struct vec o = origin, at;

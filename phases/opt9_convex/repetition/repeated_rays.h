@@ -2,8 +2,8 @@
 #ifndef OPT9_CELLS_H
 #define OPT9_CELLS_H
 
-#include "shadow/shadow_cone.h"
 #include "core/shading_packet.h"
+#include "shadow/shadow_cone.h"
 
 #define REPEATED(shape) ((shape)->repeated)
 #define REPEATS(scene) (KNOWN(scene)->repeats)
@@ -23,7 +23,7 @@ struct repeated_query {
 
 // A hit behind the bounds is none; a little further than they are, for in_bounds() tells that exactly.
 static inline vfloat bounds_distance(struct vec origin, struct vec direction,
-                                  const struct limits *limits) {
+                                     const struct limits *limits) {
     COUNT(bounds_distance, call);
     COUNT(bounds_distance, scalar);
     float radius = (float)limits->bounds_radius * (1.0f + 1e-4f);
@@ -33,14 +33,14 @@ static inline vfloat bounds_distance(struct vec origin, struct vec direction,
 }
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
-KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among, vfloat *t,
-                         struct vec *local);
+KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among,
+                                vfloat *t, struct vec *local);
 // As hit_from_surface(), first_entry() and what hard shadows ask of a solid.
-KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own, vfloat end,
-                        float offset, vfloat *t, struct vec *local);
+KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own,
+                              vfloat end, float offset, vfloat *t, struct vec *local);
 KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
-                             const struct limits *limits);
-KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin, struct vec direction, vmask own,
-                         vmask active, vfloat reach);
+                                        const struct limits *limits);
+KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
+                                  struct vec direction, vmask own, vmask active, vfloat reach);
 
 #endif

@@ -1,7 +1,7 @@
 // See shadow/shadow_batch.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
-#include "shadow/shadow_batch.h"
-#include "core/numerics.h"
 #include "bvh/bvh_traversal.h"
+#include "core/numerics.h"
+#include "shadow/shadow_batch.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
 // no further than. HISTORY.md has what others cost.
@@ -55,7 +55,8 @@ void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, v
     float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
     v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->tree.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
-    float on = float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
+    float on =
+        float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
     struct vec ahead = vec_along(p, l, v_splat(on));
     v->start = vec_of_lane(&ahead, one);
     v->along = vec_of_lane(&l, one);
@@ -81,7 +82,7 @@ static inline struct vec offset_from_candidate(const struct candidate *c, struct
 // that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
 // stays above its tangent.
 static inline vfloat sphere_bound(const struct candidate *c, const struct walk *w, struct vec from,
-                                vfloat square, struct falling_bound *below) {
+                                  vfloat square, struct falling_bound *below) {
     COUNT(sphere_bound, call);
     square = v_max(square, v_splat(1e-30f));
     vfloat guess = root_guess(square);
@@ -153,7 +154,8 @@ static inline vfloat distance_to(const struct candidate *c, const struct walk *w
 }
 
 // c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
-static inline void evaluate_candidate(const struct candidate *c, int k, struct walk *w, struct falling_bound *below) {
+static inline void evaluate_candidate(const struct candidate *c, int k, struct walk *w,
+                                      struct falling_bound *below) {
     COUNT(evaluate_candidate, call);
     vfloat h = distance_to(c, w);
     *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
@@ -164,7 +166,8 @@ static inline void evaluate_candidate(const struct candidate *c, int k, struct w
 
 // Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
 // root; and what is known of it then.
-static inline bool sphere_too_far(const struct candidate *c, const struct walk *w, struct falling_bound *below) {
+static inline bool sphere_too_far(const struct candidate *c, const struct walk *w,
+                                  struct falling_bound *below) {
     COUNT(sphere_too_far, call);
     struct vec from = offset_from_candidate(c, w->at);
     vfloat square = vec_dot(from, from);
@@ -181,17 +184,19 @@ static inline vfloat falling_bound_at(const struct falling_bound *below, vfloat 
 }
 
 // Of the shapes from `first` on, WAKE_BITS at most, the bits of those that may be nearer to one of a packet's rays than what is.
-static inline unsigned long long awake_candidates(const struct falling_bound *below, int count, const struct walk *w) {
+static inline unsigned long long awake_candidates(const struct falling_bound *below, int count,
+                                                  const struct walk *w) {
     COUNT(awake_candidates, call);
     vfloat least = w->least, t = w->march.t;
     unsigned long long awake = 0;
     for (int k = 0; k < count;
          k += 4, below += 4 * BATCH_PACKETS) { // what is read behind the last is of no shape
         COUNT(awake_candidates, four);
-        unsigned long long which = v_any_of_four(v_cmp_ge(least, falling_bound_at(&below[0], t)),
-                                                 v_cmp_ge(least, falling_bound_at(&below[BATCH_PACKETS], t)),
-                                                 v_cmp_ge(least, falling_bound_at(&below[2 * BATCH_PACKETS], t)),
-                                                 v_cmp_ge(least, falling_bound_at(&below[3 * BATCH_PACKETS], t)));
+        unsigned long long which =
+            v_any_of_four(v_cmp_ge(least, falling_bound_at(&below[0], t)),
+                          v_cmp_ge(least, falling_bound_at(&below[BATCH_PACKETS], t)),
+                          v_cmp_ge(least, falling_bound_at(&below[2 * BATCH_PACKETS], t)),
+                          v_cmp_ge(least, falling_bound_at(&below[3 * BATCH_PACKETS], t)));
         awake |= which << k;
     }
     return count < WAKE_BITS ? awake & ((1ull << count) - 1) : awake;
@@ -204,7 +209,7 @@ void active_nearest(struct shadow_batch *beam) {
     COUNT(active_nearest, call);
     const struct active_set *v = &beam->near;
     const struct candidate *shapes = v->shapes; // what is stored may not change it
-    unsigned long long which[BATCH_PACKETS];            // of WAKE_BITS shapes
+    unsigned long long which[BATCH_PACKETS];    // of WAKE_BITS shapes
     int asked[BATCH_PACKETS];
     unsigned walking = 0;
     for (int i = 0; i < beam->moving; i++) {
@@ -218,7 +223,8 @@ void active_nearest(struct shadow_batch *beam) {
         w->least = idle_or_infinite(w);
         asked[i] = w->recent;
         if (v->count > 0)
-            evaluate_candidate(&shapes[w->recent], w->recent, w, &v->below[w->recent * BATCH_PACKETS + i]);
+            evaluate_candidate(&shapes[w->recent], w->recent, w,
+                               &v->below[w->recent * BATCH_PACKETS + i]);
     }
     for (int first = 0; first < v->count; first += WAKE_BITS) {
         const struct candidate *these = &shapes[first];
@@ -238,7 +244,9 @@ void active_nearest(struct shadow_batch *beam) {
             unsigned long long near = 0;
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);
-                near |= (unsigned long long)!sphere_too_far(&these[k], w, &below[k * BATCH_PACKETS + i]) << k;
+                near |=
+                    (unsigned long long)!sphere_too_far(&these[k], w, &below[k * BATCH_PACKETS + i])
+                    << k;
             }
             which[i] = near;
         }

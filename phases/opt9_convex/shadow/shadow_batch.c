@@ -60,7 +60,8 @@ static void sort_by_solid(struct worker_scratch *scratch, const struct prepared 
     for (int i = 0; i < count; i++) {
         int shape = (int)scratch->shadow[S_SHAPE][i];
         bool linear = scene->placed[shape].way == EVAL_LINEAR;
-        scratch->code[i] = (unsigned short)(linear ? scratch->code[i] | PLANE_CODE : scene->more[shape].bvh_rank);
+        scratch->code[i] =
+            (unsigned short)(linear ? scratch->code[i] | PLANE_CODE : scene->more[shape].bvh_rank);
         scratch->order[0][i] = (unsigned short)i;
     }
     sort_by(scratch->code, 0, count, scratch->order[0], scratch->order[1]);
@@ -73,28 +74,30 @@ static struct vec load_vec_from(float field[][QUEUE_ROOM], vindex places) {
 }
 
 // Rays that have been sorted; in lanes that have none, the packet's first ray.
-static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const unsigned short *order, int count) {
+static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const unsigned short *order,
+                                             int count) {
     COUNT(load_sorted_packet, call);
     vmask active = v_mask_first(count);
     vindex at = v_index_u16(active, order);
     return (struct shadow_rays){.active = active,
-                         .point = load_vec_from(field + S_POINT, at),
-                         .local = load_vec_from(field + S_LOCAL, at),
-                         .to_light = load_vec_from(field + S_TO_LIGHT, at),
-                         .facing = v_gather(field[S_FACING], at),
-                         .shape = v_gather(field[S_SHAPE], at),
-                         .end = v_splat(0.0f),
-                         .alone = v_splat(INFINITY),
-                         .on_plane = v_mask_none(),
-                         .meets_one = v_mask_none(),
-                         .meets_many = v_mask_none(),
-                         .first = v_splat(INFINITY),
-                         .cosine = v_splat(1.0f)};
+                                .point = load_vec_from(field + S_POINT, at),
+                                .local = load_vec_from(field + S_LOCAL, at),
+                                .to_light = load_vec_from(field + S_TO_LIGHT, at),
+                                .facing = v_gather(field[S_FACING], at),
+                                .shape = v_gather(field[S_SHAPE], at),
+                                .end = v_splat(0.0f),
+                                .alone = v_splat(INFINITY),
+                                .on_plane = v_mask_none(),
+                                .meets_one = v_mask_none(),
+                                .meets_many = v_mask_none(),
+                                .first = v_splat(INFINITY),
+                                .cosine = v_splat(1.0f)};
 }
 
 // What is in the way of a ray need not be looked for again until it is behind, or the slope q that the ray's least term so
 // far allows is less. Sets those of a packet's rays that must ask; whether any.
-static bool needs_cone_query(const struct walk *w, struct cone_request *asking, const struct tile_context *work) {
+static bool needs_cone_query(const struct walk *w, struct cone_request *asking,
+                             const struct tile_context *work) {
     const struct shadow_march *m = &w->march;
     ACTIVE(LANES - v_count(m->done));
     COUNT(needs_cone_query, call);
@@ -103,14 +106,15 @@ static bool needs_cone_query(const struct walk *w, struct cone_request *asking, 
                v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // The term of the step that led here is one of those that q bounds only if that step was as long.
     vmask asked = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
-    asked =
-        v_and(asked, v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(REQUERY_SLOPE))));
+    asked = v_and(asked,
+                  v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(REQUERY_SLOPE))));
     // The ratio of a convex solid's distance to t never falls along a ray from it, and was q or more where that step began; of
     // a ray that has taken none (`from` is 0) nothing is known.
     bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
     vfloat own = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
                           v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
-    *asking = (struct cone_request){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
+    *asking =
+        (struct cone_request){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
     return v_any(asked);
 }
 
@@ -260,8 +264,8 @@ static bool renew_active_set(struct shadow_batch *beam, const struct tile_contex
 }
 
 // One step of all rays but those that stand still. `told`: no term of it can be the least.
-static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength, vfloat hit,
-                            bool told) {
+static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength,
+                               vfloat hit, bool told) {
     vfloat previous = m->previous, from = m->from;
     m->done = still;
     ACTIVE(LANES - v_count(still));
@@ -292,7 +296,8 @@ struct solid_exit {
 
 // Whether they are from a solid, and any is to be marched. `begun`: they have taken CHECK_INTERVAL steps. From what is convex the first
 // two have the least of all terms (NOTES.md, 2.).
-static bool begin_solid_exit(struct walk *w, struct solid_exit *l, bool begun, const struct tile_context *work) {
+static bool begin_solid_exit(struct walk *w, struct solid_exit *l, bool begun,
+                             const struct tile_context *work) {
     COUNT(begin_solid_exit, call);
     const struct prepared *scene = work->scene;
     if (w->solid < 0 || v_all(is_idle(w)))
@@ -329,7 +334,7 @@ static inline vfloat distance_of_own_solid(const struct solid_exit *l, vfloat t,
 
 // One step, if any ray can take it: whether one did.
 static bool solid_exit_step(struct walk *w, struct solid_exit *l, vfloat strength, vfloat hit,
-                     const struct prepared *scene) {
+                            const struct prepared *scene) {
     ACTIVE(LANES - v_count(l->still));
     COUNT(solid_exit_step, call);
     struct shadow_march *m = &w->march;
@@ -350,8 +355,8 @@ static bool solid_exit_step(struct walk *w, struct solid_exit *l, vfloat strengt
 
 // So many steps at most, of all packets by turns: a step waits for its root, and for the one before it. Whether any packet
 // took the last of them; rays that cannot go on wait.
-static bool solid_exit_steps(struct shadow_batch *beam, int steps, bool begun, vfloat strength, vfloat hit,
-                     const struct tile_context *work) {
+static bool solid_exit_steps(struct shadow_batch *beam, int steps, bool begun, vfloat strength,
+                             vfloat hit, const struct tile_context *work) {
     struct solid_exit packets[BATCH_PACKETS];
     unsigned out = 0;
     for (int i = 0; i < beam->moving; i++)
@@ -374,7 +379,7 @@ static bool solid_exit_steps(struct shadow_batch *beam, int steps, bool begun, v
 // Rays that graze a round solid take hundreds of steps to leave it, a few rays of each packet: those that nothing further on
 // can darken any more end before that, and the others are brought together.
 static void leave_own_solid(struct shadow_batch *beam, vfloat strength, vfloat hit,
-                         const struct tile_context *work) {
+                            const struct tile_context *work) {
     int most = work->scene->model.march.max_steps;
     beam->moving = beam->count;
     if (!solid_exit_steps(beam, int_min(most, CHECK_INTERVAL), false, strength, hit, work))
@@ -409,14 +414,15 @@ static bool active_step(struct shadow_batch *beam, vfloat strength, vfloat hit) 
 }
 
 static void load_batch_packet(struct walk *w, int first, int end, const struct shadow_batch *beam,
-                        const struct tile_context *work) {
+                              const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     const float *place = beam->place;
     int left = end - first;
     ACTIVE(left < LANES ? left : LANES);
     COUNT(load_batch_packet, call);
     // What is not set here is before it is read.
-    w->rays = load_sorted_packet(scratch->shadow, scratch->order[0] + first, left < LANES ? left : LANES);
+    w->rays =
+        load_sorted_packet(scratch->shadow, scratch->order[0] + first, left < LANES ? left : LANES);
     w->waits = v_mask_none();
     // What was in the way of its cone of slope lit_slope, or it were no ray to march, most often is not that near.
     w->until = v_splat(work->scene->tree.spacing);
@@ -471,11 +477,11 @@ static struct ray_bundle bundle_of_packets(const struct walk *walk, int packets)
     }
     struct vec to = walk->rays.to_light;
     struct ray_bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
-                             0.5f * (least_lane(low.y) + most_lane(high.y)),
-                             0.5f * (least_lane(low.z) + most_lane(high.z))},
-                            {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
-                            0,
-                            0};
+                                 0.5f * (least_lane(low.y) + most_lane(high.y)),
+                                 0.5f * (least_lane(low.z) + most_lane(high.z))},
+                                {v_lane0(to.x), v_lane0(to.y), v_lane0(to.z)},
+                                0,
+                                0};
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
@@ -502,13 +508,16 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
     struct shadow_batch beam; // not zeroed: walks begin below
     beam.count = beam.moving = 0;
     beam.near.list = scratch->active_list;
-    _Static_assert(2 * sizeof *second >= BATCH_PACKETS * sizeof(struct falling_bound) + sizeof(struct candidate),
+    _Static_assert(2 * sizeof *second >=
+                       BATCH_PACKETS * sizeof(struct falling_bound) + sizeof(struct candidate),
                    "room for both");
     _Static_assert(3 * BATCH_PACKETS * sizeof(struct falling_bound) <=
-                       BVH_MIN_SHAPES * (2 * sizeof *second - BATCH_PACKETS * sizeof(struct falling_bound)),
+                       BVH_MIN_SHAPES *
+                           (2 * sizeof *second - BATCH_PACKETS * sizeof(struct falling_bound)),
                    "wake() reads three rows behind the last");
     beam.near.below = (struct falling_bound *)second;
-    beam.near.shapes = (struct candidate *)(beam.near.below + (size_t)model->shape_count * BATCH_PACKETS);
+    beam.near.shapes =
+        (struct candidate *)(beam.near.below + (size_t)model->shape_count * BATCH_PACKETS);
     for (int k = 0; k < 3; k++)
         beam.place[k] = scratch->shadow[S_POINT + k][scratch->order[0][first]];
     int at = first;

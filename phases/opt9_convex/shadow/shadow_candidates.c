@@ -4,7 +4,7 @@
 #include "repetition/repeated_rays.h"
 
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
-                                const struct tile_context *work, struct shadow_candidate *near) {
+                                   const struct tile_context *work, struct shadow_candidate *near) {
     COUNT(candidate_plane, call);
     COUNT(candidate_plane, scalar);
     float q = KNOWN(work->scene)->lit_slope;
@@ -42,8 +42,8 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
     }
 }
 
-INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r, const struct tile_context *work,
-                          struct shadow_candidate *near) {
+INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
+                            const struct tile_context *work, struct shadow_candidate *near) {
     COUNT(candidate_solid, call);
     COUNT(candidate_solid, scalar);
     float q = lit_slope_for(s, KNOWN(work->scene)->lit_slope);
@@ -81,15 +81,16 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
 }
 
 // A copy may be the nearest anywhere, and bring the term of any step below 1.
-INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays *r, const struct tile_context *work,
-                          struct shadow_candidate *near) {
+INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays *r,
+                            const struct tile_context *work, struct shadow_candidate *near) {
     near->from = r->alone = v_splat(0.0f);
     r->end = v_splat(INFINITY);
     first_entry_in_cells(s, i, r, &work->scene->model.march);
 }
 
-KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i, struct shadow_candidate *near,
-                            const struct tile_context *work) {
+KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
+                                     struct shadow_candidate *near,
+                                     const struct tile_context *work) {
     COUNT(set_candidate_ray, call);
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->placed[i];
@@ -118,8 +119,9 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i, struct 
 }
 
 // Of rays that all come from one plane, so that no solid is their own.
-INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_rays *r, const struct known_scene *scene,
-                            struct shadow_candidate *near) {
+INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_rays *r,
+                                       const struct known_scene *scene,
+                                       struct shadow_candidate *near) {
     COUNT(candidate_solid_from_plane, call);
     COUNT(candidate_solid_from_plane, scalar);
     float q = scene->lit_slope;
@@ -158,7 +160,8 @@ INLINE void mark_rays_from_planes(int i, struct shadow_rays *r, const struct kno
     }
 }
 
-INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_context *work, struct shadow_candidate *nears) {
+INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
+                          struct shadow_candidate *nears) {
     const struct primitive *s = &KNOWN(work->scene)->placed[i];
     if (s->way == EVAL_LINEAR)
         candidate_plane(s, i, r, work, &nears[i]);
@@ -170,8 +173,8 @@ INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_contex
         candidate_solid(s, i, r, work, &nears[i]);
 }
 
-INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_context *work, struct shadow_candidate *nears,
-                         struct shape_set *casters) {
+INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
+                           struct shadow_candidate *nears, struct shape_set *casters) {
     const struct known_scene *scene = KNOWN(work->scene);
     struct shadow_candidate *near = &nears[i];
     COUNT(list_candidates, shape);
@@ -182,7 +185,7 @@ INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_conte
 }
 
 void list_candidates(struct shadow_rays *restrict r, struct shadow_candidate *restrict nears,
-                   struct shape_set *restrict casters, const struct tile_context *work) {
+                     struct shape_set *restrict casters, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     COUNT(list_candidates, call);
     EACH_SHAPE(work->scene, mark_rays_from_planes, r, scene);

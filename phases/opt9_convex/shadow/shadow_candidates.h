@@ -4,10 +4,10 @@
 #define OPT9_OCCLUDERS_H
 
 #include "bulb/bulb_estimate.h"
-#include "repetition/repeated_rays.h"
 #include "bvh/bvh_lists.h"
 #include "core/numerics.h"
 #include "core/shading_packet.h"
+#include "repetition/repeated_rays.h"
 
 // A hard shadow's ray is a line: so much of a slope for what is rounded in it.
 #define HARD_SHADOW_SLOPE 1e-3f
@@ -18,7 +18,7 @@ struct light_bundle {
 };
 
 static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
-                    struct light_bundle *ball) {
+                            struct light_bundle *ball) {
     COUNT(light_bundle_of, call);
     COUNT(light_bundle_of, scalar);
     struct vec least = {v_splat(INFINITY), v_splat(INFINITY), v_splat(INFINITY)};
@@ -78,7 +78,8 @@ INLINE void shade_from(int i, const struct light_bundle *ball, const struct tile
 }
 
 // To desk->shading: those that can shade the group.
-static void list_occluders(const struct shading_packet *stage, int count, const struct tile_context *work) {
+static void list_occluders(const struct shading_packet *stage, int count,
+                           const struct tile_context *work) {
     struct light_bundle ball;
     bool known = light_bundle_of(stage, count, work->view, &ball);
     if (HAS_BVH(work->scene) && known) {

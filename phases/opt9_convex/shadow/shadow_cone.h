@@ -10,10 +10,11 @@ struct shadow_cone {
     vfloat along, need, lean; // v·l, |v|² − R², v·l + q·R
 };
 
-INLINE struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s, float q) {
+INLINE struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s,
+                                         float q) {
     vfloat along = vec_dot(v, l);
     return (struct shadow_cone){along, vec_dot(v, v) - v_splat(s->bound_sq),
-                         along + v_splat(q * s->bound)};
+                                along + v_splat(q * s->bound)};
 }
 
 INLINE vmask cone_misses(struct shadow_cone c, float q) {
@@ -134,7 +135,7 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
 // and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
 // first two steps of a march tell the shadow (shadow/shadow_cull.c), if they are short beside what the shape curves by.
 INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
-                    const struct known_scene *scene) {
+                         const struct known_scene *scene) {
     COUNT(convex_from, call);
     if (s->type == SHAPE_MANDELBULB)
         return v_mask_none();
@@ -173,13 +174,15 @@ struct shadow_rays {
     bool floor;           // all are from one
     vfloat first, cosine; // the first entry into a solid, of those that can be met; 0: not told
     vfloat sharp;         // see entry_cosine()
-    vmask meets_one, meets_many;     // of rays from a plane: one shape can be met; not one convex one alone
+    vmask meets_one,
+        meets_many; // of rays from a plane: one shape can be met; not one convex one alone
 };
 
 // The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
 // them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
 // e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
-INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *s, const struct shadow_rays *r) {
+INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *s,
+                           const struct shadow_rays *r) {
     COUNT(entry_cosine, call);
     vfloat cosine = v_splat(0.0f) - vec_dot(normal_on(at, s), d), rest = v_splat(1.0f) - cosine;
     vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (rest * rest), r->sharp);
@@ -187,14 +190,15 @@ INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *
 }
 
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
-                                const struct tile_context *work, struct shadow_candidate *near);
+                                   const struct tile_context *work, struct shadow_candidate *near);
 // Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
 KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met);
 // A shape's own view of the rays.
-KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i, struct shadow_candidate *near,
-                            const struct tile_context *work);
+KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
+                                     struct shadow_candidate *near,
+                                     const struct tile_context *work);
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
-KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *nears, struct shape_set *casters,
-                          const struct tile_context *work);
+KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *nears,
+                                   struct shape_set *casters, const struct tile_context *work);
 
 #endif

@@ -4,8 +4,9 @@
 // the proofs.
 #include "repetition/repeated_rays.h"
 
-INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light, vfloat facing,
-                     vfloat shape, const struct tile_context *work, vmask *clear) {
+INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
+                                vfloat facing, vfloat shape, const struct tile_context *work,
+                                vmask *clear) {
     if (!v_any(*clear))
         return;
     const struct known_scene *scene = KNOWN(work->scene);
@@ -34,11 +35,12 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
 }
 
 vmask trivially_lit(const struct vec *point, const struct vec *local, const struct vec *to_light,
-              vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
+                    vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
     ACTIVE(v_count(active));
     COUNT(trivially_lit, call);
     vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // there may be a copy anywhere
-    EACH_IN(work->scratch->occluders, shape_trivially_lit, *point, *local, *to_light, facing, shape, work, &clear);
+    EACH_IN(work->scratch->occluders, shape_trivially_lit, *point, *local, *to_light, facing, shape,
+            work, &clear);
     return clear;
 }
 
@@ -66,7 +68,7 @@ INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
 }
 
 vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light, vfloat facing,
-                  const struct prepared *scene) {
+                   const struct prepared *scene) {
     COUNT(self_shadow, call);
     const struct limits *march = &scene->model.march;
     vfloat one = v_splat(1.0f), strength = v_splat((float)KNOWN(scene)->model.shadow_strength);
@@ -97,7 +99,8 @@ struct light_segment {
     vfloat shape, way, reach; // reach: a light may be in a shape by less than float tells
 };
 
-INLINE void block_by(int i, const struct light_segment *w, const struct tile_context *work, vmask *open) {
+INLINE void block_by(int i, const struct light_segment *w, const struct tile_context *work,
+                     vmask *open) {
     if (!v_any(*open))
         return;
     const struct known_scene *scene = KNOWN(work->scene);

@@ -5,7 +5,8 @@
 #include "shadow/soft_shadow.h"
 
 // Member by member: of a whole struct gcc makes another one first.
-static void load_shadow_packet(float field[][QUEUE_ROOM], int first, int count, struct shadow_rays *r) {
+static void load_shadow_packet(float field[][QUEUE_ROOM], int first, int count,
+                               struct shadow_rays *r) {
     COUNT(load_shadow_packet, call);
     int left = count - first;
     r->active = v_mask_first(left < 0 ? 0 : left < LANES ? left : LANES);

@@ -1,13 +1,14 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (shadow/shadow_candidates.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "simd/pow.h"
 #include "shadow/shadow_queue.h"
+#include "simd/pow.h"
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
 __attribute__((always_inline)) static inline void
-candidate_distance(int i, struct shadow_candidate *nears, vfloat t, vmask done, const struct known_scene *scene, vfloat *least) {
+candidate_distance(int i, struct shadow_candidate *nears, vfloat t, vmask done,
+                   const struct known_scene *scene, vfloat *least) {
     struct shadow_candidate *near = &nears[i];
     if (scene->placed[i].way == EVAL_LINEAR) { // cheaper than to ask whether it sleeps
         COUNT(nearest_candidate, plane);
@@ -24,10 +25,9 @@ candidate_distance(int i, struct shadow_candidate *nears, vfloat t, vmask done, 
     *least = v_min(*least, h);
 }
 
-__attribute__((always_inline)) static inline vfloat nearest_candidate(struct shadow_candidate *nears,
-                                                            const struct shape_set *casters, vfloat t,
-                                                            vmask done,
-                                                            const struct prepared *scene) {
+__attribute__((always_inline)) static inline vfloat
+nearest_candidate(struct shadow_candidate *nears, const struct shape_set *casters, vfloat t,
+                  vmask done, const struct prepared *scene) {
     ACTIVE(LANES - v_count(done));
     COUNT(nearest_candidate, call);
     vfloat least = v_splat(INFINITY);
@@ -39,8 +39,9 @@ __attribute__((always_inline)) static inline vfloat nearest_candidate(struct sha
 // first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
 // these steps is done, with the terms that it has: it is not dark (bulb/bulb_shadows.c asks).
 #define STEEP_FACING 0.5f
-static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m, const struct known_scene *scene,
-                        vfloat start, vfloat strength, vfloat hit_distance) {
+static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m,
+                                     const struct known_scene *scene, vfloat start, vfloat strength,
+                                     vfloat hit_distance) {
     COUNT(leap_to_candidate, call);
     vfloat one = v_splat(1.0f), zero = v_splat(0.0f),
            until = v_min(r->alone, r->end) * v_splat(1.0f - 1e-5f);
@@ -57,8 +58,9 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     until = v_min(until, half + v_sqrt(v_max(v_msub(half, half, m->constant), zero)));
     can = v_and(can, v_cmp_ge(until, start));
     vfloat c = r->facing, t = start;
-    if (!v_any(v_and(can,
-                     v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING : scene->lit_slope))))) {
+    if (!v_any(
+            v_and(can, v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING
+                                                                           : scene->lit_slope))))) {
         // As towards a high light: no term of these steps is below 1, and they are few.
         COUNT(leap_to_candidate, steep);
         vfloat before = start, grown = one + c;
@@ -87,7 +89,8 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
 
 // Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
 // hit distance, or on its surface: what lies further on tells nothing.
-INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene, vmask *dark) {
+INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene,
+                        vmask *dark) {
     const struct primitive *s = &scene->placed[i];
     COUNT(misses_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
@@ -98,8 +101,9 @@ INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_s
     *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
 }
 
-KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears, struct shape_set *casters,
-                  const struct tile_context *work, struct shadow_march *m) {
+KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears,
+                               struct shape_set *casters, const struct tile_context *work,
+                               struct shadow_march *m) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     m->nears = nears;
     m->candidates = casters;
@@ -115,8 +119,9 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *n
     else
         list_candidates(r, nears, casters, work);
     ACTIVE(v_count(r->active)); // what was called has set its own
-    m->end = KNOWN(work->scene)->bulbs ? v_splat(INFINITY)
-                                       : r->end; // with a Mandelbulb see is_behind_all() and plane_is_nearest_for_good()
+    m->end = KNOWN(work->scene)->bulbs
+                 ? v_splat(INFINITY)
+                 : r->end; // with a Mandelbulb see is_behind_all() and plane_is_nearest_for_good()
     float radius = (float)model->march.bounds_radius;
     m->linear = v_splat(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - v_splat(radius * radius * (1.0f + 0x1p-20f));
@@ -134,7 +139,8 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *n
     vmask there = v_cmp_ge(v_splat(0.0f), v_madd(r->first, r->first + m->linear, m->constant));
     vmask dark = v_and(v_and(v_and(r->active, there), v_cmp_gt(room, v_splat((float)least_room))),
                        v_cmp_lt(r->first, r->end));
-    float least_cosine = march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
+    float least_cosine =
+        march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark = v_and(
         dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
     if (KNOWN(work->scene)->bulbs)
@@ -151,7 +157,8 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *n
         ACTIVE(v_count(r->active));
         COUNT(begin_march, floor);
         m->sole_solid = v_andnot(
-            v_or(r->meets_many, v_cmp_lt(r->facing, v_splat(KNOWN(work->scene)->lit_slope))), r->active);
+            v_or(r->meets_many, v_cmp_lt(r->facing, v_splat(KNOWN(work->scene)->lit_slope))),
+            r->active);
     }
 }
 
@@ -164,7 +171,8 @@ struct packet_march {
 };
 
 // The next packet of the queue, if there is one; the first ray behind it.
-static int begin_packet(struct packet_march *c, int slot, int next, const struct tile_context *work) {
+static int begin_packet(struct packet_march *c, int slot, int next,
+                        const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     c->over = next >= scratch->shadows;
     c->first = c->over ? -1 : next;
@@ -172,8 +180,8 @@ static int begin_packet(struct packet_march *c, int slot, int next, const struct
         return next;
     struct shadow_rays r;
     load_shadow_packet(scratch->shadow, next, scratch->shadows, &r);
-    begin_march(&r, scratch->near + slot * KNOWN(work->scene)->model.shape_count, &scratch->candidates[slot], work,
-          &c->march);
+    begin_march(&r, scratch->near + slot * KNOWN(work->scene)->model.shape_count,
+                &scratch->candidates[slot], work, &c->march);
     c->active = r.active;
     c->steps = work->scene->model.march.max_steps;
     return next + LANES;
@@ -183,11 +191,13 @@ static int begin_packet(struct packet_march *c, int slot, int next, const struct
 // convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
 // and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
 // strength·√¾·r (NOTES.md, 5.). Ends the rays that have less than that.
-static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q, vfloat enough) {
+static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q,
+                                    vfloat enough) {
     ACTIVE(LANES - v_count(m->done));
     COUNT(end_past_minimum, call);
     vfloat h = m->previous, t = m->from;
-    vmask risen = v_cmp_ge_in(v_cmp_lt_in(m->sole_solid, before, v_splat(q) * from), h * from, before * t);
+    vmask risen =
+        v_cmp_ge_in(v_cmp_lt_in(m->sole_solid, before, v_splat(q) * from), h * from, before * t);
     vfloat least = m->square * (t * t), now = m->divisor * (h * h);
     m->done = v_or(m->done, v_cmp_lt_in(risen, least, now * enough));
 }
@@ -225,8 +235,8 @@ void cast_packets(const struct tile_context *work) {
                 struct shadow_march *m = &c->march;
                 if (c->steps-- > 0 && !v_all(m->done)) {
                     vfloat from = m->from, before = m->previous;
-                    shadow_step(m, nearest_candidate(m->nears, m->candidates, m->t, m->done, scene), strength, hit,
-                         0.0f);
+                    shadow_step(m, nearest_candidate(m->nears, m->candidates, m->t, m->done, scene),
+                                strength, hit, 0.0f);
                     end_past_minimum(m, from, before, KNOWN(scene)->lit_slope, enough);
                     continue;
                 }

@@ -31,7 +31,7 @@ struct shadow_march {
     vfloat t, from, previous, end; // lanes that move take MARCH_REALS from here on with them
     vfloat square, divisor;        // least² = square/divisor; no root or quotient until the end
     vfloat linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
-    vmask sole_solid;                     // one convex solid alone can bring a term below 1
+    vmask sole_solid;              // one convex solid alone can bring a term below 1
 };
 enum { MARCH_REALS = 8 };
 _Static_assert(offsetof(struct shadow_march, constant) ==
@@ -40,8 +40,9 @@ _Static_assert(offsetof(struct shadow_march, constant) ==
 enum { LEAP_MIN_MAX_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
 
 // Where a march begins, and whether it is told dark at once. Of a crowd no casters are listed.
-KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears, struct shape_set *casters,
-                  const struct tile_context *work, struct shadow_march *m);
+KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears,
+                               struct shape_set *casters, const struct tile_context *work,
+                               struct shadow_march *m);
 
 // Which of the rays are on no surface, where the nearest shape is at distance h.
 static inline vmask off_surfaces(const struct shadow_march *m, vfloat h, vfloat hit_distance) {
@@ -60,8 +61,8 @@ static inline void advance_by(struct shadow_march *m, vfloat h, vmask live) {
     m->done = v_not(live);
 }
 
-__attribute__((always_inline)) static inline void shadow_step(struct shadow_march *m, vfloat h, vfloat strength,
-                                                       vfloat hit_distance, float dark) {
+__attribute__((always_inline)) static inline void
+shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distance, float dark) {
     ACTIVE(LANES - v_count(m->done));
     COUNT(shadow_step, call);
     vmask live = off_surfaces(m, h, hit_distance);

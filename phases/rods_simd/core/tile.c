@@ -12,8 +12,8 @@ struct beginning {
     vfloat start, steps, share;
 };
 
-static void store_block_result(struct frame *frame, struct pixel_block block, const struct shaded *seen,
-                  const struct beginning *began) {
+static void store_block_result(struct frame *frame, struct pixel_block block,
+                               const struct shaded *seen, const struct beginning *began) {
     COUNT(store_block_result, call);
     store_plane(frame->rgb, 3, frame, block, seen->color.x);
     store_plane(frame->rgb + 1, 3, frame, block, seen->color.y);
@@ -84,7 +84,8 @@ struct waiting {
     int count;
 };
 
-static void draw_waiting(struct waiting *waiting, const struct job *job, struct trace_context *world) {
+static void draw_waiting(struct waiting *waiting, const struct job *job,
+                         struct trace_context *world) {
     COUNT(draw_waiting, call);
     struct shaded seen[GROUP];
     for (int k = waiting->count; k < GROUP; k++)
@@ -134,7 +135,7 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     for (int column = left; column < right; column += BLOCK_WIDTH)
         for (int row = top; row < bottom; row += BLOCK_HEIGHT) {
             struct pixel_block block = {column, row, int_min(BLOCK_WIDTH, right - column),
-                                  int_min(BLOCK_HEIGHT, bottom - row)};
+                                        int_min(BLOCK_HEIGHT, bottom - row)};
             ACTIVE(block.across * block.down);
             COUNT(draw_tile, packet);
             struct beginning began;
@@ -178,8 +179,8 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
         approach_directions(nowhere, prepared, beam->approach);
-        distance[i] =
-            v_lane0(nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        distance[i] = v_lane0(
+            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

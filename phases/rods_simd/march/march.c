@@ -32,7 +32,7 @@ static int steps_left(const struct march_state *at, vmask live) {
 // Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
 // neighbours had.
 __attribute__((noinline)) static void end_rays(struct march_state *at, int step, int k, vmask going,
-                                                 vmask inside, struct packet_group *group) {
+                                               vmask inside, struct packet_group *group) {
     COUNT(end_rays, call);
     vmask live = group->live[k], reached = v_andnot(going, live);
     at->last = v_select(reached, group->distance[k], at->last);
@@ -65,7 +65,8 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
 }
 
 // Until every ray has ended, by the hit test of a float march, which errs with t.
-static void march(struct march_state packets[GROUP], const struct ray_group *rays, struct trace_context *world) {
+static void march(struct march_state packets[GROUP], const struct ray_group *rays,
+                  struct trace_context *world) {
     COUNT(march, call);
     const struct prepared *scene = world->scene;
     struct packet_group *group = &world->group;
@@ -96,8 +97,10 @@ static void march(struct march_state packets[GROUP], const struct ray_group *ray
 }
 
 // The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
-__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const struct prepared *scene,
-                                              const struct local_ray *approach, vfloat *shape) {
+__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
+                                                   const struct prepared *scene,
+                                                   const struct local_ray *approach,
+                                                   vfloat *shape) {
     ACTIVE(v_count(deep));
     COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
@@ -109,7 +112,7 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t, const s
 // a shape, not of the way to it. A hit that is still further than twice the hit distance, because
 // the march erred or its test was wider than the scene's, marches on from there: whether there is one.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
-                   const struct prepared *scene, struct packet_rays *beam, vmask *live) {
+                      const struct prepared *scene, struct packet_rays *beam, vmask *live) {
     ACTIVE(v_count(at->found));
     COUNT(land_hits, call);
     if (!v_any(at->found))
@@ -143,8 +146,8 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     return v_any(*live);
 }
 
-static struct hit finish_hit(struct march_state *at, struct vec direction, const struct prepared *scene,
-                         struct packet_rays *beam) {
+static struct hit finish_hit(struct march_state *at, struct vec direction,
+                             const struct prepared *scene, struct packet_rays *beam) {
     COUNT(finish_hit, call);
     struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
     if (!v_any(at->found))
@@ -200,7 +203,7 @@ void ray_march(const struct ray_group *rays, struct trace_context *world, struct
         march(packets, rays, world);
         for (int k = 0; k < GROUP; k++)
             if (going >> k & 1 && !land_hits(&packets[k], settled[k], rays->direction[k], scene,
-                                          &world->group.beam[k], &world->group.live[k]))
+                                             &world->group.beam[k], &world->group.live[k]))
                 going &= ~(1u << k);
     }
     for (int k = 0; k < GROUP; k++) {

@@ -1,6 +1,6 @@
 // The colour of a ray: what it hits in the light, mirrors by recursion, fog.
-#include "shading/phong.h"
 #include "rods.h"
+#include "shading/phong.h"
 #include "simd/point.h"
 #include "simd/pow.h"
 
@@ -44,7 +44,8 @@ static void mirror(const struct ray_group *rays, int bounce, struct trace_contex
     }
 }
 
-void trace(const struct ray_group *rays, int bounce, struct trace_context *world, struct shaded result[GROUP]) {
+void trace(const struct ray_group *rays, int bounce, struct trace_context *world,
+           struct shaded result[GROUP]) {
     COUNT(trace, call);
     const struct model *model = &world->scene->model;
     const double *b = model->background;

@@ -1,4 +1,4 @@
-// flags: -DLANES=8 -mavx2 -mfma -ffp-contract=off
+// flags: -iquote phases/opt9_convex -DLANES=8 -mavx2 -mfma -ffp-contract=off
 // opt9_convex's bounds of shapes that sleep (vicinity.c, which opt10_scene has too): no shape may sleep where it is
 // as near as what is known. Distances to the bounding sphere are worked out in double.
 #include <setjmp.h>
@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt9_convex/vicinity.c"
+#include "shadow/active_set.c"
 #include "random_from.h"
 
 // Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
@@ -46,59 +46,59 @@ static double distance_from(const struct meeting *m, double t) {
     return sqrt(square) - (double)bound;
 }
 
-static struct placed sphere = {.way = AT_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
-static struct close_by shape = {.shape = &sphere, .bound = 0.002f};
-static struct below below[4 * BEAM]; // shapes are asked four at a time
+static struct primitive sphere = {.way = EVAL_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
+static struct candidate shape = {.shape = &sphere, .bound = 0.002f};
+static struct falling_bound below[4 * BATCH_PACKETS]; // shapes are asked four at a time
 
 // The meetings as rays of a beam, one in each lane, and one shape: lane 0's own.
-static void set_beam(struct beam *beam, const struct meeting *m) {
-    *beam = (struct beam){.count = 1, .moving = 1};
+static void set_beam(struct shadow_batch *beam, const struct meeting *m) {
+    *beam = (struct shadow_batch){.count = 1, .moving = 1};
     beam->near.count = beam->near.solids = 1;
     beam->near.shapes = &shape;
     beam->near.below = below;
     struct walk *w = &beam->walk[0];
-    *w = (struct walk){.waits = no_lane(), .solid = -1};
-    w->march.done = not_in(first_lanes(1));
-    w->rays.active = first_lanes(1);
-    w->march.t = set(m->t);
+    *w = (struct walk){.waits = v_mask_none(), .solid = -1};
+    w->march.done = v_not(v_mask_first(1));
+    w->rays.active = v_mask_first(1);
+    w->march.t = v_splat(m->t);
     w->rays.to_light =
-        (struct vec){set((float)m->along[0]), set((float)m->along[1]), set((float)m->along[2])};
+        (struct vec){v_splat((float)m->along[0]), v_splat((float)m->along[1]), v_splat((float)m->along[2])};
     for (int k = 0; k < 3; k++)
         shape.place[k] = (float)m->centre[k];
     w->at = vec_along(w->from, w->rays.to_light, w->march.t);
 }
 
 // What is known of lane 0; the others stand still.
-static real known(double distance) {
-    return choose(first_lanes(1), set((float)distance), set(-INFINITY));
+static vfloat known(double distance) {
+    return v_select(v_mask_first(1), v_splat((float)distance), v_splat(-INFINITY));
 }
 
 // At some places further on: with what is as near as the sphere is, it must be awake.
 static void wakes_in_time(const struct meeting *m, struct walk *w, const char *by) {
     for (int i = 0; i < AFTER; i++) {
         float t = m->t + (float)(i < 16 ? i : 1 << (i - 12)) * 0x1p-11f; // to 1 further on
-        w->march.t = set(t);
+        w->march.t = v_splat(t);
         w->least = known(distance_from(m, (double)t));
-        if (wake(below, 1, w) != 1)
+        if (awake_candidates(below, 1, w) != 1)
             fail_msg("%s: from t = %a on it sleeps at %a, %g away", by, (double)m->t, (double)t,
                      distance_from(m, (double)t));
     }
 }
 
 static void check(double least, double most, double beside) {
-    struct beam beam;
+    struct shadow_batch beam;
     struct walk *w = &beam.walk[0];
     for (int i = 0; i < PLACES; i++) {
         struct meeting m = meeting_at(least, most, beside);
         set_beam(&beam, &m);
-        vicinity_below(&beam);
+        set_falling_bounds(&beam);
         wakes_in_time(&m, w, "vicinity_below");
         set_beam(&beam, &m);
         w->least = known(distance_from(&m, (double)m.t));
-        if (too_far(&shape, w, below))
+        if (sphere_too_far(&shape, w, below))
             fail_msg("too_far: at %a it is as near as what is known", (double)m.t);
         w->least = known(-1);
-        assert_true(too_far(&shape, w, below)); // or nothing is checked by what follows
+        assert_true(sphere_too_far(&shape, w, below)); // or nothing is checked by what follows
         wakes_in_time(&m, w, "too_far");
     }
 }

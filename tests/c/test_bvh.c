@@ -1,3 +1,4 @@
+// flags: -iquote phases/opt9_convex
 // opt9_convex's tree over a crowd's bounding spheres (tree.c, which opt10_scene has too): every shape is a leaf once, every
 // node's sphere holds those below it, and the one about all holds every leaf. In double.
 #include <math.h>
@@ -9,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt9_convex/tree.c"
+#include "bvh/bvh.c"
 
 enum { MOST = TREE_WIDTH * TREE_WIDTH * TREE_WIDTH };
 
@@ -21,37 +22,37 @@ static float random_from(float least, float most) { // after xorshift32 (G. Mars
     return least + (most - least) * ((float)seed * 0x1p-32f);
 }
 
-static double reaches(const float from[3], const struct spheres *s, int i) {
+static double reaches(const float from[3], const struct sphere_array *s, int i) {
     double x = s->x[i] - (double)from[0], y = s->y[i] - (double)from[1],
            z = s->z[i] - (double)from[2];
     return sqrt(x * x + y * y + z * z) + s->radius[i];
 }
 
-static double apart(const struct spheres *s, int i, int other) {
+static double apart(const struct sphere_array *s, int i, int other) {
     double x = s->x[other] - (double)s->x[i], y = s->y[other] - (double)s->y[i],
            z = s->z[other] - (double)s->z[i];
     return sqrt(x * x + y * y + z * z) - s->radius[other];
 }
 
 static void check(int count, float spread, float size) {
-    static struct leaf leaves[MOST], given[MOST];
+    static struct bvh_leaf leaves[MOST], given[MOST];
     static bool seen[MOST];
     for (int i = 0; i < count; i++) {
-        leaves[i] = (struct leaf){.radius = random_from(0, size), .shape = i};
+        leaves[i] = (struct bvh_leaf){.radius = random_from(0, size), .shape = i};
         for (int k = 0; k < 3; k++)
             leaves[i].centre[k] = 30 + random_from(-spread, spread);
         given[i] = leaves[i];
         seen[i] = false;
     }
-    struct tree tree = {0};
-    assert_true(tree_reserve(&tree, count));
-    tree_build(&tree, leaves, count);
+    struct bvh tree = {0};
+    assert_true(bvh_reserve(&tree, count));
+    bvh_build(&tree, leaves, count);
     assert_int_equal(tree.level[0].count, count);
     for (int i = 0; i < count; i++) {
         assert_false(seen[tree.shape[i]]);
         seen[tree.shape[i]] = true;
-        const struct leaf *leaf = &given[tree.shape[i]];
-        const struct spheres *s = &tree.level[0];
+        const struct bvh_leaf *leaf = &given[tree.shape[i]];
+        const struct sphere_array *s = &tree.level[0];
         assert_true(s->x[i] == leaf->centre[0] && s->y[i] == leaf->centre[1] &&
                     s->z[i] == leaf->centre[2] && s->radius[i] == leaf->radius);
         if (!(reaches(tree.centre, &tree.level[0], i) <= (double)tree.radius))
@@ -59,7 +60,7 @@ static void check(int count, float spread, float size) {
     }
     for (int level = 1; level < tree.levels; level++)
         for (int i = 0; i < tree.level[level - 1].count; i++) {
-            const struct spheres *s = &tree.level[level];
+            const struct sphere_array *s = &tree.level[level];
             int node = i / TREE_WIDTH;
             float centre[3] = {s->x[node], s->y[node], s->z[node]};
             if (!(reaches(centre, &tree.level[level - 1], i) <= (double)s->radius[node]))
@@ -72,7 +73,7 @@ static void check(int count, float spread, float size) {
         for (int other = 0; other < count; other++)
             if (other != i)
                 least = fmin(least, apart(&tree.level[0], i, other));
-        float gap = tree_gap(&tree, i); // 0 or less: it is in one, and which is of no matter
+        float gap = bvh_gap(&tree, i); // 0 or less: it is in one, and which is of no matter
         bool right = count == 1     ? gap == INFINITY
                      : least > 1e-4 ? fabs((double)gap - least) <= 1e-4
                                     : gap <= 2e-4f;
@@ -80,7 +81,7 @@ static void check(int count, float spread, float size) {
             fail_msg("%d leaves: %g from number %d to the next, not %g", count, (double)gap, i,
                      least);
     }
-    tree_free(&tree);
+    bvh_free(&tree);
 }
 
 static void every_sphere_holds_what_is_below(void **state) {
