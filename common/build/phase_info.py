@@ -32,7 +32,7 @@ KEYS = {
     "threads": bool,
     "cflags": str,
 }
-# Flags that copy structs in moves as wide as the lanes (phases/opt6_wide/NOTES.md); pictures stay the same.
+# Flags that copy structs in moves as wide as the lanes; pictures stay the same.
 COPY_FLAGS = ("-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy=")
 
 

@@ -141,7 +141,7 @@ static void test_the_estimate_is_the_map_of_baseline(void **state) {
         }
 }
 
-// What close.h tells of the first iteration on a piece of a ray, from what store_pieces() wrote.
+// What bulb/bulb_chebyshev.h tells of the first iteration on a piece of a ray, from what store_pieces() wrote.
 static void test_pieces_are_the_first_iteration(void **state) {
     (void)state;
     for (int round = 0; round < 400; round++) {

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 40, 24
 CLOSE = 1 / 50  # of a colour, as displayed
 ALLOWED = 3  # of 960 pixels, on top of opt4's own
 # Of some thousands. 2597: a hit far off had the steps of its packet's slowest ray (march.c, fewest). The
-# others: rays from a plane that leave the bounds were dark beside a Mandelbulb (umbra_bulbs.c, refill).
+# others: rays from a plane that leave the bounds were dark beside a Mandelbulb (bulb_shadows.c).
 FOUND = (2597, 1045, 1146, 1830, 1872)
 SEEDS = [*range(96), *FOUND]
 if more := os.environ.get("STEPWISE_RANDOM"):
@@ -137,7 +137,7 @@ def lit(seed: int) -> dict:
         "background": [0.25, 0.5, 0.75],
         "fog": draw.choice([0, 0, 2.0**-20]),
         "march": {
-            # not between 256 and some thousands, where opt9_convex leaps over steps (its NOTES.md, Left)
+            # not between 256 and some thousands, where opt9_convex leaps over steps (its PROOFS.md, 5)
             "max_steps": draw.choice([3000, 3000, 3000, 200]),
             # far below the offset: else where a march ends tells the shadow (its first step a hit or not)
             "hit_distance": draw.choice([1e-6, 3e-6]),

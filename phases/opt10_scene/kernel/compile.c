@@ -220,7 +220,7 @@ static bool compile(const char *compiler, const char *flags, int lanes, const ch
     return *reason == '\0';
 }
 
-// How gcc, from 12 on, is told to copy structs (phases/opt6_wide/NOTES.md).
+// How gcc, from 12 on, is told to copy structs.
 static const char *const copies[] = {
     "-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
 enum { COPIES = sizeof copies / sizeof *copies };

@@ -198,7 +198,7 @@ static inline void store_bulb_distance(const struct packet_group *group, int k, 
 }
 
 // Rays that ask for it: the others have ended, or something else is nearer for sure. An estimate costs as much as all else
-// of a step ten times over, so where those of all packets fill fewer, they move together for it (NOTES.md).
+// of a step ten times over, so where those of all packets fill fewer, they move together for it.
 static inline void pack_bulb_points(struct packet_group *group, int shape,
                                     const struct primitive *placed, const vmask asking[GROUP],
                                     int rays, struct nearest_so_far *found) {

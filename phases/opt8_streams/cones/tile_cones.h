@@ -1,6 +1,6 @@
 // Rays together: cones of neighbouring pixels and bundles of secondary rays, and which shapes they can meet.
 // Cones over distances: J. Amanatides, "Ray tracing with cones" (SIGGRAPH 1984); J. C. Hart, "Sphere tracing" (1996);
-// see NOTES.md for rods of pixels. Two places |p − q| apart differ in distance by no more than that.
+// see opt7_tiles/PROOFS.md, 1 and 2, for rods of pixels. Two places |p − q| apart differ in distance by no more than that.
 #ifndef TILES_H
 #define TILES_H
 

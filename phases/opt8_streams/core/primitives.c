@@ -51,7 +51,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
 }
 
 // The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// 1, whatever its steps (PROOFS.md, 1.): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
 static float lit_slope_soft(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
@@ -69,7 +69,7 @@ static float lit_slope_hard(const struct limits *limits) {
 
 // Outside of its ball a Mandelbulb's estimate is at least half of the distance to that: so much for hard shadows.
 // None clears a soft shadow's ray past a Mandelbulb: its estimate is less than the distance, so that h may grow by more than a
-// step's length, or to nearly 2·previous with no surface where the proof (NOTES.md) has one.
+// step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.) has one.
 static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->slope_lit = p->type == SHAPE_MANDELBULB ? (soft ? 1 : fminf(2 * q, 1)) : q;
     p->lean = p->slope_lit * p->bound;

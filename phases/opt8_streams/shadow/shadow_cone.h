@@ -1,4 +1,4 @@
-// Cones about shadow rays, and what they say of a shape's distance along the ray: NOTES.md has the proofs.
+// Cones about shadow rays, and what they say of a shape's distance along the ray: PROOFS.md has the proofs.
 #ifndef CONE_H
 #define CONE_H
 

@@ -191,7 +191,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
 }
 
 // The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (NOTES.md): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// 1, whatever its steps (PROOFS.md, 1.): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
 static float lit_slope(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {

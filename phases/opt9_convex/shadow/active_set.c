@@ -4,7 +4,7 @@
 #include "shadow/shadow_batch.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
-// no further than. HISTORY.md has what others cost.
+// no further than. (Others: docs/what-did-not-pay.md.)
 #define ACTIVE_RADIUS 0.4f
 #define ACTIVE_GROWTH 1.2f
 // How much of that distance a ray leaves to the vicinity's edge, at least: it has room for a step.

@@ -89,7 +89,7 @@ INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *
 }
 
 // The slope that the cone to a shape needs. None clears a Mandelbulb: its estimate is less than the distance, so that h may
-// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (NOTES.md, 1.)
+// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.)
 // has one.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
     return s->type == SHAPE_MANDELBULB ? 1.0f : q;

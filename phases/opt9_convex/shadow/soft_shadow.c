@@ -190,7 +190,7 @@ static int begin_packet(struct packet_march *c, int slot, int next,
 // A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
 // convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
 // and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
-// strength·√¾·r (NOTES.md, 5.). Ends the rays that have less than that.
+// strength·√¾·r (PROOFS.md, 7.). Ends the rays that have less than that.
 static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q,
                                     vfloat enough) {
     ACTIVE(LANES - v_count(m->done));
