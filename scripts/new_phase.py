@@ -125,8 +125,10 @@ def main() -> int:
         print(f"  2. change the code; make phase-{options.name} builds it")
     else:
         tree = patches.files(options.parent)
-        source = tree.get("march.c") or next(iter(tree.values()))
-        print(f"  2. copy a file that you want to change: cp {source.relative_to(registry.ROOT)} {shown}/")
+        name = next((one for one in ("march.c", "march/march.c") if one in tree), next(iter(tree)))
+        source, into = tree[name].relative_to(registry.ROOT), (shown / name).parent
+        made = "" if into == shown else f"mkdir -p {into} && "
+        print(f"  2. copy a file that you want to change: {made}cp {source} {into}/")
         print(
             f"     make tree-{options.name} says where all its files are; make phase-{options.name} builds it"
         )

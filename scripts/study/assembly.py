@@ -15,6 +15,7 @@ import argparse
 import hashlib
 import json
 import shlex
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,8 @@ def _assemble(compiler: list[str], text: str, path: Path, name: str) -> Path:
 
 def instrument(compiler: list[str], paths: list[Path], folder: Path) -> None:
     """All of it; table.json comes last, when everything else stands."""
+    for kind in ("plain", "counted"):  # objects of sources that are gone would be linked
+        shutil.rmtree(folder / kind, ignore_errors=True)
     sources: list[Source] = []
     disassembler = Disassembler()
     for path in paths:

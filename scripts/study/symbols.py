@@ -17,8 +17,9 @@ from study.cli import StudyError
 from study.decode import Disassembler
 
 WRAPPER = 32  # bytes: a leaf of one or two instructions, such as a name for an intrinsic
-# A phase's own source, or an ablation's (build/NAME+TITLE/source), as addr2line writes it.
-_PHASE_FILE = re.compile(r"(^|/)(phases/[^/]+|source)/[^/]+\.[ch]:")
+# As addr2line writes it: a phase's own source, a derived phase's or an ablation's (build/NAME/source), and
+# common/simd's, whose functions are compiled into the phase.
+_PHASE_FILE = re.compile(r"(^|/)(phases/[^/]+|source|common/simd)/([^/]+/)?[^/]+\.[ch]:")
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any
 from study import costs, paper, registry
 
 BASE = "baseline"
-# What a function is for, in all phases of this tree and of published runs: its name, or with * how that begins
-# or ends. A whole name counts before a pattern, and then the first that fits.
+# What a function is for, in all phases, and those of published runs: its name, or with * how that begins or
+# ends. A whole name counts before any pattern; of several patterns the first that fits counts.
 TERMS = {
     "into the shape's frame": """
         apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate

@@ -36,8 +36,10 @@ def test_a_gradient_works_for_all_that_hit_its_shape(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("phase", ["opt9_convex", "opt10_scene"])
 def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> None:
-    """A picture so small that a crowd's shadow rays fill no packet: what is asked of every ray has as many
-    lanes in all, the rest no more at any call; between them the spheres of a node are in the lanes, 8 or 16.
+    """A picture so small that the shadow rays of a scene with a BVH fill no packet.
+
+    What is asked of every ray has as many lanes in all, the rest no more at any call; between them the
+    spheres of a node are in the lanes, 8 or 16.
     """
     needs.cpu_for(phase)
     scene = scaling_scenes.data("scattered", 256, 3)
@@ -48,23 +50,23 @@ def test_a_packet_of_few_rays_works_for_these(phase: str, tmp_path: Path) -> Non
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     made = json.loads(done.stdout)["by_function"]
-    rays = made["sorted"]["lanes"]
-    assert 1 < rays < 8 and 1 < made["sorted"]["calls"] <= rays  # a packet for every solid
-    for name in ("gather_walk", "begin", "crowd_ahead"):
-        assert made[name]["lanes"] == rays and made[name]["calls"] == made["sorted"]["calls"], name
-    assert made["bundle_about"]["lanes"] == 2 * rays  # of the beam, and of its one packet
+    rays, packets = (made["load_sorted_packet"][key] for key in ("lanes", "calls"))
+    assert 1 < rays < 8 and 1 < packets <= rays  # a packet for every solid
+    for name in ("load_batch_packet", "begin_march", "bvh_first_entry"):
+        assert made[name]["lanes"] == rays and made[name]["calls"] == packets, name
+    assert made["bundle_of_packets"]["lanes"] == 2 * rays  # of the batch, and of its one packet
     marching = (
-        "may_enter",
-        "vicinity_about",
-        "surely_off",
-        "wake",
-        "too_far",
-        "sheaf_of",
-        "ask_about",
-        "must_ask",
-        "on_none",
-        "go_on_by",
-        "keep_answers",
+        "may_enter_sphere",
+        "set_active_set",
+        "sphere_bound",
+        "awake_candidates",
+        "sphere_too_far",
+        "query_bundle_of",
+        "evaluate_candidate",
+        "needs_cone_query",
+        "off_surfaces",
+        "advance_by",
+        "store_lit",
     )
     for name in marching:
         assert 0 < made[name]["lanes"] <= rays * made[name]["calls"], name

@@ -299,7 +299,7 @@ def test_a_ray_has_one_direction(measured, tmp_path):
         assert packets > rays >= least > packets / 2
     else:
         # patches of 8 × 8, but for those that meet nothing
-        if (ROOT / "phases" / phase.name / "tiles.h").exists():
+        if phase.file("cones/tile_cones.h").exists():
             packets = patches_drawn(phase.name) * (8 // high) * (8 // wide)
         elif phase.variants:  # in groups of four, and a tile's last one is filled with packets of no pixel
             tiles = itertools.product((8, 8, 8, 30 % 8), (32, 54 % 32))

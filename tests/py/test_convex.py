@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def bound(q: float) -> float:
-    """No term of a march with h ≥ q·t is less than strength times this (NOTES.md, 1)."""
+    """No term of a march with h ≥ q·t is less than strength times this (PROOFS.md, 1)."""
     r = (1 + q) / 2
     return min(q, q * math.sqrt(1 - r * r) / (1 - q * r))
 
@@ -267,7 +267,10 @@ REPEATED = {
 
 
 def narrow(shapes: list[dict], eye: list[float], light: list[float], **more) -> dict:
-    """So that 4 × 4 rays are near to each other: as bundles they go from cell to cell together (layers.c)."""
+    """So that 4 × 4 rays are near to each other: as bundles they go from cell to cell together.
+
+    See repeated_bundles.c.
+    """
     camera = looks(eye, [eye[0] + 2, eye[1] - 1.1, eye[2] + 4]) | {"vertical_fov_degrees": 20}
     return scene(shapes, camera=camera, light=lit("none", light), march={"bounds_radius": 30}, **more)
 
@@ -632,7 +635,7 @@ IN_THE_WAY = {
 
 @pytest.mark.parametrize("name", IN_THE_WAY)
 def test_what_is_not_marched_to_its_end_is_truths(name: str, tmp_path: Path) -> None:
-    """Darker than 1e-4 is 0 (NOTES.md, 3.): all else is as exact as float."""
+    """Darker than 1e-4 is 0 (PROOFS.md, 4.): all else is as exact as float."""
     exact = picture(IN_THE_WAY[name], tmp_path, phase="truth")
     assert (clamped(exact).max(axis=-1) < 0.9).mean() > 0.2  # penumbras and shadows to be wrong in
     for phase in (PHASE, "opt10_scene"):
@@ -644,7 +647,7 @@ def test_what_is_not_marched_to_its_end_is_truths(name: str, tmp_path: Path) -> 
 
 
 def test_a_ratio_that_has_risen_does_not_come_back() -> None:
-    """The end of a march past one convex solid (NOTES.md, 5.): no later term is less.
+    """The end of a march past one convex solid (PROOFS.md, 7.): no later term is less.
 
     A random box, seen by rays along z from a floor whose normal is near them; others are kept out of the cone
     in which a term can come below 1.
@@ -765,8 +768,9 @@ def test_a_hit_that_marches_on_has_the_cap_to_itself(cap: int, phase: str, tmp_p
 def test_near_a_plane_is_not_near_the_mandelbulb_over_it(
     away: float, height: float, phase: str, tmp_path: Path
 ) -> None:
-    """From a camera on the floor steps are short wherever the Mandelbulb is: told by close.h's polynomials,
-    which are for the bulb's surroundings, 12 to 212 of 960 pixels were hits of it that it has not.
+    """From a camera on the floor steps are short wherever the Mandelbulb is: told by the polynomials of
+    bulb_chebyshev.h, which are for the bulb's surroundings, 12 to 212 of 960 pixels were hits of it that it
+    has not.
     """
     camera = {"position": [0, height, -away], "look_at": [0, height + 0.06 * away, 0]}
     whole = scene(

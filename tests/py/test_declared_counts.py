@@ -397,7 +397,7 @@ def preprocessed(folder: Path, phase: str) -> dict[str, list[str]]:
             str(source.relative_to(folder)),
         ]
         text = subprocess.check_output(command, cwd=folder, text=True)
-        found[source.name] = re.sub(r"\(\(void\)0\)\s*,?", "", text).split()
+        found[str(source.relative_to(folder))] = re.sub(r"\(\(void\)0\)\s*,?", "", text).split()
     return found
 
 

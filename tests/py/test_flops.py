@@ -631,7 +631,7 @@ def test_a_wrong_cost_is_found(tmp_path):
 
 
 def test_every_declared_function_has_a_term():
-    for path in sorted((registry.ROOT / "phases").glob("*/costs.def")):
+    for path in sorted((registry.ROOT / "phases").rglob("costs.def")):
         names = set(re.findall(r"^COST\((\w+),", path.read_text(), re.MULTILINE))
         assert names, path
         assert {name for name in names if table1.term_of(name) == table1.OTHER} == set(), path

@@ -196,6 +196,19 @@ def test_inlined_chains_without_the_compilers_headers():
     assert chains[0x634A][1] == "sdf_cone"
 
 
+def test_inlined_chains_with_folders_of_a_phase_and_the_vector_library():
+    places = {
+        "v_pow": "/a/common/simd/pow.h",
+        "enter_box": "/a/phases/opt9_convex/hit/solids.h",
+        "enter_torus": "/a/build/opt10_scene/source/hit/torus.h",
+        "march": "phases/opt4/march.c",
+        "_mm512_add_ps": "/usr/lib/gcc/include/avx512fintrin.h",
+        "workers_run": "/a/common/workers/workers.c",
+    }
+    text = "".join(f"{name}\n{place}:7\n" for name, place in places.items())
+    assert symbols.parse_addr2line(f"0x10\n{text}") == {0x10: ["v_pow", "enter_box", "enter_torus", "march"]}
+
+
 @pytest.mark.parametrize("text", ["0x10\nsdf\n", "sdf\n/phases/opt2/sdf.h:1\n", "0xzz\n"])
 def test_broken_chains_are_refused(text):
     with pytest.raises(StudyError, match="addr2line:"):
@@ -260,7 +273,7 @@ def test_without_inlining_every_function_is_one(phase):
 def test_names_for_single_instructions_are_known():
     path = build.build("opt3", "render-calls")
     found = symbols.wrappers(symbols.program(path, ROOT / "build/opt3/calls/phase.o"))
-    assert {"mul_add", "choose", "root", "negate_where"} <= found  # each one intrinsic, or two
+    assert {"v_madd", "v_select", "v_sqrt", "v_negate_where"} <= found  # each one intrinsic, or two
     assert not {"vec_dot", "vec_norm", "sdf_cone", "sdf_sphere", "phase_render"} & found
 
 

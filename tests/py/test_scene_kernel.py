@@ -667,17 +667,27 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
         ("KNOWN(p)->model.march.max_steps", False),
         ("KNOWN(p)->model.march.hit_distance", False),
         ("KNOWN(p)->placed[0].alone", False),
-        ("KNOWN(p)->placed[0].rank", False),
+        ("KNOWN(p)->placed[0].bvh_rank", False),
         ("KNOWN(p)->placed[0].radius_sq", False),
     ],
 )
 def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: bool, tmp_path: Path) -> None:
-    """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives."""
-    source = tmp_path / "known.c"
-    source.write_text(f'#include "known.h"\ndouble f(const struct prepared *p) {{ return {read}; }}\n')
-    folder = registry.phases()[PHASE].file("known.h").parent
+    """What a generated scene leaves out would be 0 there: it is no member of what KNOWN gives.
+
+    It is one of what the general code reads.
+    """
+    folder = registry.phases()[PHASE].file("core/known_scene.h").parents[1]
     include = ["-I", registry.ROOT / "common", "-iquote", folder]
-    done = subprocess.run(
-        ["gcc", "-std=c11", "-fsyntax-only", *include, source], capture_output=True, text=True
-    )
+    source = tmp_path / "known.c"
+
+    def compiled(expression: str) -> subprocess.CompletedProcess[str]:
+        function = f"double f(const struct prepared *p) {{ return {expression}; }}\n"
+        source.write_text(f'#include "core/known_scene.h"\n{function}')
+        command = ["gcc", "-std=c11", "-fsyntax-only", *include, source]
+        return subprocess.run(command, capture_output=True, text=True)
+
+    done = compiled(read)
     assert (done.returncode == 0) == compiles and ("no member" in done.stderr) != compiles, done.stderr
+    general = read.replace("KNOWN(p)->placed", "p->placed" if compiles else "p->more")
+    done = compiled(general.replace("KNOWN(p)->", "p->"))
+    assert done.returncode == 0, done.stderr

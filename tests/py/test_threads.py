@@ -252,7 +252,7 @@ def any_scene(phase: str) -> Path:
 )
 def test_what_is_refused_is_stated_once_and_drawn_without(phase, what, said, tmp_path) -> None:
     """The picture is opt4's; of what draws another, its own on one thread, to which nothing is refused.
-    (opt10_scene by its general code, which has the team; a kernel draws tiles for it.)"""
+    (opt10_scene by its general code, which has the pool; a kernel draws tiles for it.)"""
     path, shape = any_scene(phase), ("-w", 97, "-n", 41)
     alone = picture(build(PARENT if phase == PHASE else phase), path, tmp_path, *shape)
     arguments = (*shape, "--threads", 5, "--reps", 4)
@@ -329,15 +329,14 @@ def sanitizing(folder: Path) -> Path:
     return script
 
 
-TEAM = """
+POOL = """
 #include <stdio.h>
 #include <stdlib.h>
 #ifdef COMMON
 #include "workers/workers.h"
-#define team workers
-#define team_start workers_start
-#define team_run(team, job, tiles) workers_run(team, render_tile, job, tiles)
-#define team_end workers_end
+#define threads_start workers_start
+#define threads_run(workers, job, tiles) workers_run(workers, render_tile, job, tiles)
+#define threads_end workers_end
 #else
 #include "threads.h"
 #endif
@@ -350,10 +349,10 @@ void render_tile(const void *job, int tile, void *own) {
 }
 int main(int argc, char **argv) {
     int frames = 20, tiles = atoi(argv[argc - 1]);
-    struct team *team = team_start(atoi(argv[1]), sizeof(int));
+    struct workers *workers = threads_start(atoi(argv[1]), sizeof(int));
     for (int frame = 0; frame < frames; frame++)
-        team_run(team, NULL, tiles);
-    team_end(team);
+        threads_run(workers, NULL, tiles);
+    threads_end(workers);
     for (int tile = 0; tile < MOST; tile++)
         if (drawn[tile] != (tile < tiles ? frames : 0))
             return printf("tile %d: %d times\\n", tile, drawn[tile]), 1;
@@ -370,9 +369,9 @@ int main(int argc, char **argv) {
     ],
 )
 def test_each_tile_is_drawn_once_without_a_race(pool: str, words: tuple[str, ...], tmp_path) -> None:
-    """The team alone, under ThreadSanitizer, for any number of workers and tiles, fewer than them too."""
-    source, program = tmp_path / "team.c", tmp_path / "team"
-    source.write_text(TEAM)
+    """The pool alone, under ThreadSanitizer, for any number of workers and tiles, fewer than them too."""
+    source, program = tmp_path / "pool.c", tmp_path / "pool"
+    source.write_text(POOL)
     made = call(
         *("gcc", "-std=c11", "-D_GNU_SOURCE", "-O1", "-g1", "-fsanitize=thread", "-pthread"),
         *(*words, "-I", ROOT / "common", "-iquote", (ROOT / pool).parent, source, ROOT / pool, "-o", program),

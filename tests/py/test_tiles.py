@@ -20,7 +20,6 @@ from emulated import TRUE
 from conformance.feature_scenes import FEATURES, SIZES
 from study import images, registry
 from study.build import build
-from study.registry import ROOT
 
 PHASE, PARENT = "opt7_tiles", "opt6_wide"
 SMALL = (48, 27)
@@ -308,24 +307,26 @@ def test_any_size_and_number_of_threads(size, tmp_path) -> None:
 
 
 def constant(phase: str, file: str, pattern: str) -> float:
-    found = re.search(pattern, (ROOT / "phases" / phase / file).read_text())
+    found = re.search(pattern, registry.find_phase(phase).file(file).read_text())
     assert found, f"{file} of {phase} has no {pattern}"
     return float(found[1])
 
 
-RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define TANGENT ([\d.]+)f"
+PRIMITIVES = "core/primitives.c"
+RADIUS, TANGENT = r"#define BALL_RADIUS ([\d.]+)f", r"#define FAR_TANGENT ([\d.]+)f"
 
 
 def test_the_mandelbulbs_bounds_are_the_same_in_opt8() -> None:
-    assert constant(PHASE, "place.c", RADIUS) == constant("opt8_streams", "place.c", RADIUS)
-    assert constant(PHASE, "bundles.c", TANGENT) == constant("opt8_streams", "bounds.h", TANGENT)
+    assert constant(PHASE, PRIMITIVES, RADIUS) == constant("opt8_streams", PRIMITIVES, RADIUS)
+    own, opt8s = "cones/ray_bundles.c", "cones/distance_bounds.h"
+    assert constant(PHASE, own, TANGENT) == constant("opt8_streams", opt8s, TANGENT)
 
 
 @pytest.mark.parametrize("iterations", [1, 2, 4, 20])
 @pytest.mark.parametrize("bailout", [4, 256, 10000])
 def test_the_mandelbulbs_bounds_hold(iterations, bailout, tmp_path) -> None:
     """Outside of its ball the estimate is positive and above both lines that stand for it in a list."""
-    radius, tangent = constant(PHASE, "place.c", RADIUS), constant(PHASE, "bundles.c", TANGENT)
+    radius, tangent = constant(PHASE, PRIMITIVES, RADIUS), constant(PHASE, "cones/ray_bundles.c", TANGENT)
     bulb = {"type": "mandelbulb", "power": 8, "iterations": iterations, "bailout": bailout}
     scene = FEATURES["everything"] | {"shapes": [bulb | {"material": "plain"}]}
     (tmp_path / "bulb.json").write_text(json.dumps(scene))

@@ -52,7 +52,7 @@ def make(tree: Path, compiler: str, target: str) -> subprocess.CompletedProcess[
 
 def test_counting_sources_of_every_variant_are_compiled_or_read_and_a_warning_ends_it(tree: Path) -> None:
     """As tests/run.py has it made, where one variant has a fault."""
-    source = tree / "phases" / PHASE / "march.c"  # the first of those that each variant has
+    source = tree / "phases" / PHASE / "march/march.c"  # the first of those that each variant has
     kept = source.read_text()
     for compiler in ("gcc", "clang"):
         good = make(tree, compiler, "count/read")
@@ -77,7 +77,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("said", FAULTS)
 def test_clang_builds_or_reads_every_variant_and_a_fault_ends_it(tree: Path, said: str) -> None:
-    source = tree / "phases" / PHASE / "march.c"
+    source = tree / "phases" / PHASE / "march/march.c"
     kept = source.read_text()
     for variant, isa in VARIANTS.items():
         lanes = variant.removeprefix("lanes")

@@ -131,8 +131,8 @@ def test_it_draws_its_parents_picture(name, tmp_path) -> None:
 
 
 def test_the_bulbs_estimate_is_above_what_lets_it_sleep() -> None:
-    """shapes.h's bound, 0.18 + (r − 3/2)/2 beyond r = 3/2, held against the map in polar form (r⁸, 8θ, 8φ),
-    in double, for 1 to 8 iterations."""
+    """The bound of shape_distances.h, 0.18 + (r − 3/2)/2 beyond r = 3/2, held against the map in polar form
+    (r⁸, 8θ, 8φ), in double, for 1 to 8 iterations."""
     random = np.random.default_rng(6)
     direction = random.normal(size=(20_000, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]

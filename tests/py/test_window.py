@@ -1,4 +1,4 @@
-"""Whether a tile's rays can fall towards a plane (window.h): never a wrong no."""
+"""Whether a tile's rays can fall towards a plane (tile_frustum.h): never a wrong no."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from study.registry import ROOT
+from study import registry
 
 WIDE = np.tan(np.radians(85))  # half the widest field of view
 
@@ -16,7 +16,7 @@ WIDE = np.tan(np.radians(85))  # half the widest field of view
 def test_plane_in_window(tmp_path: Path) -> None:
     """Rays that just fall towards one are in, up to the widest picture's corner; what is well off is not."""
     (tmp_path / "window.c").write_text(
-        f'#include "{ROOT}/phases/opt9_convex/window.h"\n'
+        f'#include "{registry.find_phase("opt9_convex").file("hit/tile_frustum.h")}"\n'
         "int asked(const float *corner, const float *normal) {\n"
         "    struct window w = {corner[0], corner[0], corner[1], corner[1]};\n"
         "    return plane_in_window(&w, normal);\n}\n"

@@ -1,6 +1,6 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
-// that only touches the march changes it; but of most rays it can be told without one. NOTES.md has
+// that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has
 // the proofs.
 #include "repetition/repeated_rays.h"
 
