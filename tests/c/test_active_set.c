@@ -1,5 +1,5 @@
 // flags: -iquote phases/opt9_convex -DLANES=8 -mavx2 -mfma -ffp-contract=off
-// opt9_convex's bounds of shapes that sleep (vicinity.c, which opt10_scene has too): no shape may sleep where it is
+// opt9_convex's bounds of shapes that sleep (shadow/active_set.c, which opt10_scene has too): no shape may sleep where it is
 // as near as what is known. Distances to the bounding sphere are worked out in double.
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
-"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration (close.h;
-opt10_scene has opt9_convex's), against the map by angles; and a camera within its bounding sphere.
-"""
+"""The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration
+(bulb/*chebyshev*.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within its
+bounding sphere.
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ TERMS = 6
 
 
 def source(phase: str) -> str:
-    return (ROOT / "phases" / phase / "close.h").read_text()
+    headers = sorted((ROOT / "phases" / phase / "bulb").glob("*chebyshev*.h"))
+    return "".join(header.read_text() for header in headers)
 
 
 def constant(text: str, name: str) -> float:
@@ -59,8 +60,8 @@ def test_polynomials_are_the_first_iteration(phase: str) -> None:
     start, way = (v[:, np.hypot(start[0], start[2]) > 1e-5] for v in (start, way))
     rho = np.hypot(start[0], start[2])
     assert rho.min() < 2e-5
-    half = np.minimum(constant(text, "CLOSE_SHARE") * rho, constant(text, "CLOSE_PIECE"))
-    half = np.maximum(half, constant(text, "CLOSE_LEAST"))
+    half = np.minimum(constant(text, "CLOSE_PIECE_SHARE") * rho, constant(text, "CLOSE_PIECE"))
+    half = np.maximum(half, constant(text, "CLOSE_PIECE_MIN"))
     middle = start + way * half
     behind, before = (np.array([mapped(middle + sign * way * half * u) for u in nodes]) for sign in (1, -1))
     values = behind + before, behind - before
