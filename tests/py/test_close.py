@@ -1,6 +1,7 @@
 """The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration
 (bulb/*chebyshev*.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within its
 bounding sphere.
+"""
 
 from __future__ import annotations
 
