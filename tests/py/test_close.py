@@ -1,5 +1,5 @@
 """The polynomials of opt8_streams and opt9_convex in place of the Mandelbulb's first iteration
-(bulb_chebyshev.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within its
+(bulb/*chebyshev*.h; opt10_scene has opt9_convex's), against the map by angles; and a camera within its
 bounding sphere.
 """
 
@@ -21,7 +21,8 @@ TERMS = 6
 
 
 def source(phase: str) -> str:
-    return registry.find_phase(phase).file("bulb/bulb_chebyshev.h").read_text()
+    headers = sorted((ROOT / "phases" / phase / "bulb").glob("*chebyshev*.h"))
+    return "".join(header.read_text() for header in headers)
 
 
 def constant(text: str, name: str) -> float:

@@ -1,76 +1,29 @@
-// Camera rays that are close to a Mandelbulb: their last digits decide where they end (bulb/bulb_march.c). Along a ray the map's
-// first iteration is a smooth function of t, and steps are short here: it is told for a piece of the ray at once, as
-// polynomials through CLOSE_TERMS of its places, in doubles. A step then errs by a float's rounding at the size of
-// the piece, and by that of the map's later iterations, which the derivative divides.
-//
-// The map is singular on the axis ρ = 0 alone, which a ray meets at complex t, too, no nearer than ρ to a place where it
-// has ρ. On pieces of half length ρ/32, 0.02 at most, the polynomials are off by less than 2^-24, a float's
-// rounding of 1 (tests/py/test_close.py; ρ/16: 46 times that), as long as ρ is 1e-5 or more: nearer to the axis a
-// piece is CLOSE_PIECE_MIN and not shorter, and they are off by up to 2e-5 at ρ = 1e-6. Interpolation at Chebyshev's
-// points: Trefethen, Approximation Theory and Approximation Practice, 2013; distance to a singularity, its chapter 8.
-#ifndef OPT9_CLOSE_H
-#define OPT9_CLOSE_H
+// Marches of camera rays close to a Mandelbulb, where the last digits of a ray's steps decide where it ends
+// (bulb/bulb_march.c). The first iteration comes from polynomials along a piece of the ray (bulb/chebyshev_pieces.h).
+#ifndef OPT9_BULB_CHEBYSHEV_H
+#define OPT9_BULB_CHEBYSHEV_H
 
-#include "bulb/bulb_estimate.h"
-#include "core/shading_packet.h"
+#include "bulb/chebyshev_pieces.h"
 #include "simd/permute.h"
-#include "simd/point.h"
 
 #include <string.h>
 
-// From such an estimate on a ray is close, and until such a one at the end of its piece. Not by the step, which may be
-// short over a plane: far out, where the first iteration has escaped, chebyshev_orbit()'s estimate is too short.
+// A ray is close from an estimate below CLOSE_ESTIMATE on. At the end of a piece it leaves if its estimate is above
+// LEAVE_ESTIMATE. The step is no measure: over a plane it may be short far from the bulb, where the first iteration has
+// escaped and chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
 #define LEAVE_ESTIMATE 1e-2f
-#define CLOSE_PIECE 0.02f // half length of a piece, at most
-#define CLOSE_PIECE_MIN 0x1p-20f
-#define CLOSE_PIECE_SHARE 0.03125f                           // of ρ
-enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
-
-// What a lane knows; all from the middle of its piece.
-enum chebyshev_field {
-    N_TERM, // the constants of x, y and z, then the factors of t …
-    N_SLOPE_TERM = 3 * CLOSE_TERMS,
-    N_PLACE = N_SLOPE_TERM + SLOPE_TERMS,
-    N_DIRECTION = N_PLACE + 3,
-    N_T = N_DIRECTION + 3,
-    N_END, // of the piece, or of the ray
-    N_TO,  // of the ray
-    N_HEIGHT,
-    N_SLOPE,
-    N_MIDDLE,
-    N_RAY, // which one on the desk
-    N_BORN,
-    N_FIELDS
-};
 
 struct chebyshev_lanes {
     vfloat field[N_FIELDS];
     unsigned live;
 };
 
-// Rays that have their pieces, and wait for lanes. N_BORN: the steps that they have had.
-struct ray_pieces {
-    float field[N_FIELDS][2 * LANES];
-    int next, count;
-};
-
-enum { REFILL_CLOSE = 3 * LANES / 4 }; // as REFILL, where more is moved for each
-// Steps are counted in floats, by ones: from 2^24 on a float stands still. Counted so far, births are told anew from there.
+enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves; see REFILL
+// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is shifted to match.
 #define STEPS_COUNTED 0x1p23f
 
-static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
-    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
-                     v_half_madd(direction.high, t.high, origin.high)};
-}
-
-static inline struct vec_double points_along(struct vec_double o, struct vec_double d, vdouble t) {
-    COUNT(points_along, call);
-    return (struct vec_double){v_double_along(o.x, d.x, t), v_double_along(o.y, d.y, t),
-                               v_double_along(o.z, d.z, t)};
-}
-
-// The rays of the lanes in m wait for their next pieces. t is two floats.
+// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
 static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                         struct worker_scratch *scratch) {
     COUNT(queue_close, call);
@@ -90,141 +43,7 @@ static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
     scratch->close_count += v_count(m);
 }
 
-static inline vdouble v_double_plus(vdouble a, vdouble b) {
-    return (vdouble){a.low + b.low, a.high + b.high};
-}
-
-static inline vdouble v_double_minus(vdouble a, vdouble b) {
-    return (vdouble){a.low - b.low, a.high - b.high};
-}
-
-static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES]) {
-    COUNT(bulb_first, both);
-    struct orbit_double low = bulb_first(place.x.low, place.y.low, place.z.low);
-    struct orbit_double high = bulb_first(place.x.high, place.y.high, place.z.high);
-    to[0] = (vdouble){low.x, high.x};
-    to[1] = (vdouble){low.y, high.y};
-    to[2] = (vdouble){low.z, high.z};
-    to[3] = (vdouble){low.slope, high.slope};
-}
-
-// One coordinate's: even and odd part of the values at ±node·end, by the inverse of the nodes' powers.
-static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
-                               const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
-    static const double even[3][3] = {
-        {0.044658198738520484, -0.16666666666666696, 0.62200846792814624},
-        {-0.75598306414370742, 2.6666666666666665, -1.9106836025229585},
-        {1.333333333333333, -2.6666666666666661, 1.3333333333333328}};
-    static const double odd[3][3] = {{0.046233569414009822, -0.23570226039551659, 2.40325617336917},
-                                     {-0.7826512591014092, 3.7712361663282561, -7.3823145501758569},
-                                     {1.3803682405467781, -3.7712361663282552, 5.151604406875034}};
-    COUNT(store_terms, call);
-    for (int k = 0; k < CLOSE_TERMS; k++) {
-        const double *row = k % 2 ? odd[k / 2] : even[k / 2];
-        const vdouble *value = k % 2 ? difference : sum;
-        vdouble term = v_double_madd(
-            value[0], row[0], v_double_madd(value[1], row[1], v_double_mul(value[2], row[2])));
-        vfloat factor = v_double_to_float(term);
-        if (k > 0)
-            factor = factor * power[k];
-        v_store(factor, to->field[N_TERM + 3 * k + axis]);
-    }
-}
-
-// The derivative's: the first of the Chebyshev polynomials through its values. It scales the estimate alone: a step's
-// length errs by less than 2^-19 of itself, and no pixel was seen to need more (HISTORY, "Fewer products").
-static inline void store_slope(const vdouble sum[3], const vdouble difference[3],
-                               const vfloat power[CLOSE_TERMS], struct ray_pieces *to) {
-    static const double slope[SLOPE_TERMS][3] = {
-        {-0.12200846792814626, 0.16666666666666657, 0.45534180126147961},
-        {-0.38513150575685806, 0.94280904158206325, 0.79337979622072108},
-        {0.57735026918962584, 0.0, -0.57735026918962584},
-        {0.94280904158206325, -0.94280904158206325, -0.94280904158206325}};
-    COUNT(store_slope, call);
-    for (int k = 0; k < SLOPE_TERMS; k++) {
-        const vdouble *value = k % 2 ? difference : sum;
-        vdouble term = v_double_madd(
-            value[0], slope[k][0],
-            v_double_madd(value[1], slope[k][1], v_double_mul(value[2], slope[k][2])));
-        vfloat factor = v_double_to_float(term);
-        if (k > 0)
-            factor = factor * power[k];
-        v_store(factor, to->field[N_SLOPE_TERM + k]);
-    }
-}
-
-static void store_pieces(struct vec_double o, struct vec_double d, vdouble middle, vfloat end,
-                         vfloat per_end, struct ray_pieces *to) {
-    static const double nodes[3] = {0.96592582628906831, 0.70710678118654757, 0.25881904510252074};
-    COUNT(store_pieces, call);
-    vdouble sum[CLOSE_VALUES][3], difference[CLOSE_VALUES][3],
-        reach = v_double_sum(end, v_splat(0.0f));
-    for (int i = 0; i < 3; i++) {
-        vdouble away = v_double_mul(reach, nodes[i]), before[CLOSE_VALUES], behind[CLOSE_VALUES];
-        lane0_double(points_along(o, d, v_double_minus(middle, away)), before);
-        lane0_double(points_along(o, d, v_double_plus(middle, away)), behind);
-        for (int axis = 0; axis < CLOSE_VALUES; axis++) {
-            sum[axis][i] = v_double_plus(behind[axis], before[axis]);
-            difference[axis][i] = v_double_minus(behind[axis], before[axis]);
-        }
-    }
-    vfloat power[CLOSE_TERMS] = {v_splat(1.0f), per_end};
-    for (int k = 2; k < CLOSE_TERMS; k++)
-        power[k] = power[k - 1] * per_end;
-    for (int axis = 0; axis < 3; axis++)
-        store_terms(sum[axis], difference[axis], power, axis, to);
-    store_slope(sum[3], difference[3], power, to);
-}
-
-// The pieces on which the first rays that wait are to go on.
-static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
-    int first = scratch->close_first, count = scratch->close_count - first;
-    count = count < LANES ? count : LANES;
-    ACTIVE(count);
-    COUNT(prepare_pieces, call);
-    float of[B_FIELDS][LANES];
-    int rays[LANES];
-    for (int lane = 0; lane < LANES; lane++)
-        rays[lane] = (int)scratch->close[C_RAY][first + (lane < count ? lane : 0)];
-    for (int i = 0; i < B_FIELDS; i++)
-        for (int lane = 0; lane < LANES; lane++)
-            of[i][lane] = scratch->bulb[i][rays[lane]];
-    vdouble ray[6];
-    for (int i = 0; i < 6; i++)
-        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
-    struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
-    vdouble t =
-        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
-    struct vec_double place = points_along(o, d, t);
-    vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
-           rho = v_sqrt(v_madd(x, x, z * z));
-    vfloat end = v_max(v_min(rho * v_splat(CLOSE_PIECE_SHARE), v_splat(CLOSE_PIECE)),
-                       v_splat(CLOSE_PIECE_MIN));
-    vfloat near_middle = v_double_to_float(t) + end;
-    vdouble middle = v_double_sum(near_middle, v_splat(0.0f));
-    store_pieces(o, d, middle, end, v_splat(1.0f) / end, to);
-    place = points_along(o, d, middle);
-    v_store(v_double_to_float(place.x), to->field[N_PLACE]);
-    v_store(v_double_to_float(place.y), to->field[N_PLACE + 1]);
-    v_store(v_double_to_float(place.z), to->field[N_PLACE + 2]);
-    for (int i = 0; i < 3; i++)
-        v_store(v_load(of[B_DIRECTION + i]), to->field[N_DIRECTION + i]);
-    vfloat slope = v_load(of[B_SLOPE]);
-    v_store(v_double_to_float(v_double_minus(t, middle)), to->field[N_T]);
-    vfloat until = v_load(of[B_TO]) - near_middle;
-    v_store(v_min(end, until), to->field[N_END]);
-    v_store(until, to->field[N_TO]);
-    v_store(v_madd(near_middle, slope, v_load(of[B_HEIGHT])), to->field[N_HEIGHT]);
-    v_store(slope, to->field[N_SLOPE]);
-    v_store(near_middle, to->field[N_MIDDLE]);
-    v_store(v_load(&scratch->close[C_RAY][first]), to->field[N_RAY]);
-    v_store(v_load(&scratch->close[C_HAD][first]), to->field[N_BORN]);
-    to->next = 0;
-    to->count = count;
-    scratch->close_first += count;
-}
-
-// Lanes that have ended take the next rays, if there are any. steps: of all so far.
+// Fills ended lanes with the next rays, if there are any. steps: the count of all steps so far.
 static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, float steps,
                              struct worker_scratch *scratch) {
     COUNT(refill_chebyshev, call);
@@ -254,7 +73,7 @@ struct chebyshev_packet {
     vmask done, reached, met;
 };
 
-// After the first iteration.
+// Returns the orbit after the first iteration, from the polynomials.
 static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
                                                   vmask done) {
     ACTIVE(LANES);
@@ -276,6 +95,8 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
         x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
+// Moves each ray on by the least of h and its height over the plane. oldest: a ray that took its lane before has taken all
+// the steps it may.
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
                                      vfloat hit_distance, vfloat oldest) {
     ACTIVE(LANES - v_count(p->done));
@@ -293,7 +114,7 @@ static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_
     field[N_BORN] = born;
 }
 
-// A step of the first `count` packets. How many of their lanes have ended.
+// One step of the first `count` packets. Returns how many of their lanes have ended.
 __attribute__((always_inline)) static inline int
 step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lanes,
                struct chebyshev_packet *p, vfloat hit_distance, vfloat oldest) {
@@ -325,6 +146,7 @@ static double field_double(const struct worker_scratch *scratch, int field, int 
     return (double)scratch->bulb[field][ray] + (double)scratch->bulb[field + B_REST][ray];
 }
 
+// Stores the hit of a ray at middle + way, if it is the nearest so far.
 static void store_chebyshev_hit(struct worker_scratch *scratch, int ray, float middle, float way) {
     COUNT(store_chebyshev_hit, call);
     double t = (double)middle + (double)way;
@@ -340,7 +162,7 @@ static void store_chebyshev_hit(struct worker_scratch *scratch, int ray, float m
                                            field_double(scratch, B_DIRECTION + i, ray) * t);
 }
 
-// Back to the rays that bulb/bulb_march.c marches in floats.
+// Hands a ray back to bulb/bulb_march.c, which marches it in floats. t and rest: the distance as two floats.
 static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
                             float had) {
     int to = scratch->open_count++;
@@ -351,7 +173,7 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
     scratch->open[B_BORN][to] = had;
 }
 
-// What has ended gives its answer; what is at the end of its piece waits for the next, and all are no longer live.
+// Frees the lanes that have ended. Hits are stored; rays at the end of a piece are queued for the next one or leave.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps,
                              float most, struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
@@ -390,7 +212,7 @@ static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes 
     queue_close(v_andnot(open, on), from->field[N_RAY], far, rest, taken, scratch);
 }
 
-// Few are left: all of them in the first packet.
+// Moves all rays to the first packet. Precondition: they are LANES at most.
 static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
     COUNT(join_chebyshev, call);
     for (int k = 1; k < INTERLEAVED; k++) {
@@ -405,7 +227,8 @@ static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
     }
 }
 
-// Marches the rays that wait, until none does: to the end, unless some are to be marched in floats before.
+// Marches the close rays until none waits. It returns with rays still in lanes if too few are left to fill the lanes and
+// some rays wait for the march in floats.
 static void march_chebyshev(const struct primitive *s, const struct limits *limits,
                             struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
                             float *steps, struct worker_scratch *scratch) {
@@ -419,7 +242,7 @@ static void march_chebyshev(const struct primitive *s, const struct limits *limi
             refill_chebyshev(&lanes[k], pieces, *steps, scratch);
             live += __builtin_popcount(lanes[k].live);
         }
-        bool one = live <= LANES; // a tile's last rays, some of which take a thousand steps
+        bool one = live <= LANES; // the tile's last rays: some take a thousand steps
         if (one)
             join_chebyshev(lanes);
         for (int k = 0; k < INTERLEAVED; k++) {

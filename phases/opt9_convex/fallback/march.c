@@ -5,8 +5,8 @@
 
 #include <limits.h>
 
-// A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
-// known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
+// A ray leaves the bounds when |o + t·d|² > radius². That is a polynomial in t, and float knows it to a few
+// 2^-24 of radius². So a ray marches on until 2^-20 past the bounds, and within() checks its hit.
 struct bounds_exit {
     vfloat linear, constant; // t·(t + linear) + constant > 0
 };
@@ -21,6 +21,7 @@ static struct bounds_exit bounds_exit_of(struct point origin, struct vec directi
                                 vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
+// Returns which points are within the bounds, in doubles.
 static vmask within(struct point place, const struct model *model) {
     COUNT(within, call);
     COUNT(within, scalar);
@@ -32,30 +33,30 @@ static inline vmask outside(struct bounds_exit exit, vfloat t) {
     return v_cmp_gt(v_madd(t, t + exit.linear, exit.constant), v_splat(0.0f));
 }
 
-// The hit test that float can keep: below half an ulp of t, 2^-24·t at the most, a step no longer
-// moves the ray, and it would stall there until the step cap.
+// The hit test in float: the hit distance, or 2^-24·t if that is more. Below half an ulp of t, which is at most
+// 2^-24·t, a step does not move the ray, and it would stall there until the step cap.
 static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
     return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
 }
 
-// Newton's last step: more than h is left to go where a ray grazes, 33 times on scene0's plane at the
-// horizon. Only for what float's march may err by: what a larger hit_distance leaves is the scene's.
+// Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on scene0's
+// plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is the scene's choice.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
     COUNT(newton, call);
     vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
     return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
-// Where the rays are: at the distance before + t + last. t and the last step apart: their sum,
-// rounded, would lose what places the hit on the surface.
+// The rays are at the distance before + t + last. t and the last step stay apart: their rounded sum would lose
+// the digits that place the hit on the surface.
 struct march_state {
     struct point origin; // at the distance `before`
     vfloat before, t, last, evals;
     vmask done, found;
-    int steps; // of the ray that has had fewest, of those that march on
+    int steps; // of the ray that has taken the fewest, among the rays that march on
 };
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
+// Marches until every ray has ended. The hit test is that of a march in float, whose error grows with t.
 static inline void march(struct march_state *at, struct vec direction,
                          const struct trace_context *world) {
     COUNT(march, call);
@@ -83,7 +84,7 @@ static inline void march(struct march_state *at, struct vec direction,
     *at = (struct march_state){at->origin, at->before, t, last, evals, done, found, at->steps};
 }
 
-// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+// Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to another shape.
 __attribute__((noinline)) static void
 shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
     ACTIVE(v_count(deep));
@@ -93,7 +94,7 @@ shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *sh
     *shape = v_select(deep, inside, *shape);
 }
 
-// Of these rays the fewest evaluations that one has had. Each has the cap to itself, whatever its neighbours took.
+// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray on its own.
 static int fewest(vfloat evals, vmask on) {
     float had[LANES];
     int least = INT_MAX;
@@ -105,9 +106,36 @@ static int fewest(vfloat evals, vmask on) {
     return least;
 }
 
-// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
-// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there.
+// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a shape, `inside`.
+// Precondition: the hits are the origins of world->approach, and `near` describes their surroundings.
+__attribute__((always_inline)) static inline void
+finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
+            struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
+    const struct prepared *scene = world->scene;
+    vfloat way = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // rays that hit where they start
+    hit->found = v_and(hit->found, v_or(within(at->origin, &scene->model), unmoved));
+    if (v_any(deep)) {
+        COUNT(ray_march, deep);
+        near.contact =
+            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
+        near.shape = v_select(deep, inside, near.shape);
+    }
+    vfloat slope;
+    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
+    ACTIVE(v_count(hit->found));
+    COUNT(ray_march, end);
+    hit->shape = v_select(hit->found, near.shape, hit->shape);
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, way));
+    hit->t = at->before + (at->t + (at->last + more));
+    hit->point = at->origin;
+    hit->point.lo = vec_along(hit->point.lo, direction, more);
+    approach_moved(more, scene, world->approach);
+}
+
+// Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a shape, not
+// at that of the distance marched. A hit further than twice the hit distance from its shape marches on from there: the
+// march erred, or its test was wider than the scene's.
 void ray_march(struct point origin, struct vec direction, vmask active,
                const struct trace_context *world, struct hit *hit) {
     COUNT(ray_march, call);
@@ -131,7 +159,7 @@ void ray_march(struct point origin, struct vec direction, vmask active,
             break;
         ACTIVE(v_count(at.found));
         COUNT(ray_march, landed);
-        // march() counts from the ray that has had fewest: others may have had more than the cap.
+        // march() counts from the ray with the fewest steps: others may have taken more than the cap.
         at.found = v_andnot(v_cmp_gt(at.evals, most), at.found);
         vmask sunk = v_and(at.found, v_cmp_lt(at.last, sunk_from));
         if (v_any(sunk))
@@ -146,7 +174,7 @@ void ray_march(struct point origin, struct vec direction, vmask active,
             break;
         ACTIVE(v_count(off));
         COUNT(ray_march, on);
-        // From where it surely was before that surface, be it as thin as an ulp of t.
+        // The ray starts far enough back to be in front of the surface, even of a shape as thin as an ulp of t.
         vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
         at.origin.lo = vec_along(at.origin.lo, direction, back);
         at.before = at.before + (at.t + (at.last + back));
@@ -155,31 +183,13 @@ void ray_march(struct point origin, struct vec direction, vmask active,
         at.found = v_andnot(off, at.found);
         at.done = v_andnot(off, at.done);
         at.done = v_or(at.done, v_cmp_ge(at.evals, most));
-        int had = fewest(at.evals, off); // a float: from 2^24 on it stands still
+        int had = fewest(at.evals, off); // a float, which cannot count past 2^24
         at.steps = had > at.steps ? had : at.steps + 1;
     }
     *hit = (struct hit){.found = at.found, .shape = v_splat(-1.0f), .evals = v_min(at.evals, most)};
     if (!v_any(at.found))
         return;
-    vfloat way = at.before + at.t;
-    vmask unmoved = v_cmp_ge(zero, way); // hits wherever it starts
-    hit->found = v_and(hit->found, v_or(within(at.origin, &scene->model), unmoved));
-    if (v_any(deep)) {
-        COUNT(ray_march, deep);
-        near.contact =
-            v_or(near.contact, v_and(deep, v_cmp_ge(v_abs(near.shape - inside), v_splat(0.5f))));
-        near.shape = v_select(deep, inside, near.shape);
-    }
-    vfloat slope;
-    hit->normal = normal_at(direction, hit->found, &near, world, &slope);
-    ACTIVE(v_count(hit->found));
-    COUNT(ray_march, end);
-    hit->shape = v_select(hit->found, near.shape, hit->shape);
-    vfloat more = v_zero_where(deep, newton(near.distance, slope, way));
-    hit->t = at.before + (at.t + (at.last + more));
-    hit->point = at.origin;
-    hit->point.lo = vec_along(hit->point.lo, direction, more);
-    approach_moved(more, scene, world->approach);
+    finish_hits(&at, direction, deep, inside, near, world, hit);
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
@@ -205,10 +215,10 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
         COUNT(soft_shadow, step);
         vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
         vfloat inside = v_nmadd(y, y, square), beyond = t - y;
-        // 0/0 when moving straight away from a surface (h = 2·previous): such a term says nothing.
+        // The term is 0/0 on a ray straight away from a surface (h = 2·previous), and is left out.
         // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
         vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
-        // strength·√inside/beyond < least, asked without the root: it is seldom so.
+        // Tests strength·√inside/beyond < least without the root, as it is seldom true.
         vfloat scaled = least * beyond;
         vmask darker =
             v_andnot(done, v_and(sound, v_cmp_lt(strength * strength * inside, scaled * scaled)));

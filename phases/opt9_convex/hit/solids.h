@@ -1,19 +1,19 @@
-// Where rays enter solids, in closed form, and the normals there. A box and an octahedron are what 3 and 4
-// pairs of parallel planes have in common (T. L. Kay and J. T. Kajiya, "Ray tracing complex scenes", SIGGRAPH
+// Where rays enter solids, in closed form, and the normals there. A box and an octahedron are the intersections of
+// 3 and 4 pairs of parallel planes (T. L. Kay and J. T. Kajiya, "Ray tracing complex scenes", SIGGRAPH
 // 1986); sphere and cone are quadratics; the torus alone is marched.
 //
-// Every ray is first moved along itself to where it is nearest to the shape's position, so that what follows is
-// rounded at the size of the shape and not at that of the way to it.
+// Every ray first moves along itself to its nearest point to the shape's position. The rest is then rounded at the size
+// of the shape and not at that of the distance to it.
 #ifndef OPT9_SOLIDS_H
 #define OPT9_SOLIDS_H
 
 #include "hit/torus.h"
 
-static inline vfloat inverse_of(vfloat d) { // of a direction's part: 0 becomes 1e-20
+static inline vfloat inverse_of(vfloat d) { // of a component of a direction; 0 becomes 1e-20
     return v_splat(1.0f) / v_copysign(v_max(v_abs(d), v_splat(1e-20f)), d);
 }
 
-// All three by one quotient, as far as floats of a direction go.
+// Returns all three inverses by one quotient. Components below 1e-12 count as 1e-12.
 static inline struct vec inverses_of(struct vec d) {
     COUNT(inverses_of, call);
     vfloat least = v_splat(1e-12f);
@@ -24,8 +24,8 @@ static inline struct vec inverses_of(struct vec d) {
     return (struct vec){per * yz, of_x * z, of_x * y};
 }
 
-// What is between two planes at distance `half` from the origin, of rays that are at c and go 1/per. Be they so near that
-// rounding makes both the same: in is no more than out.
+// Clips rays to the space between two planes at distance `half` from the origin. c: the rays' position across the planes;
+// per: the inverse of their direction's component. Rounding may make both ends equal, but `in` never exceeds `out`.
 INLINE void slab(vfloat c, vfloat per, float half, vfloat *in, vfloat *out) {
     vfloat middle = c * per, width = v_splat(half) * v_abs(per);
     *in = v_max(*in, v_splat(0.0f) - middle - width);
@@ -42,9 +42,9 @@ INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, 
     return v_cmp_ge(out, *t);
 }
 
-// From where the ray enters the box that the rounding cuts the edges off, Newton's steps on the square of the distance to
-// the smaller box less that of the rounding: it is convex along a ray, so that none goes too far, and a ray that comes no
-// nearer has missed. A flat part is there at once. away (NULL: not asked for): where they enter, from the smaller box.
+// Newton's steps, from where the ray enters the box with sharp edges. They solve square of the distance to the inner box =
+// square of the rounding. That is convex along a ray, so no step goes too far, and a ray that comes no nearer has missed.
+// A flat part is met without a step. away (may be NULL): from the inner box to the entry point.
 INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                const struct primitive *s, vmask near, vfloat *t, struct vec *away) {
     COUNT(enter_rounded_box, call);
@@ -72,9 +72,10 @@ INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
             break;
         ACTIVE(v_count(going));
         COUNT(enter_rounded_box, on);
-        vfloat rate = v_madd(x, v_negate_where(v_signbit(p.x), d.x), // of half the square
-                             v_madd(y, v_negate_where(v_signbit(p.y), d.y),
-                                    z * v_negate_where(v_signbit(p.z), d.z)));
+        vfloat rate =
+            v_madd(x, v_negate_where(v_signbit(p.x), d.x), // derivative of half the square
+                   v_madd(y, v_negate_where(v_signbit(p.y), d.y),
+                          z * v_negate_where(v_signbit(p.z), d.z)));
         going = v_andnot(v_or(v_cmp_ge(rate, zero), v_cmp_gt(at, out)), going);
         at = v_select(going,
                       at - v_splat(0.5f) * (square - v_splat(s->a * s->a)) /
@@ -104,8 +105,8 @@ INLINE vmask enter_octahedron(struct vec c, struct vec d, const struct primitive
 
 #define CONE_OBLATE 16.0f // a cone this much wider than high
 
-// Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0, which is A·t² + 2·B·t + C along a ray; it is
-// convex there, so a ray enters it once: through the cap, or at the root where that falls.
+// Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0. Along a ray that is A·t² + 2·B·t + C ≤ 0. The cone is
+// convex there, so a ray enters it once: through a cap, or at the root at which the quadratic falls.
 INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, vfloat *t) {
     COUNT(enter_cone, call);
     COUNT(enter_cone, scalar);
@@ -114,7 +115,7 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
     if (oblate) {
         COUNT(enter_cone, oblate);
         COUNT(enter_cone, margin);
-        // A·t² and C are slope² times what remains of them: from where the ray is between the caps they are small.
+        // A·t² and C are slope² times as large as their sum. They are small if t counts from a point between the caps.
         ahead = v_min(v_max((zero - c.y) * inverse_of(d.y), v_splat(-s->bound)), v_splat(s->bound));
         c = vec_along(c, d, ahead);
     }
@@ -127,7 +128,7 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
     vfloat cc = v_madd(c.x, c.x, v_msub(c.z, c.z, wide * wide));
     vfloat square = v_msub(b, b, a * cc);
     vfloat r = v_sqrt(v_max(square, zero));
-    vmask towards = v_cmp_lt(b, zero); // which of two forms does not cancel
+    vmask towards = v_cmp_lt(b, zero); // chooses the form of the root without cancellation
     vfloat side = v_select(towards, cc, zero - b - r) / v_select(towards, r - b, a);
     // At the cap: is it within the rim?
     vmask cap = v_cmp_ge(zero, v_madd(in, v_madd(in, a, b + b), cc));
@@ -137,7 +138,7 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
         v_or(cap, v_and(v_and(v_cmp_ge(square, zero), v_cmp_ge(side, in)), v_cmp_lt(side, out))));
     if (oblate) {
         *t = *t + ahead;
-        // Still above it or below it: so far off is what its quadratic may no longer tell.
+        // The quadratic is not exact this far above or below the caps.
         met = v_and(met, v_cmp_ge(v_splat(s->c + 1e-6f * s->bound), v_abs(c.y)));
     }
     return met;
@@ -151,9 +152,9 @@ static inline struct vec shared_inverses(struct vec d, const struct vec *known) 
     return (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
 }
 
-// Rays that go d, 1/per in parts (of boxes alone; NULL: not known), and are nearest to the shape's position at c, `before` from
-// their origin, within the bounding sphere where `shadow_candidate`; half: how long, half of it (spheres and tori alone). Those that
-// enter it: how far from there. Not for planes.
+// Returns which rays enter the shape, and sets `in`: how far from c. c: each ray's nearest point to the shape's position,
+// `before` from its origin. d: the direction; per: its inverses (boxes only; NULL: not known). near: rays that meet the
+// bounding sphere; half: half the length of the ray inside it (spheres and tori only). Not for planes.
 INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half,
                           const struct vec *per, const struct primitive *s, vmask near,
                           vfloat *in) {
@@ -175,9 +176,9 @@ INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half
     }
 }
 
-// Rays with origin `o` and direction `d` in the shape's frame. Where they enter it ahead of their origin:
-// how far, and the point there, on the surface to the rounding of its own size. `behind`: those that entered a
-// convex solid before their origin, which may be inside. Not for planes.
+// Returns which rays enter the shape ahead of their origin. `o`, `d`: origin and direction in the shape's frame. t, point:
+// where the ray enters, on the surface up to rounding at the shape's size. `behind`: rays that entered a convex solid
+// behind their origin, which may be inside. Not for planes.
 INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask active, vfloat *t,
                    struct vec *point, vmask *behind) {
     ACTIVE(v_count(active));
@@ -203,17 +204,54 @@ INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask 
     return v_and(near, ahead);
 }
 
-// Of a larger rounding, by its share of the bounding sphere, a point on the surface knows its radius to 1e-3, of which one
-// of Newton's steps leaves 1e-6: no root, no quotient.
+// A rounding above this share of the bounding sphere: at a point on the surface, float knows its radius to 1e-3. One of
+// Newton's steps reduces that to 1e-6, without a root or a quotient.
 #define ROUNDING_SHARE 0x1p-10f
 
-// Outward, of unit length, in the shape's frame, at points on its surface.
-// 1/length by a step of Newton's from `per`, near to it: of what float misses a solid by, far from the origin, a normal
-// is not to be longer or shorter.
+// Returns 1/length by one of Newton's steps from `per`, which is near to it. square: the squared length. Far from the
+// origin, float puts a point off the surface; the step keeps its normal at unit length.
 static inline vfloat per_length(vfloat square, float per) {
     return v_splat(per) * v_nmadd(square * v_splat(0.5f), v_splat(per * per), v_splat(1.5f));
 }
 
+INLINE struct vec normal_on_rounded_box(struct vec p, const struct primitive *s) {
+    vfloat one = v_splat(1.0f);
+    COUNT(normal_on, rounded);
+    vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
+    vfloat z = v_abs(p.z) - v_splat(s->size[2]), most = v_max(x, v_max(y, z));
+    // Where the rounding is lost in float, the shape is a box.
+    vmask sharp = v_cmp_ge(v_splat(0.0f), most), on_x = v_cmp_ge(x, most), on_y = v_cmp_ge(y, most);
+    struct vec away = {v_max(x, v_splat(0.0f)), v_max(y, v_splat(0.0f)), v_max(z, v_splat(0.0f))};
+    struct vec face = {v_select_or_zero(on_x, one), v_select_or_zero(v_andnot(on_x, on_y), one),
+                       v_zero_where(v_or(on_x, on_y), one)};
+    vfloat per;
+    if (s->a > ROUNDING_SHARE * s->bound) {
+        COUNT(normal_on, round);
+        COUNT(normal_on, round_scalar);
+        per = per_length(vec_dot(away, away), 1.0f / s->a);
+    } else {
+        COUNT(normal_on, square);
+        per = one / vec_norm(away);
+    }
+    away = vec_select(sharp, face, vec_scale(away, per));
+    return (struct vec){v_copysign(away.x, p.x), v_copysign(away.y, p.y), v_copysign(away.z, p.z)};
+}
+
+INLINE struct vec normal_on_cone(struct vec p, const struct primitive *s) {
+    vfloat one = v_splat(1.0f);
+    COUNT(normal_on, cone);
+    COUNT(normal_on, cone_scalar);
+    vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), k = v_splat(s->slope[0] / s->slope[1]);
+    vfloat side = radius - v_madd(k, p.y, v_splat(0.5f * (s->a + s->b)));
+    float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
+    vmask cap = v_cmp_gt(v_abs(p.y) - v_splat(s->c), side * v_splat(per));
+    vfloat out = v_splat(per) / v_max(radius, v_splat(1e-30f));
+    return (struct vec){v_zero_where(cap, p.x * out),
+                        v_select(cap, v_copysign(one, p.y), k * v_splat(-per)),
+                        v_zero_where(cap, p.z * out)};
+}
+
+// Returns the outward unit normals at points on the shape's surface, in its frame. Not for planes.
 INLINE struct vec normal_on(struct vec p, const struct primitive *s) {
     COUNT(normal_on, call);
     vfloat one = v_splat(1.0f);
@@ -231,42 +269,8 @@ INLINE struct vec normal_on(struct vec p, const struct primitive *s) {
                             v_copysign(v_select_or_zero(on_y, one), p.y),
                             v_copysign(v_zero_where(v_or(on_x, on_y), one), p.z)};
     }
-    case SHAPE_ROUNDED_BOX: {
-        COUNT(normal_on, rounded);
-        vfloat x = v_abs(p.x) - v_splat(s->size[0]), y = v_abs(p.y) - v_splat(s->size[1]);
-        vfloat z = v_abs(p.z) - v_splat(s->size[2]), most = v_max(x, v_max(y, z));
-        // Where float does not see the rounding it is a box.
-        vmask sharp = v_cmp_ge(v_splat(0.0f), most), on_x = v_cmp_ge(x, most),
-              on_y = v_cmp_ge(y, most);
-        struct vec away = {v_max(x, v_splat(0.0f)), v_max(y, v_splat(0.0f)),
-                           v_max(z, v_splat(0.0f))};
-        struct vec face = {v_select_or_zero(on_x, one), v_select_or_zero(v_andnot(on_x, on_y), one),
-                           v_zero_where(v_or(on_x, on_y), one)};
-        vfloat per;
-        if (s->a > ROUNDING_SHARE * s->bound) {
-            COUNT(normal_on, round);
-            COUNT(normal_on, round_scalar);
-            per = per_length(vec_dot(away, away), 1.0f / s->a);
-        } else {
-            COUNT(normal_on, square);
-            per = one / vec_norm(away);
-        }
-        away = vec_select(sharp, face, vec_scale(away, per));
-        return (struct vec){v_copysign(away.x, p.x), v_copysign(away.y, p.y),
-                            v_copysign(away.z, p.z)};
-    }
-    case SHAPE_CONE: {
-        COUNT(normal_on, cone);
-        COUNT(normal_on, cone_scalar);
-        vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), k = v_splat(s->slope[0] / s->slope[1]);
-        vfloat side = radius - v_madd(k, p.y, v_splat(0.5f * (s->a + s->b)));
-        float per = 1.0f / sqrtf(1.0f + s->slope[0] * s->slope[0] / (s->slope[1] * s->slope[1]));
-        vmask cap = v_cmp_gt(v_abs(p.y) - v_splat(s->c), side * v_splat(per));
-        vfloat out = v_splat(per) / v_max(radius, v_splat(1e-30f));
-        return (struct vec){v_zero_where(cap, p.x * out),
-                            v_select(cap, v_copysign(one, p.y), k * v_splat(-per)),
-                            v_zero_where(cap, p.z * out)};
-    }
+    case SHAPE_ROUNDED_BOX: return normal_on_rounded_box(p, s);
+    case SHAPE_CONE: return normal_on_cone(p, s);
     case SHAPE_OCTAHEDRON: {
         vfloat part = v_splat(0.57735026918962576451f);
         return (struct vec){v_copysign(part, p.x), v_copysign(part, p.y), v_copysign(part, p.z)};

@@ -1,4 +1,4 @@
-// A packet's march of shadow rays, step by step: what shadow/soft_shadow.c and shadow/shadow_batch.c share.
+// A packet's march of shadow rays, step by step: what shadow/soft_shadow.c and the marches in batches share.
 #ifndef OPT9_UMBRA_H
 #define OPT9_UMBRA_H
 

@@ -1,0 +1,143 @@
+// Cone queries for a batch of shadow rays, and the moves of its rays between packets.
+#include "shadow/batch_steps.h"
+#include "simd/permute.h"
+
+// A ray repeats its cone query once its slope has fallen below this share of the slope of the last query.
+#define REQUERY_SLOPE 0.75f
+
+// Prepares the cone query of one packet. Returns whether any ray needs one. A ray needs one when it has passed the last
+// blocker found, or when its least term allows a cone of smaller slope q.
+static bool needs_cone_query(const struct walk *w, struct cone_request *asking,
+                             const struct tile_context *work) {
+    const struct shadow_march *m = &w->march;
+    ACTIVE(LANES - v_count(m->done));
+    COUNT(needs_cone_query, call);
+    COUNT(needs_cone_query, scalar);
+    vfloat q = v_sqrt(m->square / m->divisor) *
+               v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
+    // q bounds the term of the step to here only if that step began at q·t or further from all shapes.
+    vmask asked = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
+    asked = v_and(asked,
+                  v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(REQUERY_SLOPE))));
+    // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the last step
+    // began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such bound.
+    bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
+    vfloat own = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
+                          v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
+    *asking =
+        (struct cone_request){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
+    return v_any(asked);
+}
+
+// The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so one query serves
+// all packets.
+void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work) {
+    COUNT(query_ahead, call);
+    struct cone_request asking[BATCH_PACKETS];
+    struct walk *of[BATCH_PACKETS];
+    int count = 0;
+    for (int i = 0; i < packets; i++) {
+        struct walk *w = &batch->walk[i];
+        if (v_all(w->march.done))
+            continue;
+        of[count] = w;
+        count += needs_cone_query(w, &asking[count], work);
+    }
+    if (!count)
+        return;
+    bvh_query_ahead(asking, count, work);
+    for (int i = 0; i < count; i++) {
+        struct walk *w = of[i];
+        const struct cone_request *a = &asking[i];
+        ACTIVE(v_count(a->asked));
+        COUNT(query_ahead, packet);
+        w->march.done = v_or(w->march.done, v_and(a->asked, v_cmp_lt(a->until, v_splat(0.0f))));
+        w->until = v_select(a->asked, a->until, w->until);
+        w->asked = v_select(a->asked, a->q, w->asked);
+    }
+}
+
+void store_lit(const struct walk *w, vmask done, struct worker_scratch *scratch) {
+    ACTIVE(v_count(done));
+    COUNT(store_lit, call);
+    float ray[LANES], lit[LANES];
+    v_store(w->ray, ray);
+    v_store(v_sqrt(w->march.square / w->march.divisor), lit);
+    for (unsigned rest = v_mask_bits(done); rest; rest &= rest - 1)
+        scratch->shadow[S_LIT][(int)ray[__builtin_ctz(rest)]] = lit[__builtin_ctz(rest)];
+}
+
+// One field of all rays of a batch, and room to write a whole register behind the last.
+typedef float rows_of[BATCH_RAYS + LANES];
+
+// The fields that move with a ray stand in three runs in struct walk. Each offset is where a run begins; shadow/shadow_batch.h
+// has their lengths.
+enum { MARCH_AT = offsetof(struct walk, march) + offsetof(struct shadow_march, t) };
+enum { RAYS_AT = offsetof(struct walk, rays) + offsetof(struct shadow_rays, point) };
+enum { OWN_AT = offsetof(struct walk, from) };
+
+// `rows` is a constant at each call, so the compiler unrolls the loop.
+static inline void pack_rows(vindex first, const struct walk *w, size_t from, int rows, rows_of *to,
+                             int at) {
+    const vfloat *row = (const vfloat *)((const char *)w + from);
+    for (int k = 0; k < rows; k++)
+        v_permute_store(first, row[k], &to[k][at]);
+}
+
+static void pack_packet(vmask moved, const struct walk *w, rows_of *to, int at) {
+    vindex first = v_compress_index(moved);
+    pack_rows(first, w, MARCH_AT, MARCH_REALS, to, at);
+    pack_rows(first, w, RAYS_AT, RAY_REALS, to + MARCH_REALS, at);
+    pack_rows(first, w, OWN_AT, BATCH_REALS, to + MARCH_REALS + RAY_REALS, at);
+}
+
+static inline void load_rows(vmask active, struct walk *w, size_t to, int rows, rows_of *from,
+                             int at) {
+    vfloat *row = (vfloat *)((char *)w + to);
+    for (int k = 0; k < rows; k++)
+        row[k] = v_select_or_zero(active, v_load(&from[k][at]));
+}
+
+static void load_packet(vmask active, struct walk *w, rows_of *from, int at) {
+    load_rows(active, w, MARCH_AT, MARCH_REALS, from, at);
+    load_rows(active, w, RAYS_AT, RAY_REALS, from + MARCH_REALS, at);
+    load_rows(active, w, OWN_AT, BATCH_REALS, from + MARCH_REALS + RAY_REALS, at);
+}
+
+bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch) {
+    int moving = 0, live = 0, packets = 0, at = 0;
+    for (int i = 0; i < batch->count; i++) {
+        struct walk *w = &batch->walk[i];
+        vmask ended = v_and(w->rays.active, w->march.done);
+        if (v_any(ended))
+            store_lit(w, ended, scratch);
+        w->rays.active = v_andnot(ended, w->rays.active);
+        vmask here = v_andnot(w->waits, w->rays.active);
+        live += v_count(w->rays.active);
+        moving += v_count(here);
+        packets = v_any(here) ? i + 1 : packets;
+    }
+    batch->moving = (moving + LANES - 1) / LANES;
+    if (batch->moving == packets)
+        return false;
+    rows_of fields[BATCH_ROWS];
+    for (int wait = 0; wait < 2; wait++)
+        for (int i = 0; i < batch->count; i++) {
+            struct walk *w = &batch->walk[i];
+            vmask moved = v_and(w->rays.active, wait ? w->waits : v_not(w->waits));
+            if (!v_any(moved))
+                continue;
+            pack_packet(moved, w, fields, at);
+            at += v_count(moved);
+        }
+    batch->count = (live + LANES - 1) / LANES;
+    for (int i = 0; i < batch->count; i++) {
+        struct walk *w = &batch->walk[i];
+        vmask active = v_mask_first(live - i * LANES); // no field was written past the live rays
+        load_packet(active, w, fields, i * LANES);
+        w->rays.active = active;
+        w->waits = v_not(v_mask_first(moving - i * LANES));
+        w->march.done = v_not(w->rays.active);
+    }
+    return true;
+}
