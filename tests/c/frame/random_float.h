@@ -6,7 +6,8 @@
 #include <stdint.h>
 #include <string.h>
 
-static float random_float(uint64_t *seed) { // (Knuth's MMIX LCG)
+// Knuth's MMIX LCG.
+static float random_float(uint64_t *seed) {
     float value;
     do {
         *seed = *seed * 6364136223846793005u + 1442695040888963407u;

@@ -43,7 +43,7 @@ static int remove_folder(void **state) {
     return rmdir(folder);
 }
 
-// Names in the folder other than `.` and `..`: a temporary file left behind shows here.
+// Returns how many files the folder holds. A temporary file that is left behind shows here.
 static int files_in(const char *path) {
     DIR *directory = opendir(path);
     assert_non_null(directory);
@@ -89,7 +89,7 @@ static void planes_are_preset(void **state) {
 
 #define EXR(call) assert_int_equal(call, EXR_ERR_SUCCESS)
 
-// Reads one channel of the file, as its own library sees it; returns false if there is none of it.
+// Reads one channel of the file by OpenEXR itself. Returns false if the file has no such channel.
 static bool read_channel(const char *name, int width, int height, float *out) {
     exr_context_t file;
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -169,7 +169,7 @@ static void exr_keeps_every_bit(void **state) {
     }
 }
 
-// 72 bytes of which more and more are known: some are as long when they are compressed.
+// Pictures of 72 bytes, with more and more of their bits zero. Some do not get shorter when they are compressed.
 static void exr_keeps_what_hardly_compresses(void **state) {
     (void)state;
     for (int round = 0; round < 18 * 24; round++) {
@@ -213,7 +213,7 @@ static void unwritable_places_are_refused(void **state) {
     assert_false(frame_writable(path, error));
     assert_string_equal(error, "the output's path is longer than 4,000 characters");
     free(path);
-    // Asking leaves nothing behind, and nothing of an earlier picture is touched.
+    // frame_writable() leaves no file behind and does not change an earlier picture.
     struct frame frame = random_frame(3, 2, true);
     assert_true(frame_write_exr(&frame, file_name, error));
     assert_true(frame_writable(file_name, error));
@@ -236,7 +236,7 @@ static void write_that_must_fail(const char *path) {
     assert_null(strchr(error, '\n'));
 }
 
-// A write that fails half way (here: over the limit of a file's size) leaves the old picture alone.
+// A write that fails half way does not change the old picture. Here it exceeds the limit of a file's size.
 static void failed_write_keeps_the_old_picture(void **state) {
     (void)state;
     struct frame small = random_frame(3, 2, false);
@@ -262,7 +262,7 @@ static bool write_text(const char *path, const char *text) {
     return written;
 }
 
-// A file system of 64 KiB over the folder, seen by this process alone and gone with it.
+// Mounts a file system of 64 KiB over the folder. Only this process sees it, and it ends with the process.
 static bool small_disk(void) {
     char map[32];
     snprintf(map, sizeof map, "0 %d 1", (int)getuid());

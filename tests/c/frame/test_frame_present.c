@@ -1,4 +1,5 @@
-// Gamma and 8 bits: against their formula for every float there is, and the same bytes by every instruction set.
+// Presenting a frame, gamma and 8 bits: compared with the formula for every float. Every instruction set gives the same
+// bytes.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -62,7 +63,7 @@ static void present_is_the_formula_for_every_float(void **state) {
         for (uint32_t i = 0; i < BATCH; i++)
             s.frame.rgb[i] = from_bits(i < count ? first + i : ONE);
         const uint8_t *shown = show(&s);
-        // A whole batch is one byte or few: memcmp with itself, one on, is quicker than a loop.
+        // Most batches show as a single byte value. memcmp with the batch shifted by one is faster than a loop.
         if (shown[0] == last && memcmp(shown, shown + 1, count - 1) == 0)
             continue;
         for (uint32_t i = 0; i < count; i++) {
@@ -132,7 +133,7 @@ static void every_width_shows_the_same_bytes(void **state) {
     uint64_t seed = 11;
     struct shower s = shower_create();
     static uint8_t expected[BATCH];
-    for (int i = 0; i < BATCH; i++) { // a float beside a change, or any
+    for (int i = 0; i < BATCH; i++) { // a float beside a change, or any float
         double change = pow((i / 8 % 255 + 1) / 255.0, 1 / 0.4545);
         uint32_t bits;
         float near = (float)change;
@@ -145,7 +146,8 @@ static void every_width_shows_the_same_bytes(void **state) {
     }
     for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
         limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
-        struct presenter *presenter = presenter_create(3); // threads: of the whole, not of a part
+        struct presenter *presenter = presenter_create(
+            3); // three threads share the whole frame; a small part is too small to share
         assert_non_null(presenter);
         struct frame part = s.frame;
         for (int pixels = 1; pixels <= 40; pixels++) {
@@ -156,7 +158,7 @@ static void every_width_shows_the_same_bytes(void **state) {
             assert_memory_equal(s.shown, expected + 3 * pixels, 3 * (size_t)pixels);
             for (int i = 3 * pixels; i < 3 * pixels + 64; i++)
                 assert_int_equal(s.shown[i], 77);
-            memset(s.shown, 77, BATCH); // and of samples of any number, as a phase shows its own
+            memset(s.shown, 77, BATCH); // presenter_show() takes any number of samples
             presenter_show(presenter, part.rgb, (size_t)pixels, s.shown);
             assert_memory_equal(s.shown, expected + 3 * pixels, (size_t)pixels);
             for (int i = pixels; i < pixels + 64; i++)

@@ -72,7 +72,7 @@ static inline bool load_json(const json_t *root, size_t flags) {
     return loaded;
 }
 
-// JSON in which ' stands for ", so that C strings stay readable.
+// Parses JSON in which ' stands for ", so that C strings stay readable.
 static inline json_t *parse(const char *quoted) {
     char text[4096];
     assert_true(strlen(quoted) < sizeof text);
@@ -85,7 +85,7 @@ static inline json_t *parse(const char *quoted) {
     return value;
 }
 
-// WHOLE with the value at `path` ("shapes[3].radius") replaced, or left out when NULL.
+// Returns WHOLE with the value at `path` ("shapes[3].radius") replaced by `value`, or left out if `value` is NULL.
 static inline json_t *edited(const char *path, const char *value) {
     json_t *at = parse(WHOLE), *root = at;
     char steps[256];
@@ -106,7 +106,8 @@ static inline json_t *edited(const char *path, const char *value) {
     return root;
 }
 
-// The edit is refused, in one line: file, path of the value, then `message` (NULL: any).
+// Asserts that WHOLE, edited as by edited(), is refused with one line. The line names the file, the path `at` (NULL: the
+// edited path) and `message` (NULL: any message).
 static inline void refused(const char *path, const char *value, const char *at,
                            const char *message) {
     json_t *root = edited(path, value);
@@ -128,6 +129,7 @@ static inline void refused(const char *path, const char *value, const char *at,
     assert_null(scene.model.shapes); // nothing is left to free
 }
 
+// Loads WHOLE, edited as by edited(). Returns whether it was accepted; the caller frees the scene then.
 static inline bool accepted(const char *path, const char *value) {
     json_t *root = edited(path, value);
     bool loaded = load_json(root, JSON_COMPACT);
@@ -135,7 +137,7 @@ static inline bool accepted(const char *path, const char *value) {
     return loaded;
 }
 
-// WHOLE as it is, loaded.
+// Loads WHOLE without an edit.
 static inline void load_whole(void) {
     json_t *root = parse(WHOLE);
     assert_true(load_json(root, 0));

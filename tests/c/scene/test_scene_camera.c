@@ -1,13 +1,14 @@
-// The camera's frame: three unit vectors, from the place, the point looked at and the upward direction in a scene.
+// The camera's frame: three unit vectors, made of the camera's position, the point it looks at and its `up` vector.
 #include "near.h"
 #include "scene_file.h"
 
-static double random_number(uint64_t *seed) { // -1 to 1, the same in every run (Knuth's MMIX LCG)
+// Returns a number from -1 to 1, the same in every run (Knuth's MMIX LCG).
+static double random_number(uint64_t *seed) {
     *seed = *seed * 6364136223846793005u + 1442695040888963407u;
     return (double)(int64_t)*seed / 9223372036854775808.0;
 }
 
-// Orthonormal, forward to look_at, right = normalize(up × forward): x grows to the right.
+// The frame is orthonormal. `forward` points to look_at, and right = normalize(up × forward): x grows to the right.
 static void camera_frames(void **state) {
     (void)state;
     uint64_t seed = 1;
@@ -44,7 +45,8 @@ static void camera_frames(void **state) {
     }
 }
 
-// The square of 3e-161 is denormal: a length from it would be off in the third digit.
+// The camera may be very close to look_at. The square of 3e-161 is denormal: a length computed from it would be wrong in
+// the third digit.
 static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
     (void)state;
     for (int e = 0; e >= -300; e -= 20) {

@@ -5,8 +5,8 @@
 // without its refusals.
 #include "scene_paths.h"
 
-// Every value left out is missed at its path, a mistyped one refused there, and so is a number
-// beyond the largest; an unknown key is refused in every object.
+// A value that is left out is reported at its path. So are a value of the wrong type and a number beyond the largest.
+// Every object refuses an unknown key.
 static void every_value_is_checked(void **state) {
     (void)state;
     static struct paths paths;
@@ -38,7 +38,7 @@ static void every_value_is_checked(void **state) {
             "unknown key; known here: camera, light, background, fog, march, materials, shapes");
 }
 
-// Broken JSON is refused with file:line:column.
+// Broken JSON is refused with the place of the error: file:line:column.
 static void broken_json(void **state) {
     (void)state;
     static const struct {
@@ -72,7 +72,7 @@ static void broken_json(void **state) {
     static const char not_text[] = "{\"a\xff\": 1}";
     assert_false(load_bytes(not_text, sizeof not_text - 1, NULL));
     assert_non_null(strstr(error, ".json:1:"));
-    static char deep[10000]; // no stack overflow
+    static char deep[10000]; // must not overflow the stack
     memset(deep, '[', sizeof deep);
     assert_false(load_bytes(deep, sizeof deep, NULL));
     assert_non_null(strstr(error, ".json:1:"));
@@ -80,7 +80,7 @@ static void broken_json(void **state) {
     assert_non_null(strstr(error, ".json: $: an array where an object is required"));
 }
 
-// Text of the file that an error repeats cannot break the one line, nor steer a terminal.
+// An error may repeat text of the file. That text must not break the line or send control characters to a terminal.
 static void errors_are_one_printable_line(void **state) {
     (void)state;
     static const char *const cases[][2] = {

@@ -1,4 +1,5 @@
-// A scene's hash: the same for the same content in any order of keys, another for any other number.
+// A scene's hash. It depends on the content alone, not on white space or the order of keys. Any other number in the file
+// gives another hash.
 #include "scene_paths.h"
 
 static void hash_of(const json_t *root, size_t flags, const struct scene_overrides *overrides,
@@ -18,7 +19,7 @@ static void hash_follows_content(void **state) {
     json_t *root = parse(WHOLE), *reversed = json_object();
     hash_of(root, JSON_COMPACT, NULL, plain);
     hash_of(root, JSON_INDENT(4) | JSON_SORT_KEYS, NULL, other);
-    assert_string_equal(plain, other); // white space and order of keys say nothing
+    assert_string_equal(plain, other); // white space and the order of keys do not matter
     static const char *const keys[] = {"shapes",     "materials", "march", "fog",
                                        "background", "light",     "camera"};
     for (size_t i = 0; i < COUNT(keys); i++)
@@ -38,7 +39,7 @@ static void hash_follows_content(void **state) {
     }
     json_decref(root);
 
-    static struct paths paths; // every number of the file counts
+    static struct paths paths; // every number of the file matters
     collect_whole(&paths);
     size_t changed = 0;
     for (size_t i = 0; i < paths.count; i++) {

@@ -1,8 +1,8 @@
-// Limits of the values in a scene: what is beyond them is refused, with its place; they themselves are accepted.
+// Limits of the values in a scene. A value beyond a limit is refused with its path; the limit itself is accepted.
 #include "scene_file.h"
 
 struct bad_value {
-    const char *path, *value, *at, *message; // as of refused()
+    const char *path, *value, *at, *message; // the arguments of refused()
 };
 
 static void all_refused(const struct bad_value *cases, size_t count) {

@@ -1,8 +1,9 @@
-// Where shapes are at a time: on circles and lines.
+// Where shapes that move on circles and lines are at a given time.
 #include "near.h"
 #include "scene_file.h"
 
-// Quarters of a period by hand; between them, a rotation and a cosine of our own; before time 0 as after it.
+// At quarters of a period the places are worked out by hand. Between them they are compared with a rotation and a cosine
+// of this test. Times before 0 are included.
 static void shapes_follow_their_paths(void **state) {
     (void)state;
     json_t *root = parse(WHOLE);
@@ -12,7 +13,7 @@ static void shapes_follow_their_paths(void **state) {
     struct shape shapes[7];
     struct model moved = *still;
     moved.shapes = shapes;
-    // seconds; of a turn about (0, 1, z), where the test looks at it; of the way to (4, −8, 0.5)
+    // Time in seconds; place on the circle about (0, 1, z), or zeros: not compared; place on the line to (4, −8, 0.5).
     static const double by_hand[][7] = {
         {0, 1, 2, 3, 0, 0, 0},    {1, 0, 0, 0, 4, -8, 0.5},    {2, -1, 2, 3, 0, 0, 0},
         {4, -1, 0, 3, 0, 0, 0},   {6, 1, 0, 3, 0, 0, 0},       {-2, 1, 0, 3, 0, 0, 0},
@@ -24,7 +25,7 @@ static void shapes_follow_their_paths(void **state) {
         if (row[3] != 0)
             assert_memory_equal(shapes[0].position, &row[1], sizeof shapes->position);
         assert_memory_equal(shapes[1].position, &row[4], sizeof shapes->position);
-        for (int k = 2; k < 7; k++) // has none
+        for (int k = 2; k < 7; k++) // these have no path
             assert_memory_equal(&shapes[k], &still->shapes[k], sizeof *shapes);
         assert_memory_equal(&shapes[0].sphere, &still->shapes[0].sphere, sizeof shapes->sphere);
     }
@@ -47,7 +48,7 @@ static void shapes_follow_their_paths(void **state) {
     scene_free(&scene);
 }
 
-// About a slanted axis that does not go through the origin: distance to the axis and place along it stay.
+// The axis is slanted and does not go through the origin. The shape keeps its distance to the axis and its place along it.
 static void a_circle_keeps_its_distance(void **state) {
     (void)state;
     json_t *root = edited("shapes[0].path.axis", "[1,-2,2]");
@@ -70,7 +71,7 @@ static void a_circle_keeps_its_distance(void **state) {
         assert_true(near(sqrt(dot(off, off)), distance, 1e-14));
         for (int i = 0; i < 3; i++)
             turned[i] = from[i] - before[i];
-        cross(axis, off, ahead); // by the right hand: onward is along axis × off
+        cross(axis, off, ahead); // right-hand rule: the shape moves along axis × off
         assert_true(t == 0 || dot(turned, ahead) > 0);
         memcpy(before, from, sizeof before);
     }

@@ -34,7 +34,7 @@ static void places_and_paths_of_shapes_arrive(void **state) {
     assert_true(s[0].path.period == 8 && s[1].path.period == 2);
     for (int i = 2; i < 7; i++)
         assert_int_equal(s[i].path.type, PATH_NONE);
-    for (int i = 1; i < 7; i++) { // left out: zero
+    for (int i = 1; i < 7; i++) { // these leave them out: zero
         assert_memory_equal(s[i].position, ((double[]){0, 0, 0}), sizeof s->position);
         assert_memory_equal(s[i].rotation_degrees, ((double[]){0, 0, 0}), sizeof s->position);
         assert_memory_equal(s[i].repeat, ((double[]){0, 0, 0}), sizeof s->position);
@@ -54,7 +54,7 @@ static void sizes_of_shapes_arrive(void **state) {
     assert_true(s[3].cone.half_height == 3);
     assert_true(s[6].mandelbulb.power == 8 && s[6].mandelbulb.bailout == 256);
     assert_int_equal(s[6].mandelbulb.iterations, 4);
-    // n·p = 10 with n = (0, 3, 4): the plane stays, the normal is made unit
+    // The plane n·p = 10 with n = (0, 3, 4): the normal becomes a unit vector, the plane stays where it is.
     assert_true(near(s[5].plane.normal[0], 0, 0) && near(s[5].plane.normal[1], 0.6, 1e-15));
     assert_true(near(s[5].plane.normal[2], 0.8, 1e-15) && near(s[5].plane.offset, 2, 1e-15));
     scene_free(&scene);
@@ -109,7 +109,7 @@ static void features_are_found(void **state) {
                      cases[i].value, f->rotation, f->repetition, f->mirrors, f->fog);
         scene_free(&scene);
     }
-    // a mirror that no shape is made of is no feature
+    // A mirror material that no shape uses is not a feature.
     json_t *root = edited("shapes[4]", NULL);
     json_array_remove(json_object_get(root, "shapes"), 0);
     assert_true(load_json(root, 0));
@@ -119,7 +119,7 @@ static void features_are_found(void **state) {
     scene_free(&scene);
 }
 
-// What is not rounded is of the plain type, so that no phase pays for what it does not have.
+// A box without rounding has the plain type, so no phase spends time on rounding that is not there.
 static void a_box_without_rounding_is_plain(void **state) {
     (void)state;
     static const char *const none[] = {NULL, "0", "0.0", "-0.0"};
