@@ -318,7 +318,7 @@ def parts_of(step: str) -> list[Part]:
     if step == "format":
         return [Part(step, step, format_tally)]
     if step == "c":
-        sources = sorted((ROOT / "tests/c").glob("test_*.c"))
+        sources = sorted((ROOT / "tests/c").glob("*/test_*.c"))
         return [
             Part(step, f"{source.stem}-{compiler}", functools.partial(c_tally, source, compiler))
             for compiler in C_BUILDS

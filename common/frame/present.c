@@ -138,7 +138,7 @@ __attribute__((target("avx512f"))) static inline void convert_16(const uint32_t 
     // Required: gcc 12 omits vzeroupper before a tail call in a file that is not compiled for AVX. With
     // dirty upper halves every SSE instruction depends on its register's last writer (Intel
     // optimization manual, "Mixing AVX code with SSE code"). Scalar frames then took 3 to 10 times
-    // as long on Emerald Rapids (tests/c/test_upper_halves.c).
+    // as long on Emerald Rapids (tests/c/frame/test_upper_halves.c).
     _mm256_zeroupper();
     convert_scalar(bins, linear + i, samples - i, shown + i);
 }

@@ -201,7 +201,7 @@ static inline vfloat point_along(vfloat hi, vfloat *lo, vfloat direction, vfloat
 }
 
 // The point at distance t + dt along the ray. Requires dt below 2^-19 of t. The error is at most
-// 2^-43 of the larger of the origin's coordinate and t (tests/c/test_math_opt4.c).
+// 2^-43 of the larger of the origin's coordinate and t (tests/c/phases/test_math_opt4.c).
 static inline struct point place_at(struct point origin, struct vec direction, vfloat t,
                                     vfloat dt) {
     COUNT(place_at, call);
@@ -274,7 +274,7 @@ static inline vfloat v_double_to_float(vdouble a) {
 
 // log and exp: range reduction after W. J. Cody and W. Waite, "Software manual for the elementary
 // functions" (1980). The polynomials are Chebyshev interpolants made by scripts/polynomials.py.
-// tests/c/test_math_opt4.c measures the errors: at most 1.5 ulp.
+// tests/c/phases/test_math_opt4.c measures the errors: at most 1.5 ulp.
 
 // Returns log a for normal a > 0. 0 and denormals are read as 2^-127·(1 + fraction), so that the
 // result is finite.

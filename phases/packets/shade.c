@@ -1,12 +1,12 @@
-// What hits look like: normals in closed form, light (B. T. Phong, "Illumination for computer generated pictures",
-// CACM 18 (1975)), shadow rays from the light to all points of a batch, mirror rays packed anew.
+// Shades hits: normals in closed form, light by B. T. Phong, "Illumination for computer generated pictures", CACM 18
+// (1975). Shadow rays go from the light to all points of a batch. Mirror rays are packed into new packets.
 // Shadow packets by start and end points: J. Bikker, "Architecture of a Real-Time Ray-Tracer".
 #include "numerics.h"
 #include "simd/permute.h"
 #include "simd/pow.h"
 #include "trace.h"
 
-// Of a packet's hits: what shading needs.
+// What shading needs of a packet's hits.
 struct surface {
     struct vec normal, color;
     vfloat share, shininess;
@@ -60,7 +60,8 @@ static struct vec turned_back(const struct placed *s, struct vec v) {
     return vec_along(x, vec_set(s->turn[2]), v.z);
 }
 
-// The hit in the solid's frame, by way of where the ray is nearest to its centre.
+// Returns the hit in the solid's frame. It is reached from the point of the ray nearest to the centre, which keeps
+// more digits than the way from the origin.
 static struct vec local_point(const struct placed *s, struct vec o, struct vec d, vfloat t) {
     struct vec m = {o.x - v_splat(s->position[0]), o.y - v_splat(s->position[1]),
                     o.z - v_splat(s->position[2])};
@@ -68,7 +69,7 @@ static struct vec local_point(const struct placed *s, struct vec o, struct vec d
     return turned(s, vec_along(vec_along(m, d, before), d, t - before));
 }
 
-// Once for each shape that the packet hit: what is cold is touched by hits alone.
+// Returns the surfaces at the hits, shape by shape. Only shapes that were hit have their material and normal loaded.
 static struct surface surface_at(const struct prepared *scene, vmask found, struct vec o,
                                  struct vec d, vfloat t, const float *shape) {
     COUNT(surface_at, call);
@@ -112,7 +113,7 @@ static void add_color(struct desk *desk, vmask m, struct vec color, const float 
     }
 }
 
-// A hit and the way to the light.
+// Hits, and the path from the light to them.
 struct lit {
     struct vec point, from_light; // unit, from the light to the point
     vfloat distance, facing, specular;
@@ -125,7 +126,7 @@ static struct lit light_on(const struct work *work, vmask found, struct vec p, s
     const double *light = work->view->light_position;
     bool newton = work->scene->settings.newton;
     vfloat zero = v_splat(0.0f);
-    // From both ends of the shadow ray: it is what joins them.
+    // The shadow ray joins the light and the hit.
     struct vec l = {p.x - v_splat((float)light[0]), p.y - v_splat((float)light[1]),
                     p.z - v_splat((float)light[2])};
     vfloat square = vec_dot(l, l), per = inverse_root(square, newton);
@@ -133,7 +134,7 @@ static struct lit light_on(const struct work *work, vmask found, struct vec p, s
     at.facing = zero - vec_dot(surface->normal, at.from_light);
     at.lit = v_and(found, v_and(v_cmp_gt(at.facing, zero), v_cmp_gt(square, zero)));
     at.specular = zero;
-    // The paper's R·V: of the way from the light, mirrored, against the ray.
+    // The paper's R·V: R is the direction from the light, mirrored; V points against the ray.
     vfloat shine = zero - vec_dot(vec_reflect(at.from_light, surface->normal), d);
     vmask shines = v_and(at.lit, v_cmp_gt(shine, zero));
     if (v_any(shines)) {
@@ -144,7 +145,7 @@ static struct lit light_on(const struct work *work, vmask found, struct vec p, s
     return at;
 }
 
-// What the light would bring, and the ray that says whether it does.
+// Queues a shadow ray for each lit hit, with the light `bright` that it adds if nothing is in the way.
 static void cast(const struct work *work, const struct lit *at, struct vec bright, int first) {
     COUNT(cast, call);
     struct desk *desk = work->desk;
@@ -163,7 +164,7 @@ struct ray {
     struct vec point, direction;
 };
 
-// What the hits in `mirrors` see waits for the next round. own: the shapes that they are on.
+// Queues a mirror ray for each hit in `mirrors`, for the next round. `own` holds the shapes that they start on.
 static void reflect(const struct work *work, vmask mirrors, struct ray from, struct vec normal,
                     vfloat weight, vfloat own, int first) {
     struct desk *desk = work->desk;
@@ -179,17 +180,37 @@ static void reflect(const struct work *work, vmask mirrors, struct ray from, str
     to->count += v_count(mirrors);
 }
 
+static struct ray load_ray(const struct rays *rays, int first) {
+    const float *const origin[3] = {rays->origin[0], rays->origin[1], rays->origin[2]};
+    const float *const direction[3] = {rays->direction[0], rays->direction[1], rays->direction[2]};
+    return (struct ray){load_vec(origin, first), load_vec(direction, first)};
+}
+
+// Returns the light that a hit sends along its ray if no shape is in the way of the light. `reach` scales it.
+static struct vec light_sent(const struct lit *at, struct vec base, const double *emission,
+                             vfloat reach) {
+    struct vec e = vec_from_doubles(emission);
+    return (struct vec){e.x * v_madd(base.x, at->facing, at->specular) * reach,
+                        e.y * v_madd(base.y, at->facing, at->specular) * reach,
+                        e.z * v_madd(base.z, at->facing, at->specular) * reach};
+}
+
+static struct vec add_where(vmask m, struct vec color, struct vec more) {
+    return (struct vec){color.x + v_select_or_zero(m, more.x),
+                        color.y + v_select_or_zero(m, more.y),
+                        color.z + v_select_or_zero(m, more.z)};
+}
+
+// Shades the packet of rays from number `first` on. Shadow and mirror rays are queued.
 static void shade_packet(const struct work *work, int bounce, bool normals, int first) {
     ACTIVE(v_count(v_mask_first(work->desk->rays.count - first)));
     COUNT(shade_packet, call);
     COUNT(shade_packet, scalar);
-    const struct prepared *scene = work->scene;
-    const struct model *model = &scene->model;
+    const struct model *model = &work->scene->model;
     struct desk *desk = work->desk;
     struct rays *rays = &desk->rays;
-    const float *const o_of[3] = {rays->origin[0], rays->origin[1], rays->origin[2]};
-    const float *const d_of[3] = {rays->direction[0], rays->direction[1], rays->direction[2]};
-    struct vec o = load_vec(o_of, first), d = load_vec(d_of, first);
+    struct ray ray = load_ray(rays, first);
+    struct vec o = ray.point, d = ray.direction;
     vfloat t = v_load(desk->t + first), weight = v_load(rays->weight + first), zero = v_splat(0.0f);
     vmask active = v_mask_first(rays->count - first),
           found = v_and(active, v_cmp_lt(t, v_splat(INFINITY)));
@@ -203,7 +224,7 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
     if (v_any(found)) {
         ACTIVE(v_count(found));
         COUNT(shade_packet, found);
-        struct surface surface = surface_at(scene, found, o, d, t, desk->shape + first);
+        struct surface surface = surface_at(work->scene, found, o, d, t, desk->shape + first);
         if (normals)
             unload_vec(surface.normal, desk->normal, first);
         if (model->features.fog) {
@@ -214,19 +235,14 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
         color = vec_select(found, vec_scale(surface.color, weight * v_splat(0.01f)), color);
         if (v_any(at.lit)) {
             COUNT(shade_packet, lit);
-            struct vec e = vec_from_doubles(work->view->light_emission), base = surface.color;
-            vfloat reach = weight / at.distance;
-            struct vec bright = {e.x * v_madd(base.x, at.facing, at.specular) * reach,
-                                 e.y * v_madd(base.y, at.facing, at.specular) * reach,
-                                 e.z * v_madd(base.z, at.facing, at.specular) * reach};
+            struct vec bright =
+                light_sent(&at, surface.color, work->view->light_emission, weight / at.distance);
             if (model->shadows == SHADOWS_NONE) {
                 COUNT(shade_packet, unshadowed);
-                color = (struct vec){color.x + v_select_or_zero(at.lit, bright.x),
-                                     color.y + v_select_or_zero(at.lit, bright.y),
-                                     color.z + v_select_or_zero(at.lit, bright.z)};
+                color = add_where(at.lit, color, bright);
             } else {
                 COUNT(shade_packet, shadowed);
-                // A ray that started inside of a solid is hit there, and so is its shadow ray.
+                // t < 0: the ray started inside of a solid. Its hit is in the solid, so the light does not reach it.
                 vfloat within = v_splat((float)-model->march.surface_offset);
                 at.lit = v_andnot(v_cmp_lt(t, within), at.lit);
                 cast(work, &at, bright, first);
@@ -235,7 +251,7 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
         vmask mirrors = v_and(found, v_cmp_gt(surface.share, zero));
         if (model->features.mirrors && bounce < model->march.max_bounces && v_any(mirrors)) {
             COUNT(shade_packet, mirrors);
-            // A ray that started inside of a solid was hit there, not on its surface; so may the next one be.
+            // A ray that started inside of a solid may hit that solid again: its mirror ray excludes none.
             vfloat own = v_select(v_cmp_lt(t, v_splat((float)-model->march.surface_offset)),
                                   v_splat(-1.0f), v_load(desk->shape + first));
             reflect(work, mirrors, (struct ray){p, d}, surface.normal, weight * surface.share, own,
@@ -247,8 +263,8 @@ static void shade_packet(const struct work *work, int bounce, bool normals, int 
     add_color(desk, active, color, rays->pixel + first);
 }
 
-// A march ends at the bounds: what lies beyond them is in nobody's way. From a light out there the ray begins where it
-// comes in.
+// Sets where shadow rays from a light outside of the bounds begin: where they enter the bounds. A march ends at the
+// bounds, so shapes beyond them cast no shadow.
 static void begin_at_bounds(const struct work *work, float *from) {
     COUNT(begin_at_bounds, call);
     const double *l = work->view->light_position;
@@ -264,6 +280,7 @@ static void begin_at_bounds(const struct work *work, float *from) {
     }
 }
 
+// Traces the queued shadow rays, and adds the light of those that nothing blocks.
 static void cast_shadows(const struct work *work) {
     COUNT(cast_shadows, call);
     struct desk *desk = work->desk;

@@ -1,7 +1,8 @@
-# C tests: one program per tests/c/test_NAME.c, linked to all of common/. A first line `// flags: -mavx2` adds to
-# the compiler's flags. By hand, sanitised:
-#   make SANITIZE=1 BUILD=build/asan c-tests && build/asan/tests/test_scene
-C_TESTS := $(patsubst tests/c/%.c,$(BUILD)/tests/%,$(wildcard tests/c/test_*.c))
+# C tests: one program build/tests/test_NAME per tests/c/FOLDER/test_NAME.c, linked to the scene, frame, timing and
+# workers of common/. A first line `// flags: -mavx2` adds to the compiler's flags. By hand, sanitised:
+#   make SANITIZE=1 BUILD=build/asan c-tests && build/asan/tests/test_scene_values
+C_TEST_SOURCES := $(wildcard tests/c/*/test_*.c)
+C_TESTS := $(patsubst %.c,$(BUILD)/tests/%,$(notdir $(C_TEST_SOURCES)))
 
 .PHONY: c-tests
 c-tests: $(C_TESTS)
@@ -9,8 +10,10 @@ c-tests: $(C_TESTS)
 # What these include of a phase.
 $(BUILD)/tests/test_bvh: phases/opt9_convex/bvh/bvh.c
 $(BUILD)/tests/test_active_set: phases/opt9_convex/shadow/active_set.c
+$(BUILD)/tests/test_interval: phases/truth/number/angles.c
 
-$(BUILD)/tests/%: tests/c/%.c $(SCENE_OBJECTS) $(wildcard tests/c/*.h common/*.h common/*/*.[ch] phases/*/*.h) tests/c/tests.mk
+$(C_TESTS): $(BUILD)/tests/%: $$(wildcard tests/c/*/$$*.c) $(SCENE_OBJECTS) \
+    $(wildcard tests/c/*/*.h common/*.h common/*/*.[ch] phases/*/*.h phases/*/*/*.h) tests/c/tests.mk
 	@mkdir -p $(@D)
-	$(CC) $(COMMON_CFLAGS) $$(sed -n '1s|^// flags: ||p' $<) \
+	$(CC) $(COMMON_CFLAGS) -I. $$(sed -n '1s|^// flags: ||p' $<) \
 	    $< $(SCENE_OBJECTS) $(LIBS) -lcmocka -o $@

@@ -1,5 +1,5 @@
 """Scenes that move (render --frames): every phase's update against a still picture of that place, resuming,
-what is refused. Where shapes go is tested in tests/c/test_scene.c."""
+what is refused. Where shapes go is tested in tests/c/scene/test_scene_motion.c."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from study import images, registry
+from study import images, patches, registry
 from study.build import build
 
 PHASES = ("opt8_streams", "opt9_convex")  # each with its own copy
@@ -21,8 +21,11 @@ TERMS = 6
 
 
 def source(phase: str) -> str:
-    headers = sorted((ROOT / "phases" / phase / "bulb").glob("*chebyshev*.h"))
-    return "".join(header.read_text() for header in headers)
+    """The headers of the polynomials as one text."""
+    tree = patches.files(phase)
+    return "".join(
+        tree[name].read_text() for name in sorted(tree) if "chebyshev" in name and name.endswith(".h")
+    )
 
 
 def constant(text: str, name: str) -> float:

@@ -1,19 +1,19 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// Draws the tiles of a picture. A tile's pixels are drawn in blocks, four wide, with one ray through the middle of each
+// pixel. Lanes of a block that lie outside the picture are masked, so the picture may have any size.
+//
+// One worker draws a strip of tiles. Cones march first, one in each lane: those of the strip's squares, which are two by
+// two patches. Then, tile by tile, those of the patches. A patch is a group of packets (two of eight lanes). 32 pixels
+// of a row are whole cache lines of every plane if the picture's width is a multiple of 32.
 #include "core/camera_rays.h"
+#include "core/pixel_rects.h"
 #include "core/ray_queues.h"
 #include "simd/point.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-// A strip of tiles is drawn by one worker. Cones march together, one in each lane: first those of squares of two by two
-// patches, all that are in the strip, then, tile by tile, those of the four patches in each of them. A patch is a group
-// of packets (two of eight lanes). 32 pixels of a row are whole cache lines of every plane where the
-// width is a multiple of 32.
-enum { BLOCKS = PATCH / BLOCK_WIDTH * (PATCH / BLOCK_HEIGHT) }; // of a patch
-
-// The same in doubles: as floats, rays would pass by what they are to meet.
+// Returns the rays' directions as get_direction() does, but in doubles. bulb/bulb_single.c needs them: a direction
+// rounded to float can miss what the exact ray hits.
 static struct vec_double exact_direction(struct pixel_block block, const struct frame *frame,
                                          const struct view *view) {
     COUNT(exact_direction, call);
@@ -53,43 +53,13 @@ static void store_hit(struct frame *frame, struct pixel_block block, vfloat star
     }
 }
 
-static int tiles_across(const struct frame *frame) {
-    return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
-}
-
-struct pixel_rect { // of pixels, what of it is in the picture
-    int left, top, right, bottom;
-};
-
-static struct pixel_rect rect_of_patch(int tile, int lane, const struct frame *frame) {
-    int left = tile % tiles_across(frame) * TILE_WIDTH + lane % PATCHES_ACROSS * PATCH;
-    int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / PATCHES_ACROSS * PATCH;
-    return (struct pixel_rect){left, top, int_min(frame->width, left + PATCH),
-                               int_min(frame->height, top + PATCH)};
-}
-
-enum { SQUARE = 2 * PATCH, SQUARES_ACROSS = STRIP_TILES * PATCHES_ACROSS / 2 };
-
-static struct pixel_rect rect_of_square(int tile, int lane,
-                                        const struct frame *frame) { // the strip's first tile
-    int left = tile % tiles_across(frame) * TILE_WIDTH + lane % SQUARES_ACROSS * SQUARE;
-    int top = tile / tiles_across(frame) * TILE_HEIGHT + lane / SQUARES_ACROSS * SQUARE;
-    return (struct pixel_rect){left, top, int_min(frame->width, left + SQUARE),
-                               int_min(frame->height, top + SQUARE)};
-}
-
-// The square that a patch is in.
-static int parent_square(int column, int lane) {
-    return lane / PATCHES_ACROSS / 2 * SQUARES_ACROSS + column * (PATCHES_ACROSS / 2) +
-           lane % PATCHES_ACROSS / 2;
-}
-
 static struct vec unit(struct vec v) {
     return vec_scale(v, v_splat(1.0f) / vec_norm(v));
 }
 
-// Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
-// axis is an ellipse in the picture, and what is between two of its points is within.
+// Returns a cone in each lane that holds the rays of a rectangle of pixels. It is made from the rays through the middles
+// of the corner pixels. No other ray is further from the axis: a circle around the axis is an ellipse in the picture,
+// which is convex.
 static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
     COUNT(cones_around, call);
     struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
@@ -109,7 +79,7 @@ static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct vi
     return cones;
 }
 
-// A cone for each of them; which of them there are.
+// Sets a cone for each rectangle. Returns which rectangles hold a pixel of the picture.
 static vmask get_cones(const struct pixel_rect patches[LANES], const struct job *job,
                        struct cone_packet *cones) {
     COUNT(get_cones, call);
@@ -131,14 +101,7 @@ static vmask get_cones(const struct pixel_rect patches[LANES], const struct job 
     return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
-static struct pixel_block block_in_rect(const struct pixel_rect *patch, int number) {
-    int column = patch->left + number % (PATCH / BLOCK_WIDTH) * BLOCK_WIDTH;
-    int row = patch->top + number / (PATCH / BLOCK_WIDTH) * BLOCK_HEIGHT;
-    return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, patch->right - column),
-                                int_min(BLOCK_HEIGHT, patch->bottom - row)};
-}
-
-// Nothing is hit by any of its rays.
+// Draws a patch whose rays hit nothing.
 static void store_background(const struct pixel_rect *patch, const struct job *job) {
     const double *background = job->prepared->model.background;
     struct frame *frame = job->frame;
@@ -159,11 +122,14 @@ static void store_background(const struct pixel_rect *patch, const struct job *j
         store_hit(frame, block_in_rect(patch, i), v_splat(-1.0f), 0, &nothing); // no start
 }
 
-// Its rays are offered all shapes then, and go by march_camera_stream().
+// Whether a cone's rays may meet a Mandelbulb. Their list has all shapes then, and march_camera_stream() or
+// march_single_bulb() marches them.
 static bool may_meet_bulb(const struct shape_list *list, const struct prepared *scene) {
     return scene->bulbs > 0 && list->shape == scene->all.shape;
 }
 
+// Queues the camera rays of a patch for the march that begins with the Mandelbulb. `at` is the patch's first pixel in the
+// worker's scratch memory.
 static void queue_patch(const struct pixel_rect *patch, int at, const struct job *job,
                         struct trace_context *world) {
     COUNT(queue_patch, call);
@@ -183,7 +149,7 @@ static void queue_patch(const struct pixel_rect *patch, int at, const struct job
     }
 }
 
-// Into the desk, from place `at` on.
+// Marches and shades the camera rays of a patch. Colours go into the worker's scratch memory, from pixel `at` on.
 static void render_patch(const struct pixel_rect *patch, float start, struct shape_list list,
                          int at, const struct job *job, struct trace_context *world) {
     COUNT(render_patch, call);
@@ -225,7 +191,7 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
 
 static void init_packet_rays(struct packet_group *group, struct march_scratch *own, int shapes) {
     for (int i = 0; i < shapes * GROUP; i++)
-        own->wake[i] = v_splat(INFINITY); // a packet that never was under way wakes nobody
+        own->wake[i] = v_splat(INFINITY); // a packet that never marched wakes no shape
     for (int k = 0; k < GROUP; k++)
         group->beam[k] =
             (struct packet_rays){.approach = own->approach + k * shapes, .wake = own->wake + k};
@@ -235,20 +201,20 @@ static size_t whole_lines(size_t size) {
     return (size + 63) / 64 * 64;
 }
 
-// A worker's memory: its lists and beams, its desk, and what that points to.
+// A worker's memory holds its march_scratch, its worker_scratch from this offset on, and then the list of occluders.
 static size_t scratch_offset(int shapes) {
     return whole_lines(march_scratch_size(shapes));
 }
 
-// A tile in work.
+// A tile, or a strip's squares, while it is drawn.
 struct tile_in_work {
     int tile;
-    unsigned patches; // those that may meet something
+    unsigned patches; // a bit for each patch that may hit something
     vmask *met;
     float start[LANES];
 };
 
-// Cones for the squares of a strip; `squares->tile` is its first one.
+// Marches the cones of a strip's squares. `squares->tile` is the strip's first tile.
 static void begin_strip(struct tile_in_work *squares, const struct job *job,
                         struct trace_context *world) {
     struct cone_packet cones;
@@ -263,7 +229,8 @@ static void begin_strip(struct tile_in_work *squares, const struct job *job,
     v_store(cones.start, squares->start);
 }
 
-// Cones for its patches; what is nothing is drawn, and what may meet a Mandelbulb is queued. `column`: in the strip.
+// Marches the cones of a tile's patches. A patch whose cone meets nothing is drawn at once. The rays of a patch that may
+// meet a Mandelbulb are queued. `column` is the tile's number in the strip.
 static void begin_tile(struct tile_in_work *drawn, int column, const struct tile_in_work *squares,
                        const struct job *job, struct trace_context *world) {
     COUNT(begin_tile, call);
@@ -329,6 +296,7 @@ static int strips_across(const struct frame *frame) {
     return (tiles_across(frame) + STRIP_TILES - 1) / STRIP_TILES;
 }
 
+// Whether the camera is inside of the bounds, by a margin for rounding.
 static bool within_bounds(const struct view *view, const struct model *model) {
     const double *at = view->position, most = model->march.bounds_radius * (1 - 1e-6);
     return at[0] * at[0] + at[1] * at[1] + at[2] * at[2] < most * most;

@@ -1,35 +1,20 @@
 // Sphere tracing: J. C. Hart, "Sphere tracing: a geometric method for the antialiased ray tracing
-// of implicit surfaces", The Visual Computer 12 (1996). A packet of rays marches until the last is done.
+// of implicit surfaces", The Visual Computer 12 (1996). A packet marches until its last ray is done.
 #include "core/numerics.h"
 #include "core/ray_queues.h"
+#include "march/march_state.h"
 #include "march/march_step.h"
 #include "simd/point.h"
 
-// Where the rays of a packet are: at the distance before + t + last. t and the last step apart: their
-// sum, rounded, would lose what places the hit on the surface.
-struct march_state {
-    struct point origin; // at the distance `before`
-    vfloat before, t, last, evals;
-    vfloat start; // t of the next evaluation
-    vmask found;
-    struct bounds_exit exit;
-    int left;   // steps that every ray has before its cap
-    vmask deep; // a ray that started inside a shape has stepped back out of it
-    vmask told; // by bulb/bulb_single.c, more exactly than floats could ask it here
-    vfloat inside;
-    struct hit_surroundings near;
-};
-
-// Rays that march on from a hit have had some of their evaluations.
+// Returns how many steps every live ray still has before the cap. Rays that march on from a hit have used some.
 static int steps_left(const struct march_state *at, vmask live, int cap) {
     COUNT(steps_left, call);
     return cap + (int)v_reduce_min(v_select_or_zero(live, v_splat(0.0f) - at->evals));
 }
 
-// Some rays have ended: those that have reached a surface, and others. Each has a cap of its own, whatever its
-// neighbours had.
-__attribute__((noinline)) static void end_rays(struct march_state *at, int step, int k, vmask going,
-                                               vmask inside, struct packet_group *group, int cap) {
+// Not inlined: it runs once per ray, the steps around it many times.
+__attribute__((noinline)) void end_rays(struct march_state *at, int step, int k, vmask going,
+                                        vmask inside, struct packet_group *group, int cap) {
     COUNT(end_rays, call);
     vmask live = group->live[k], reached = v_andnot(going, live);
     at->last = v_select(reached, group->distance[k], at->last);
@@ -44,7 +29,6 @@ __attribute__((noinline)) static void end_rays(struct march_state *at, int step,
     group->high[k] = v_select(inside, group->high[k], v_splat(-INFINITY));
 }
 
-// The packets that have a live ray, and what of a ray that has none would wake a shape.
 void start_packets(struct packet_group *group) {
     group->count = 0;
     for (int k = 0; k < GROUP; k++) {
@@ -56,7 +40,7 @@ void start_packets(struct packet_group *group) {
     }
 }
 
-// The step-th step of a packet, its distance known. False after the last.
+// Takes a packet's step number `step`, with its distance known. Returns false if no ray of the packet is left.
 static inline bool march_step(struct march_state *at, int step, int k, struct packet_group *group,
                               const struct model *model) {
     vmask live = group->live[k];
@@ -73,133 +57,8 @@ static inline bool march_step(struct march_state *at, int step, int k, struct pa
     return v_any(group->live[k]);
 }
 
-// Where a plane is all that the rays can hit, nothing but t changes: all packets abreast, each a chain of
-// operations that wait for each other.
-struct plane_ray {
-    vfloat origin, direction, t;
-    struct bounds_exit exit;
-    vmask live;
-};
-
-// What a step has come to.
-struct step_result {
-    vfloat distance;
-    vmask going, inside;
-};
-
-static inline struct step_result step_to_plane(struct plane_ray *line, vfloat hit_distance) {
-    ACTIVE(v_count(line->live));
-    COUNT(step_to_plane, call);
-    vfloat distance = v_madd(line->t, line->direction, line->origin);
-    vmask going = v_cmp_nlt_in(line->live, distance, min_step(line->t, hit_distance));
-    line->t = v_add_where(going, line->t, distance);
-    vmask inside = v_cmp_ngt_in(going, outside_of_bounds(line->exit, line->t), v_splat(0.0f));
-    return (struct step_result){distance, going, inside};
-}
-
-// So many steps of all packets without a question between them: by then t is at its largest, and with it the hit test, and
-// the way from one place in the bounds to another is in them. False where that is not all well: nothing has changed.
-enum { UNCHECKED_STEPS = 4 };
-
-static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
-    COUNT(step_unchecked, call);
-    vfloat t[GROUP], least[GROUP];
-    for (int k = 0; k < GROUP; k++) {
-        t[k] = line[k].t;
-        least[k] = v_splat(INFINITY);
-    }
-    for (int i = 0; i < UNCHECKED_STEPS; i++)
-        for (int k = 0; k < GROUP; k++) {
-            ACTIVE(v_count(line[k].live));
-            COUNT(step_unchecked, stride);
-            vfloat distance = v_madd(t[k], line[k].direction, line[k].origin);
-            least[k] = v_min(distance, least[k]);
-            t[k] = t[k] + distance;
-        }
-    vmask ill = v_mask_none();
-    for (int k = 0; k < GROUP; k++) {
-        ACTIVE(v_count(line[k].live));
-        COUNT(step_unchecked, packet);
-        vmask on = v_cmp_lt_in(line[k].live, min_step(t[k], hit_distance), least[k]);
-        on = v_cmp_lt_in(on, outside_of_bounds(line[k].exit, t[k]), v_splat(0.0f));
-        ill = v_or(ill, v_andnot(on, line[k].live));
-    }
-    if (v_any(ill))
-        return false;
-    for (int k = 0; k < GROUP; k++)
-        line[k].t = v_select(line[k].live, t[k], line[k].t);
-    return true;
-}
-
-// From step number `next` on.
-static void march_to_plane(struct march_state packets[GROUP], int shape, int next,
-                           struct packet_group *group, const struct model *model) {
-    COUNT(march_to_plane, call);
-    vfloat hit_distance = v_splat((float)model->march.hit_distance);
-    struct plane_ray line[GROUP];
-    int cap = step_cap(model), left = cap, under_way = group->count, far = next;
-    vmask outside = v_mask_none();
-    for (int k = 0; k < GROUP; k++) {
-        const struct local_ray *a = &group->beam[k].approach[shape];
-        line[k] = (struct plane_ray){a->origin.x, a->direction.x, group->t[k], packets[k].exit,
-                                     group->live[k]};
-        if (v_any(group->live[k]) && packets[k].left < left)
-            left = packets[k].left;
-        ACTIVE(v_count(group->live[k]));
-        COUNT(march_to_plane, packet);
-        outside =
-            v_or(outside, v_and(group->live[k], v_cmp_ge(line[k].exit.constant, v_splat(0.0f))));
-    }
-    if (v_any(outside)) // its way may begin or end anywhere
-        far = cap;
-    for (int step = next; under_way > 0; step++) {
-        while (step >= far && step + UNCHECKED_STEPS < left) {
-            if (step_unchecked(line, hit_distance))
-                step += UNCHECKED_STEPS;
-            else
-                far = step + UNCHECKED_STEPS;
-        }
-        struct step_result stride[GROUP];
-        bool on = step < left;
-        for (int k = 0; k < GROUP; k++)
-            stride[k] = step_to_plane(&line[k], hit_distance);
-        for (int k = 0; k < GROUP; k++)
-            on = on && v_same(stride[k].inside, line[k].live);
-        if (on)
-            continue;
-        for (int k = 0; k < GROUP; k++) {
-            if (!v_any(line[k].live) ||
-                (v_same(stride[k].inside, line[k].live) && step < packets[k].left))
-                continue;
-            group->distance[k] = stride[k].distance;
-            end_rays(&packets[k], step, k, stride[k].going, stride[k].inside, group, cap);
-            line[k].live = group->live[k];
-            under_way -= !v_any(line[k].live);
-        }
-    }
-    for (int i = 0; i < group->count; i++)
-        packets[group->list[i]].t = line[group->list[i]].t;
-}
-
-// Nothing else wakes before every ray has met the plane: until then distance + t is no more than t there, which is taken
-// 2^-16 too large, 256 times what the quotient's and the steps' rounding make of it.
-static bool plane_is_sole_hit(const struct packet_group *group, const struct sole_shape *alone) {
-    COUNT(plane_is_sole_hit, call);
-    bool falls = true;
-    for (int i = 0; i < group->count && falls; i++) {
-        int k = group->list[i];
-        ACTIVE(v_count(group->live[k]));
-        COUNT(plane_is_sole_hit, packet);
-        const struct local_ray *a = &group->beam[k].approach[alone->shape];
-        vfloat down = v_splat(0.0f) - a->direction.x;
-        vmask on = v_cmp_lt_in(group->live[k], v_splat(0.0f), down);
-        on = v_cmp_lt_in(on, a->origin.x / down * v_splat(1.0f + 0x1p-16f), alone->until[k]);
-        falls = v_same(on, group->live[k]);
-    }
-    return falls;
-}
-
-// The same where one solid is all that they can hit: no question which shape is awake, and its type is known.
+// Marches all packets to the end where the solid `shape` is the only shape that the rays can hit. No shape sleeps or
+// wakes, and `type` is a constant.
 __attribute__((always_inline)) static inline void march_one_solid(struct march_state packets[GROUP],
                                                                   int shape, enum shape_type type,
                                                                   struct packet_group *group,
@@ -233,25 +92,25 @@ __attribute__((always_inline)) static inline void march_one_solid(struct march_s
         }
 }
 
+// Calls march_one_solid() for the solid's type. Returns false, with nothing done, if there is no version for it.
 static bool march_solid(struct march_state packets[GROUP], int shape, struct packet_group *group,
                         const struct prepared *scene) {
     const struct primitive *placed = &scene->placed[shape];
     if (!placed->steady || placed->way != EVAL_POINT)
         return false;
     switch (placed->type) {
-#define EACH(type)                                                                                 \
-    case type: march_one_solid(packets, shape, type, group, scene); return true;
-        EACH(SHAPE_SPHERE)
-        EACH(SHAPE_BOX)
-        EACH(SHAPE_TORUS)
-        EACH(SHAPE_CONE)
-        EACH(SHAPE_OCTAHEDRON)
-#undef EACH
+    case SHAPE_SPHERE: march_one_solid(packets, shape, SHAPE_SPHERE, group, scene); return true;
+    case SHAPE_BOX: march_one_solid(packets, shape, SHAPE_BOX, group, scene); return true;
+    case SHAPE_TORUS: march_one_solid(packets, shape, SHAPE_TORUS, group, scene); return true;
+    case SHAPE_CONE: march_one_solid(packets, shape, SHAPE_CONE, group, scene); return true;
+    case SHAPE_OCTAHEDRON:
+        march_one_solid(packets, shape, SHAPE_OCTAHEDRON, group, scene);
+        return true;
     default: return false;
     }
 }
 
-// Until every ray has ended, by the hit test of a float march, which errs with t.
+// Marches all packets until every ray has ended. The hit test is min_step()'s, which widens with t as a float's error does.
 static void march(struct march_state packets[GROUP], const struct ray_group *rays,
                   struct trace_context *world) {
     COUNT(march, call);
@@ -264,7 +123,7 @@ static void march(struct march_state packets[GROUP], const struct ray_group *ray
         struct march_state *at = &packets[k];
         at->exit = bounds_exit_of(at->origin, rays->direction[k], &scene->model);
         at->left = steps_left(at, group->live[k], step_cap(&scene->model));
-        group->t[k] = v_select(group->live[k], at->start, at->t); // what is done stays where it is
+        group->t[k] = v_select(group->live[k], at->start, at->t); // rays that are done stay
         at->start = v_splat(0.0f);
         at->last = v_zero_where(group->live[k], at->last);
     }
@@ -295,7 +154,8 @@ static void march(struct march_state packets[GROUP], const struct ray_group *ray
     }
 }
 
-// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+// Finds the shape that a ray of `deep` was in when its march ended. It is found here because the step back may bring the
+// ray nearer to another shape.
 __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
                                                    const struct prepared *scene,
                                                    const struct packet_rays *beam, vfloat *shape) {
@@ -306,9 +166,10 @@ __attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
     *shape = v_select(deep, inside, *shape);
 }
 
-// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
-// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
-// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+// Makes each hit the origin of its ray, in the frames of all shapes. There a distance is rounded at the size of a
+// shape, not of the path to it. A hit may still be further than twice the hit distance from any shape: the march has
+// rounding errors, and its test may be wider than the scene's. Such a ray marches on. Returns whether there is one.
+// Hits in `settled` were landed by an earlier call.
 static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
                       const struct prepared *scene, struct packet_rays *beam, vmask *live) {
     ACTIVE(v_count(at->found));
@@ -322,7 +183,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     if (v_any(sunk))
         shape_inside(sunk, at->t, scene, beam, &at->inside);
     at->deep = v_or(at->deep, sunk);
-    // What has settled stays as it is to the bit, whatever its neighbours do.
+    // A settled hit keeps every bit, whatever its neighbours in the packet do.
     at->origin =
         point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
     approach_origins(at->origin, scene, beam);
@@ -333,7 +194,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
         return false;
     ACTIVE(v_count(off));
     COUNT(land_hits, on);
-    // From where it surely was before that surface, be it as thin as an ulp of t.
+    // The ray restarts a few ulps of t earlier, surely before the surface, however thin the shape is.
     vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
     at->origin.lo = vec_along(at->origin.lo, direction, back);
     at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
@@ -344,6 +205,7 @@ static bool land_hits(struct march_state *at, vmask settled, struct vec directio
     return v_any(*live);
 }
 
+// Returns the hits once all have landed: distance, place, normal and shape, after Newton's last step.
 static struct hit finish_hit(struct march_state *at, struct vec direction,
                              const struct prepared *scene, struct packet_rays *beam) {
     COUNT(finish_hit, call);
@@ -352,7 +214,8 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     if (!v_any(at->found))
         return hit;
     vfloat way = at->before + at->t;
-    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
+    // A ray that has not moved starts at or in a shape. It hits it there, even outside of the bounds.
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), way);
     hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
     struct hit_surroundings near = at->near;
     if (v_any(at->deep)) {
@@ -375,7 +238,8 @@ static struct hit finish_hit(struct march_state *at, struct vec direction,
     return hit;
 }
 
-// Rays whose march is over: see bulb/bulb_stream.c. Those that no Mandelbulb is before march on among the other shapes.
+// Takes the rays from where bulb/bulb_stream.c or bulb/bulb_single.c has left them. Rays that have ended there are done.
+// The others have no Mandelbulb before them any more, and march on among the other shapes.
 static void resume_march(struct march_state packets[GROUP], const struct ray_group *rays,
                          struct trace_context *world) {
     COUNT(resume_march, call);
@@ -401,6 +265,7 @@ static void resume_march(struct march_state packets[GROUP], const struct ray_gro
         group->beam[k].list = all;
 }
 
+// Marches the rays of the group and returns their hits. Rays that marched on from a hit are landed again until all are.
 void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit hit[GROUP]) {
     COUNT(ray_march, call);
     const struct prepared *scene = world->scene;

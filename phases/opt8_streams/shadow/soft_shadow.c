@@ -1,6 +1,6 @@
 // Shadow rays that wait, in packets: see core/ray_queues.h. Each of them marches until its last ray is done.
-#include "cones/distance_bounds.h"
 #include "shadow/soft_shadow.h"
+#include "cones/distance_bounds.h"
 #include "simd/point.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt4/vec.h"
+#include "phases/opt4/vec.h"
 
 static float from_bits(uint32_t bits) {
     float value;

@@ -7,8 +7,8 @@
 
 #include <cmocka.h>
 
-#include "../../common/ceilings/samples.c"
-#include "../../common/ceilings/working_sets.c"
+#include "common/ceilings/samples.c"
+#include "common/ceilings/working_sets.c"
 
 #define COUNT(V) ((int)(sizeof(V) / sizeof *(V)))
 

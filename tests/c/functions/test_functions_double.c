@@ -8,11 +8,11 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt3/vec.h"
+#include "phases/opt3/vec.h"
 
 #define BITS 256
 #define DOUBLE 1
-#include "../../common/functions/polynomials.h"
+#include "common/functions/polynomials.h"
 
 enum { SAMPLES = 1 << 18 };
 

@@ -167,10 +167,12 @@ static void test_pieces_are_the_first_iteration(void **state) {
             t[lane] = end[lane] * (float)random_from(-1, 1);
         }
         vfloat zero = v_splat(0.0f);
-        struct vec_double o = {v_double_sum(v_load(middle[0]), zero), v_double_sum(v_load(middle[1]), zero),
-                             v_double_sum(v_load(middle[2]), zero)};
-        struct vec_double d = {v_double_sum(v_load(way[0]), zero), v_double_sum(v_load(way[1]), zero),
-                             v_double_sum(v_load(way[2]), zero)};
+        struct vec_double o = {v_double_sum(v_load(middle[0]), zero),
+                               v_double_sum(v_load(middle[1]), zero),
+                               v_double_sum(v_load(middle[2]), zero)};
+        struct vec_double d = {v_double_sum(v_load(way[0]), zero),
+                               v_double_sum(v_load(way[1]), zero),
+                               v_double_sum(v_load(way[2]), zero)};
         store_pieces(o, d, v_double_sum(zero, zero), v_load(end), v_load(per), &pieces);
         for (int i = 0; i < N_PLACE; i++)
             lanes.field[i] = v_load(pieces.field[i]);

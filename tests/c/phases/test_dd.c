@@ -8,7 +8,7 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "../../phases/truth/number/dd.h"
+#include "phases/truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

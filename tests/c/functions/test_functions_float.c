@@ -8,11 +8,11 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt4/vec.h"
+#include "phases/opt4/vec.h"
 
 #define BITS 256
 #define DOUBLE 0
-#include "../../common/functions/polynomials.h"
+#include "common/functions/polynomials.h"
 
 enum { STRIDE = 997 };
 

@@ -8,8 +8,8 @@
 // Before cmocka.h, as it asks for.
 #include <cmocka.h>
 
-#include "../../phases/truth/number/angles.c"
-#include "../../phases/truth/number/dd.h"
+#include "phases/truth/number/angles.c"
+#include "phases/truth/number/dd.h"
 
 enum { ROUNDS = 200000 };
 

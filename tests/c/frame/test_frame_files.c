@@ -1,5 +1,4 @@
-// The frame: its presets, EXR written and read back bit for bit, what happens when a disk refuses,
-// and gamma with 8 bits against its formula for every float there is.
+// The frame's planes, EXR written and read back bit for bit, and what happens when a disk refuses.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,6 +23,7 @@
 #include <unistd.h>
 
 #include "frame/frame.h"
+#include "random_float.h"
 
 static char folder[] = "/tmp/stepwise-frame-XXXXXX";
 static char file_name[sizeof folder + 16];
@@ -43,7 +43,7 @@ static int remove_folder(void **state) {
     return rmdir(folder);
 }
 
-// Names in the folder other than `.` and `..`: a temporary file left behind shows here.
+// Returns how many files the folder holds. A temporary file that is left behind shows here.
 static int files_in(const char *path) {
     DIR *directory = opendir(path);
     assert_non_null(directory);
@@ -52,16 +52,6 @@ static int files_in(const char *path) {
         count += entry->d_name[0] != '.';
     closedir(directory);
     return count;
-}
-
-static float random_float(uint64_t *seed) { // any finite bits (Knuth's MMIX LCG)
-    float value;
-    do {
-        *seed = *seed * 6364136223846793005u + 1442695040888963407u;
-        uint32_t bits = (uint32_t)(*seed >> 32);
-        memcpy(&value, &bits, sizeof value);
-    } while (!isfinite(value));
-    return value;
 }
 
 static struct frame random_frame(int width, int height, bool aov) {
@@ -99,7 +89,7 @@ static void planes_are_preset(void **state) {
 
 #define EXR(call) assert_int_equal(call, EXR_ERR_SUCCESS)
 
-// Reads one channel of the file, as its own library sees it; returns false if there is none of it.
+// Reads one channel of the file by OpenEXR itself. Returns false if the file has no such channel.
 static bool read_channel(const char *name, int width, int height, float *out) {
     exr_context_t file;
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -179,7 +169,7 @@ static void exr_keeps_every_bit(void **state) {
     }
 }
 
-// 72 bytes of which more and more are known: some are as long when they are compressed.
+// Pictures of 72 bytes, with more and more of their bits zero. Some do not get shorter when they are compressed.
 static void exr_keeps_what_hardly_compresses(void **state) {
     (void)state;
     for (int round = 0; round < 18 * 24; round++) {
@@ -223,7 +213,7 @@ static void unwritable_places_are_refused(void **state) {
     assert_false(frame_writable(path, error));
     assert_string_equal(error, "the output's path is longer than 4,000 characters");
     free(path);
-    // Asking leaves nothing behind, and nothing of an earlier picture is touched.
+    // frame_writable() leaves no file behind and does not change an earlier picture.
     struct frame frame = random_frame(3, 2, true);
     assert_true(frame_write_exr(&frame, file_name, error));
     assert_true(frame_writable(file_name, error));
@@ -246,7 +236,7 @@ static void write_that_must_fail(const char *path) {
     assert_null(strchr(error, '\n'));
 }
 
-// A write that fails half way (here: over the limit of a file's size) leaves the old picture alone.
+// A write that fails half way does not change the old picture. Here it exceeds the limit of a file's size.
 static void failed_write_keeps_the_old_picture(void **state) {
     (void)state;
     struct frame small = random_frame(3, 2, false);
@@ -272,7 +262,7 @@ static bool write_text(const char *path, const char *text) {
     return written;
 }
 
-// A file system of 64 KiB over the folder, seen by this process alone and gone with it.
+// Mounts a file system of 64 KiB over the folder. Only this process sees it, and it ends with the process.
 static bool small_disk(void) {
     char map[32];
     snprintf(map, sizeof map, "0 %d 1", (int)getuid());
@@ -312,164 +302,6 @@ static void full_disk(void **state) {
     assert_int_equal(WEXITSTATUS(status), FULL_AS_EXPECTED);
 }
 
-static int formula(float c) {
-    return c > 0 ? (int)(255 * fmin(1, pow((double)c, 0.4545))) : 0;
-}
-
-static float from_bits(uint32_t bits) {
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-enum { BATCH = 3 << 16, ONE = 0x3f800000, NEIGHBOURS = 64 };
-
-struct shower {
-    struct presenter *presenter;
-    struct frame frame;
-    uint8_t *shown;
-};
-
-static const uint8_t *show(struct shower *s) {
-    frame_present(s->presenter, &s->frame, s->shown);
-    return s->shown;
-}
-
-static struct shower shower_create(void) {
-    struct shower s = {.presenter = presenter_create(2), .shown = malloc(BATCH)};
-    assert_true(s.presenter && s.shown && frame_create(&s.frame, BATCH / 3, 1, false, NULL));
-    return s;
-}
-
-static void shower_free(struct shower *s) {
-    presenter_free(s->presenter);
-    frame_free(&s->frame);
-    free(s->shown);
-}
-
-// All 1,065,353,216 floats of [0, 1): the byte never falls as the float grows, and it changes only
-// where the formula does (compared on NEIGHBOURS floats either side of each change). Between two
-// changes the formula is constant too: one float's step moves 255·c^0.4545 by a relative 2.7e-8,
-// and pow errs by 1e-16.
-static void present_is_the_formula_for_every_float(void **state) {
-    (void)state;
-    struct shower s = shower_create();
-    int last = 0, changes = 0;
-    uint32_t change[256] = {0};
-    for (uint32_t first = 0; first < ONE; first += BATCH) {
-        uint32_t count = ONE - first < BATCH ? ONE - first : BATCH;
-        for (uint32_t i = 0; i < BATCH; i++)
-            s.frame.rgb[i] = from_bits(i < count ? first + i : ONE);
-        const uint8_t *shown = show(&s);
-        // A whole batch is one byte or few: memcmp with itself, one on, is quicker than a loop.
-        if (shown[0] == last && memcmp(shown, shown + 1, count - 1) == 0)
-            continue;
-        for (uint32_t i = 0; i < count; i++) {
-            if (shown[i] == last)
-                continue;
-            assert_int_equal(shown[i], last + 1); // up, by one, 254 times
-            last = shown[i];
-            change[++changes] = first + i;
-        }
-    }
-    assert_int_equal(changes, 254); // 255 is 1.0 and more
-    for (int k = 1; k <= 255; k++) {
-        uint32_t first = (k == 255 ? ONE : change[k]) - NEIGHBOURS;
-        for (uint32_t i = 0; i < BATCH; i++)
-            s.frame.rgb[i] = from_bits(first + i % (2 * NEIGHBOURS));
-        const uint8_t *shown = show(&s);
-        for (uint32_t i = 0; i < 2 * NEIGHBOURS; i++)
-            if (shown[i] != formula(from_bits(first + i)))
-                fail_msg("%a shows as %d, the formula says %d", (double)from_bits(first + i),
-                         shown[i], formula(from_bits(first + i)));
-    }
-    shower_free(&s);
-}
-
-static void present_outside_the_range(void **state) {
-    (void)state;
-    static const struct {
-        float value;
-        uint8_t shown;
-    } cases[] = {{NAN, 0},   {-NAN, 0},         {-INFINITY, 0}, {INFINITY, 255},
-                 {-0.0f, 0}, {-1e-30f, 0},      {-1, 0},        {1e-45f, 0},
-                 {1, 255},   {1.0000001f, 255}, {3.4e38f, 255}, {0.9999999f, 254},
-                 {0.5f, 186}};
-    enum { CASES = sizeof cases / sizeof *cases };
-    struct shower s = shower_create();
-    for (int i = 0; i < BATCH; i++)
-        s.frame.rgb[i] = cases[i % CASES].value;
-    const uint8_t *shown = show(&s);
-    for (int i = 0; i < BATCH; i++)
-        if (shown[i] != cases[i % CASES].shown)
-            fail_msg("%g shows as %d", (double)cases[i % CASES].value, shown[i]);
-    shower_free(&s);
-}
-
-// Written for a check of the check above: the formula itself on random floats.
-static void present_on_samples(void **state) {
-    (void)state;
-    struct shower s = shower_create();
-    uint64_t seed = 7;
-    for (int round = 0; round < 5; round++) {
-        for (int i = 0; i < BATCH; i++) {
-            float value = random_float(&seed);
-            s.frame.rgb[i] = round ? fmodf(fabsf(value), 1.25f) : value;
-        }
-        const uint8_t *shown = show(&s);
-        for (int i = 0; i < BATCH; i++)
-            assert_int_equal(shown[i], formula(s.frame.rgb[i]));
-    }
-    shower_free(&s);
-}
-
-// By each instruction set: the bytes of the formula around every change, at random, and in a tail of any length
-// with not a byte written beyond it.
-static void every_width_shows_the_same_bytes(void **state) {
-    (void)state;
-    static const char *const limits[] = {"none", "avx2", NULL};
-    uint64_t seed = 11;
-    struct shower s = shower_create();
-    static uint8_t expected[BATCH];
-    for (int i = 0; i < BATCH; i++) { // a float beside a change, or any
-        double change = pow((i / 8 % 255 + 1) / 255.0, 1 / 0.4545);
-        uint32_t bits;
-        float near = (float)change;
-        memcpy(&bits, &near, sizeof bits);
-        s.frame.rgb[i] = i % 2 ? random_float(&seed) : from_bits(bits + (uint32_t)(i / 2 % 4) - 2);
-        static const float not_finite[] = {NAN, -NAN, INFINITY, -INFINITY};
-        if (i % 13 == 0)
-            s.frame.rgb[i] = not_finite[i / 13 % 4];
-        expected[i] = (uint8_t)formula(s.frame.rgb[i]);
-    }
-    for (size_t k = 0; k < sizeof limits / sizeof *limits; k++) {
-        limits[k] ? setenv("STEPWISE_ISA_LIMIT", limits[k], 1) : unsetenv("STEPWISE_ISA_LIMIT");
-        struct presenter *presenter = presenter_create(3); // threads: of the whole, not of a part
-        assert_non_null(presenter);
-        struct frame part = s.frame;
-        for (int pixels = 1; pixels <= 40; pixels++) {
-            part.rgb = s.frame.rgb + 3 * pixels;
-            part.width = pixels;
-            memset(s.shown, 77, BATCH);
-            frame_present(presenter, &part, s.shown);
-            assert_memory_equal(s.shown, expected + 3 * pixels, 3 * (size_t)pixels);
-            for (int i = 3 * pixels; i < 3 * pixels + 64; i++)
-                assert_int_equal(s.shown[i], 77);
-            memset(s.shown, 77, BATCH); // and of samples of any number, as a phase shows its own
-            presenter_show(presenter, part.rgb, (size_t)pixels, s.shown);
-            assert_memory_equal(s.shown, expected + 3 * pixels, (size_t)pixels);
-            for (int i = pixels; i < pixels + 64; i++)
-                assert_int_equal(s.shown[i], 77);
-        }
-        presenter_show(presenter, s.frame.rgb, BATCH, s.shown);
-        assert_memory_equal(s.shown, expected, BATCH);
-        frame_present(presenter, &s.frame, s.shown);
-        assert_memory_equal(s.shown, expected, BATCH);
-        presenter_free(presenter);
-    }
-    shower_free(&s);
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_are_preset),
@@ -478,10 +310,6 @@ int main(void) {
         cmocka_unit_test(unwritable_places_are_refused),
         cmocka_unit_test(failed_write_keeps_the_old_picture),
         cmocka_unit_test(full_disk),
-        cmocka_unit_test(present_is_the_formula_for_every_float),
-        cmocka_unit_test(present_outside_the_range),
-        cmocka_unit_test(present_on_samples),
-        cmocka_unit_test(every_width_shows_the_same_bytes),
     };
-    return cmocka_run_group_tests_name("frame", tests, make_folder, remove_folder);
+    return cmocka_run_group_tests_name("frame_files", tests, make_folder, remove_folder);
 }

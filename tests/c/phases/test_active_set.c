@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "shadow/active_set.c"
 #include "random_from.h"
+#include "shadow/active_set.c"
 
 // Rays that head for a sphere of bound 0.002, 0.0021 to 0.01 from its centre: there its distance falls as fast as t
 // grows, and the bound's own slack, 6e-4 of the way to the centre, is less than a float's ulp of t. Or they pass it, up to
@@ -61,8 +61,8 @@ static void set_beam(struct shadow_batch *beam, const struct meeting *m) {
     w->march.done = v_not(v_mask_first(1));
     w->rays.active = v_mask_first(1);
     w->march.t = v_splat(m->t);
-    w->rays.to_light =
-        (struct vec){v_splat((float)m->along[0]), v_splat((float)m->along[1]), v_splat((float)m->along[2])};
+    w->rays.to_light = (struct vec){v_splat((float)m->along[0]), v_splat((float)m->along[1]),
+                                    v_splat((float)m->along[2])};
     for (int k = 0; k < 3; k++)
         shape.place[k] = (float)m->centre[k];
     w->at = vec_along(w->from, w->rays.to_light, w->march.t);

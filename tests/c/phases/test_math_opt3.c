@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "../../phases/opt3/vec.h"
+#include "phases/opt3/vec.h"
 
 static double ulps(double got, long double exact) {
     int exponent;

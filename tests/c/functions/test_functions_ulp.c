@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "../../common/functions/exhaustive.c"
-#include "../../common/functions/targets.c"
+#include "common/functions/exhaustive.c"
+#include "common/functions/targets.c"
 
 static void test_ulp(void **state) {
     (void)state;

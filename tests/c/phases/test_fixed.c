@@ -10,7 +10,7 @@
 
 #include <math.h>
 
-#include "../../phases/fixed/number/number.h"
+#include "phases/fixed/number/number.h"
 
 __extension__ typedef __int128 wide; // no product is too large for it
 

@@ -1,0 +1,73 @@
+// The camera's frame: three unit vectors, made of the camera's position, the point it looks at and its `up` vector.
+#include "near.h"
+#include "scene_file.h"
+
+// Returns a number from -1 to 1, the same in every run (Knuth's MMIX LCG).
+static double random_number(uint64_t *seed) {
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(int64_t)*seed / 9223372036854775808.0;
+}
+
+// The frame is orthonormal. `forward` points to look_at, and right = normalize(up × forward): x grows to the right.
+static void camera_frames(void **state) {
+    (void)state;
+    uint64_t seed = 1;
+    for (int i = 0; i < 200; i++) {
+        double p[3], q[3], up[3], length = pow(10, 4 * random_number(&seed)), c[3];
+        for (int k = 0; k < 3; k++) {
+            p[k] = 10 * random_number(&seed);
+            q[k] = p[k] + length * random_number(&seed);
+            up[k] = random_number(&seed);
+        }
+        json_t *root = parse(WHOLE);
+        json_t *camera = json_pack("{s:[f,f,f], s:[f,f,f], s:[f,f,f], s:f}", "position", p[0], p[1],
+                                   p[2], "look_at", q[0], q[1], q[2], "up", up[0], up[1], up[2],
+                                   "vertical_fov_degrees", 30.);
+        json_object_set_new(root, "camera", camera);
+        assert_true(load_json(root, JSON_REAL_PRECISION(17)));
+        json_decref(root);
+        const struct view *v = &scene.view;
+        assert_true(near(dot(v->right, v->right), 1, 1e-14) && near(dot(v->up, v->up), 1, 1e-12));
+        assert_true(near(dot(v->forward, v->forward), 1, 1e-14));
+        assert_true(near(dot(v->right, v->up), 0, 1e-12) &&
+                    near(dot(v->right, v->forward), 0, 1e-12));
+        cross(v->forward, v->right,
+              c); // the frame is (right, up, forward) with up = forward × right
+        for (int k = 0; k < 3; k++)
+            assert_true(near(v->up[k], c[k], 1e-15));
+        cross(up, v->forward, c);
+        double size = sqrt(dot(c, c));
+        for (int k = 0; k < 3; k++)
+            assert_true(near(v->right[k], c[k] / size, 1e-10));
+        double d[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
+        assert_true(near(dot(d, v->forward), sqrt(dot(d, d)), 1e-12 * length));
+        scene_free(&scene);
+    }
+}
+
+// The camera may be very close to look_at. The square of 3e-161 is denormal: a length computed from it would be wrong in
+// the third digit.
+static void a_tiny_step_to_look_at_is_still_a_direction(void **state) {
+    (void)state;
+    for (int e = 0; e >= -300; e -= 20) {
+        json_t *root = parse(WHOLE);
+        json_t *camera = json_pack("{s:[i,i,i], s:[f,i,f], s:[i,i,i], s:f}", "position", 0, 0, 0,
+                                   "look_at", 3 * pow(10, e), 0, 4 * pow(10, e), "up", 0, 1, 0,
+                                   "vertical_fov_degrees", 30.);
+        json_object_set_new(root, "camera", camera);
+        assert_true(load_json(root, JSON_REAL_PRECISION(17)));
+        json_decref(root);
+        const double digits = 1e-15;
+        assert_true(near(scene.view.forward[0], 0.6, digits));
+        assert_true(near(scene.view.forward[2], 0.8, digits));
+        scene_free(&scene);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(camera_frames),
+        cmocka_unit_test(a_tiny_step_to_look_at_is_still_a_direction),
+    };
+    return cmocka_run_group_tests_name("scene_camera", tests, make_file, remove_file);
+}
