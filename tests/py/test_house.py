@@ -1,0 +1,117 @@
+"""Rules of the house for C code: sizes of files, functions and folders, and no cycles between files."""
+
+from __future__ import annotations
+
+import graphlib
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from study import patches, registry
+from study.build import build
+from study.registry import ROOT
+
+FILES = sorted(
+    path
+    for folder in ("common", "phases")
+    for path in (ROOT / folder).rglob("*.[ch]")
+    if "/." not in str(path.relative_to(ROOT))
+)
+MOST_LINES, MOST_FILES, MOST_FUNCTION = 400, 20, 60
+HEAD = re.compile(r"^(?!typedef|struct \w+ \{|enum|union|#)[A-Za-z_].*[^;]$")
+
+
+def functions(path: Path) -> dict[str, int]:
+    """Lines of each function of a formatted source, by its first line."""
+    found, start, lines = {}, None, path.read_text().splitlines()
+    for number, line in enumerate(lines):
+        if start is None and HEAD.match(line) and "(" in line:
+            start = number
+        if start is not None and line.endswith(";") and not line.startswith(" ") and line != "}":
+            start = None
+        if line == "}" and start is not None:
+            found[lines[start]] = number - start + 1
+            start = None
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_has_at_most_400_lines_and_a_function_60(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= MOST_LINES
+    assert {name: size for name, size in functions(path).items() if size > MOST_FUNCTION} == {}
+
+
+@pytest.mark.parametrize(
+    "folder", sorted({path.parent for path in FILES}), ids=lambda path: str(path.relative_to(ROOT))
+)
+def test_a_folder_has_at_most_20_files(folder: Path) -> None:
+    assert len([path for path in folder.iterdir() if path.suffix in (".c", ".h")]) <= MOST_FILES
+
+
+def test_functions_are_found(tmp_path: Path) -> None:
+    """The function that the sizes come from: a definition over two lines, a prototype, a struct."""
+    text = (
+        "struct a {\n    int b;\n};\nint f(int a,\n      int b) {\n    return a;\n}\nint g(void);\nint h;\n"
+    )
+    (tmp_path / "a.c").write_text(text)
+    assert functions(tmp_path / "a.c") == {"int f(int a,": 4}
+
+
+def cycle(graph: dict[str, set[str]]) -> list[str]:
+    """The names along a cycle, or none."""
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def includes(phase: str) -> dict[str, set[str]]:
+    """Which file of a phase's tree, or of common/, includes which other one."""
+    tree = patches.files(phase)
+    common = {str(path.relative_to(ROOT / "common")): path for path in (ROOT / "common").rglob("*.h")}
+    graph: dict[str, set[str]] = {}
+    for name, path in {**common, **tree}.items():
+        for wanted in re.findall(r'^#include "([^"]+)"', path.read_text(), re.MULTILINE):
+            beside = str((Path(name).parent / wanted).as_posix())
+            target = beside if beside in tree or (name not in tree and beside in common) else wanted
+            if target in tree or target in common:
+                graph.setdefault(name, set()).add(target)
+    return graph
+
+
+@pytest.mark.parametrize("phase", registry.phases())
+def test_includes_have_no_cycle(phase: str) -> None:
+    assert cycle(includes(phase)) == []
+
+
+def calls(objects: list[Path]) -> dict[str, set[str]]:
+    """Which object uses a symbol that another one defines."""
+    defined: dict[str, str] = {}
+    wanted: list[tuple[str, str]] = []
+    for path in objects:
+        for line in subprocess.check_output(["nm", path], text=True).splitlines():
+            kind, name = line.split()[-2:]
+            if kind == "U":
+                wanted.append((path.stem, name))
+            elif kind.isupper():
+                defined[name] = path.stem
+    graph: dict[str, set[str]] = {}
+    for user, name in wanted:
+        if defined.get(name, user) != user:
+            graph.setdefault(user, set()).add(defined[name])
+    return graph
+
+
+def test_no_two_files_of_common_call_each_other() -> None:
+    build("baseline")
+    rooms = ("driver", "scene", "frame", "timing", "workers")
+    objects = [path for room in rooms for path in sorted((ROOT / "build/common" / room).glob("*.o"))]
+    assert len(objects) > 10 and cycle(calls(objects)) == []
+
+
+def test_a_cycle_is_found() -> None:
+    assert set(cycle({"a": {"b"}, "b": {"c"}, "c": {"a"}})) == {"a", "b", "c"}
+    assert cycle({"a": {"b", "c"}, "b": {"c"}}) == []
