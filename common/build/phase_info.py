@@ -136,10 +136,8 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
     return lines
 
 
-def embed(root: str | None, folder: Path, output: Path) -> None:
+def embed(root: str, folder: Path, output: Path) -> None:
     """Writes embedded.h: the source $.embedded as strings, which the program compiles at run time."""
-    if root is None:
-        return
     if not (folder / root).is_file():
         sys.exit(f"phase_info: $.embedded: there is no {root!r} in the phase's folder")
     lines = flattened(root, [folder, PHASES.parent / "common"], set())
@@ -204,11 +202,9 @@ def main() -> None:
         f"#define PHASE_PLANES {' '.join(json.dumps(i) + ',' for i in phase.get('planes', []))}",
     ]
     replace(folder / "phase_info.h", "\n".join(lines) + "\n")
-    embed(
-        phase.get("embedded"),
-        folder / "source" if "+" in name or "derives" in phase else PHASES / name,
-        folder,
-    )
+    if phase.get("embedded"):
+        patches.write(name, folder / "source")  # as make does for a derived phase and an ablation
+        embed(phase["embedded"], folder / "source", folder)
 
 
 if __name__ == "__main__":
