@@ -81,8 +81,9 @@ class Phase:
 
         A path in its own folder if no such file exists. Raises StudyError for a broken lineage.
         """
-        if "+" in self.name:
-            return self.path / name
+        own = self.path / name
+        if own.exists() or not self.derives or "+" in self.name:
+            return own
         root = self.path.parents[1]
         try:
             return patches.files(self.name, root).get(name, self.path / name)

@@ -82,7 +82,7 @@ def hits_with(folder: Path, flags: list[str], libraries: list[str]) -> Path:
     )
     made = ROOT / "build"
     objects = [made / "packets" / f"{name}.o" for name in ("hits", "phase", "variant")]
-    for room in ("scene", "frame", "timing"):
+    for room in ("scene", "frame", "timing", "workers"):
         objects += [
             made / "common" / room / f"{path.stem}.o" for path in (ROOT / "common" / room).glob("*.c")
         ]

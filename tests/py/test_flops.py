@@ -609,6 +609,7 @@ def test_a_wrong_cost_is_found(tmp_path):
     shutil.copytree(
         ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".git", "build", "results", ".hypothesis")
     )
+    shutil.copytree(ROOT / "common" / "build", copy / "common" / "build")  # sources, whatever their name
     shutil.copytree(ROOT / "results" / "paper", copy / "results" / "paper")
     for target in ("render-count", *blocks.TARGETS.values()):
         build("baseline", target)
