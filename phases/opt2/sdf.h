@@ -160,9 +160,9 @@ struct bulb {
 // One step of the map. With Quilez's k1, k3 and k4, (x² − z², 2xz)/k3 is the unit phasor of twice the
 // azimuth. Doubled two more times, by cos 2a = 1 − 2 sin² a and sin 2a = 2 sin a cos a, it replaces
 // his products of degree nine. Always inlined: it counts as sdf_mandelbulb().
-__attribute__((always_inline)) static inline void bulb_step(const double *p, struct bulb *bulb) {
+__attribute__((__always_inline__)) static inline void bulb_step(const double *p, struct bulb *at) {
     COUNT(sdf_mandelbulb, step);
-    double x = bulb->x, y = bulb->y, z = bulb->z, m = bulb->m, dz = bulb->dz;
+    double x = at->x, y = at->y, z = at->z, m = at->m, dz = at->dz;
     double root = sqrt(m);
     dz = 8.0 * (m * m * m * root) * dz + 1.0;
     double x2 = x * x, y2 = y * y, z2 = z * z;
@@ -177,7 +177,7 @@ __attribute__((always_inline)) static inline void bulb_step(const double *p, str
     y = p[1] + k1 * k1 - 16.0 * y2 * k3 * (k4 * k4);
     z = p[2] - k2 + k2_sin4 * sin4;
     m = x * x + y * y + z * z;
-    *bulb = (struct bulb){x, y, z, m, dz};
+    *at = (struct bulb){x, y, z, m, dz};
 }
 
 // The distance estimate 0.25·√m·ln m / dz, which is 0 at the centre.

@@ -281,10 +281,11 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     // |w|² grows to |p|^16, which overflows from |p| = 256. From |p| = 32 a single iteration escapes,
     // and the estimate is r·ln(r)/3 to float precision.
     vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
+    vfloat z2 = z * z;
     for (int i = 0; i < s->mandelbulb.iterations; i++) {
         ACTIVE(LANES - v_count(escaped));
         COUNT(sdf_mandelbulb, iteration);
-        vfloat x2 = x * x, y2 = y * y, z2 = z * z;
+        vfloat x2 = x * x, y2 = y * y;
         vfloat k3 = x2 + z2, k4 = k3 - y2;
         vfloat inv_k3 = v_select_or_zero(v_cmp_gt(k3, v_splat(1e-36f)), v_splat(1.0f) / k3);
         vfloat k1 = v_madd(k3, k3, y2 * v_nmadd(v_splat(6.0f), k3, y2));
@@ -296,7 +297,8 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
         y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, p.y));
         // Last, because the next steps do not wait for its root.
         vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), dz, v_splat(1.0f));
-        vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
+        z2 = z * z;
+        vfloat grown = v_madd(x, x, v_madd(y, y, z2));
         m = v_select(escaped, m, grown);
         dz = v_select(escaped, dz, slope);
         escaped = v_or(escaped, v_cmp_gt(m, v_splat(s->mandelbulb.bailout)));
