@@ -277,7 +277,7 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
 // values (the paper's Fig. 5). Lanes of `done` may return anything.
 static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
     COUNT(sdf_mandelbulb, call);
-    vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
+    vfloat x = p.x, y = p.y, z = p.z, norm_sq = vec_dot(p, p), m = norm_sq, dz = v_splat(1.5f);
     // |w|² grows to |p|^16, which overflows from |p| = 256. From |p| = 32 a single iteration escapes,
     // and the estimate is r·ln(r)/3 to float precision.
     vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
@@ -312,7 +312,7 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     if (v_any(far)) {
         ACTIVE(v_count(v_andnot(done, far)));
         COUNT(sdf_mandelbulb, far);
-        vfloat r = v_sqrt(vec_dot(p, p));
+        vfloat r = v_sqrt(norm_sq);
         distance = v_select(far, r * log_of(r) * v_splat(1.0f / 3.0f), distance);
     }
     ACTIVE(LANES - v_count(done));
