@@ -322,7 +322,7 @@ def test_a_step_of_the_bulb_costs_the_operations_of_its_source(phase):
     text = registry.find_phase(phase).file("sdf.h").read_text()
     shares_squares = "root = sqrt(m);" in text  # from opt2 on
     if shares_squares:
-        body = text[text.index("root = sqrt(m);") : text.index("*bulb = ")]
+        body = text[text.index("root = sqrt(m);") : text.index("*at = ")]
     else:
         body = text[text.index("dz = 8.0 *") :]
         body = body[: body.index("vec_add(p, &raised" if "&raised" in body else "m = vec_dot(w, w)")]
