@@ -136,11 +136,14 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
     return lines
 
 
-def embed(root: str, folder: Path, output: Path) -> None:
-    """Writes embedded.h: the source $.embedded as strings, which the program compiles at run time."""
-    if not (folder / root).is_file():
-        sys.exit(f"phase_info: $.embedded: there is no {root!r} in the phase's folder")
-    lines = flattened(root, [folder, PHASES.parent / "common"], set())
+def embed(files: list[str], folder: Path, output: Path) -> None:
+    """Writes embedded.h: the files $.embedded as strings, one source that the program compiles at run time."""
+    lines: list[str] = []
+    seen: set[Path] = set()
+    for name in files:
+        if not (folder / name).is_file():
+            sys.exit(f"phase_info: $.embedded: there is no {name!r} in the phase's tree")
+        lines += flattened(name, [folder, PHASES.parent / "common"], seen)
     text = [f'    {json.dumps(line, ensure_ascii=False)[:-1]}\\n",' for line in lines]
     replace(
         output / "embedded.h", "\n".join(["static const char *const embedded_lines[] = {", *text, "};", ""])

@@ -21,10 +21,10 @@ TERMS = 6
 
 
 def source(phase: str) -> str:
-    """The headers of the polynomials as one text."""
+    """The files of the polynomials as one text."""
     tree = patches.files(phase)
     return "".join(
-        tree[name].read_text() for name in sorted(tree) if "chebyshev" in name and name.endswith(".h")
+        tree[name].read_text() for name in sorted(tree) if "chebyshev" in name
     )
 
 

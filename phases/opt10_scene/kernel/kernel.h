@@ -5,6 +5,7 @@
 #define OPT10_KERNEL_H
 
 #include "core/primitive.h"
+#include "phase.h"
 
 // What a compiled kernel shows, as `stepwise_kernel`.
 struct scene_kernel {

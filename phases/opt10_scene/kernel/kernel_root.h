@@ -1,22 +1,7 @@
-// The root of a generated kernel: common/build/phase_info.py puts what this includes in its place and into the program,
-// kernel/sources.c puts scene_kernel.h where it belongs.
-#define SCENE_KERNEL 1
-#include "kernel/kernel_scene.h"
-
+// The end of a generated kernel's source: what the program calls of it. The files before it are listed in phase.json
+// ("embedded"); common/build/phase_info.py puts them one behind the other into the program.
 #include "core/worker_scratch.h"
 #include "kernel/kernel.h"
-
-#include "bulb/bulb_march.c"
-#include "bulb/bulb_shadows.c"
-#include "core/analytic_tile.c"
-#include "core/shading.c"
-#include "hit/primary_hits.c"
-#include "repetition/repeated_bundles.c"
-#include "repetition/repeated_rays.c"
-#include "shadow/cast_shadows.c"
-#include "shadow/shadow_candidates.c"
-#include "shadow/shadow_cull.c"
-#include "shadow/soft_shadow.c"
 
 static int kernel_tiles(const struct job *job) {
     return count_tiles(job);

@@ -3,6 +3,8 @@
 #ifndef OPT9_KNOWN_H
 #define OPT9_KNOWN_H
 
+#define SCENE_KERNEL 1
+
 #include "core/primitive.h"
 
 #include "scene_kernel.h"

@@ -3,280 +3,60 @@
 #ifndef OPT9_BULB_CHEBYSHEV_H
 #define OPT9_BULB_CHEBYSHEV_H
 
-#include "bulb/chebyshev_pieces.h"
-#include "simd/permute.h"
+#include "core/known_scene.h"
+#include "simd/point.h"
 
-#include <string.h>
+struct worker_scratch;
 
 // A ray is close from an estimate below CLOSE_ESTIMATE on. At the end of a piece it leaves if its estimate is above
 // LEAVE_ESTIMATE. The step is no measure: over a plane it may be short far from the bulb, where the first iteration has
 // escaped and chebyshev_orbit()'s estimate is too short.
 #define CLOSE_ESTIMATE 5e-3f
-#define LEAVE_ESTIMATE 1e-2f
+
+// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is shifted to match.
+#define STEPS_COUNTED 0x1p23f
+
+enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
+
+// The fields of a lane. Distances along the ray count from the middle of its piece.
+enum chebyshev_field {
+    N_TERM, // coefficients of x, y and z: the constants, then the factors of t, of t² …
+    N_SLOPE_TERM = 3 * CLOSE_TERMS,
+    N_PLACE = N_SLOPE_TERM + SLOPE_TERMS,
+    N_DIRECTION = N_PLACE + 3,
+    N_T = N_DIRECTION + 3,
+    N_END, // of the piece, or of the ray
+    N_TO,  // of the ray
+    N_HEIGHT,
+    N_SLOPE,
+    N_MIDDLE,
+    N_RAY, // its index in scratch->bulb
+    N_BORN,
+    N_FIELDS
+};
 
 struct chebyshev_lanes {
     vfloat field[N_FIELDS];
     unsigned live;
 };
 
-enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves; see REFILL
-// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is shifted to match.
-#define STEPS_COUNTED 0x1p23f
-
-// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
-static void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
-                        struct worker_scratch *scratch) {
-    COUNT(queue_close, call);
-    if (scratch->close_count + 2 * LANES >
-        CLOSE_ROOM) { // whole registers are read from the last ray on
-        int left = scratch->close_count - scratch->close_first;
-        for (int i = 0; i < C_FIELDS; i++)
-            memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
-                    (size_t)left * sizeof(float));
-        scratch->close_first = 0;
-        scratch->close_count = left;
-    }
-    v_compress_store(m, ray, &scratch->close[C_RAY][scratch->close_count]);
-    v_compress_store(m, t, &scratch->close[C_T][scratch->close_count]);
-    v_compress_store(m, rest, &scratch->close[C_REST][scratch->close_count]);
-    v_compress_store(m, had, &scratch->close[C_HAD][scratch->close_count]);
-    scratch->close_count += v_count(m);
-}
-
-// Fills ended lanes with the next rays, if there are any. steps: the count of all steps so far.
-static void refill_chebyshev(struct chebyshev_lanes *to, struct ray_pieces *from, float steps,
-                             struct worker_scratch *scratch) {
-    COUNT(refill_chebyshev, call);
-    for (unsigned ended = ~to->live & ((1u << LANES) - 1); ended;) {
-        if (from->next == from->count) {
-            if (scratch->close_first == scratch->close_count)
-                return;
-            prepare_pieces(scratch, from);
-        }
-        unsigned now = ended;
-        int more = __builtin_popcount(ended) - (from->count - from->next);
-        for (; more > 0; more--)
-            now &= now - 1;
-        ACTIVE(__builtin_popcount(now));
-        COUNT(refill_chebyshev, taken);
-        v_expand_rows(to->field, N_FIELDS, now, &from->field[0][from->next], 2 * LANES);
-        to->field[N_BORN] =
-            v_select(v_mask_of_bits(now), v_splat(steps) - to->field[N_BORN], to->field[N_BORN]);
-        from->next += __builtin_popcount(now);
-        to->live |= now;
-        ended &= ~now;
-    }
-}
-
-struct chebyshev_packet {
-    vfloat t, estimate;
-    vmask done, reached, met;
+// Rays that have their pieces and wait for lanes. N_BORN: the steps that each has taken.
+struct ray_pieces {
+    float field[N_FIELDS][2 * LANES];
+    int next, count;
 };
 
-// Returns the orbit after the first iteration, from the polynomials.
-static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *lanes, vfloat t,
-                                                  vmask done) {
-    ACTIVE(LANES);
-    COUNT(chebyshev_orbit, call);
-    const vfloat *term = lanes->field + N_TERM + 3 * (CLOSE_TERMS - 1);
-    const vfloat *of_slope = lanes->field + N_SLOPE_TERM;
-    vfloat x = term[0], y = term[1], z = term[2], slope = of_slope[SLOPE_TERMS - 1];
-    for (int k = 1; k < CLOSE_TERMS; k++) {
-        term -= 3;
-        x = v_madd(x, t, term[0]);
-        y = v_madd(y, t, term[1]);
-        z = v_madd(z, t, term[2]);
-    }
-    for (int k = SLOPE_TERMS - 2; k >= 0; k--)
-        slope = v_madd(slope, t, of_slope[k]);
-    vfloat flat = v_madd(x, x, v_madd(z, z, v_splat(1e-30f)));
-    vfloat m = v_madd(y, y, flat);
-    return (struct scaled_orbit){
-        x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
+static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
+    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
+                     v_half_madd(direction.high, t.high, origin.high)};
 }
 
-// Moves each ray on by the least of h and its height over the plane. oldest: a ray that took its lane before has taken all
-// the steps it may.
-static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
-                                     vfloat hit_distance, vfloat oldest) {
-    ACTIVE(LANES - v_count(p->done));
-    COUNT(advance_chebyshev, call);
-    vfloat born = field[N_BORN];
-    born = v_select(p->done, born + v_splat(1.0f), born); // waiting for others is no step
-    vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
-    vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
-    p->estimate = v_select(live, h, p->estimate);
-    p->t = p->t + v_select_or_zero(live, least);
-    p->reached = v_or(p->reached, reached);
-    p->met = v_or(p->met, v_cmp_ge_in(reached, height, h));
-    live = v_cmp_ngt_in(v_andnot(reached, live), p->t, field[N_END]);
-    p->done = v_not(v_cmp_nge_in(live, oldest, born));
-    field[N_BORN] = born;
-}
-
-// One step of the first `count` packets. Returns how many of their lanes have ended.
-__attribute__((always_inline)) static inline int
-step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lanes,
-               struct chebyshev_packet *p, vfloat hit_distance, vfloat oldest) {
-    struct scaled_orbit b[INTERLEAVED];
-    struct vec at[INTERLEAVED] = {0};
-    vfloat h[INTERLEAVED];
-    COUNT(step_chebyshev, call);
-    for (int k = 0; k < count; k++) {
-        const vfloat *field = lanes[k].field;
-        ACTIVE(LANES - v_count(p[k].done));
-        COUNT(step_chebyshev, packet);
-        at[k] = vec_along(
-            (struct vec){field[N_PLACE], field[N_PLACE + 1], field[N_PLACE + 2]},
-            (struct vec){field[N_DIRECTION], field[N_DIRECTION + 1], field[N_DIRECTION + 2]},
-            p[k].t);
-        b[k] = chebyshev_orbit(&lanes[k], p[k].t, p[k].done);
-        b[k].on = v_cmp_ngt_in(b[k].on, b[k].m, v_splat(s->bailout));
-    }
-    bulbs_end(s, 1, false, true, false, count, b, at, h);
-    int ended = 0;
-    for (int k = 0; k < count; k++) {
-        advance_chebyshev(&p[k], lanes[k].field, h[k], hit_distance, oldest);
-        ended += v_count(p[k].done);
-    }
-    return ended;
-}
-
-static double field_double(const struct worker_scratch *scratch, int field, int ray) {
-    return (double)scratch->bulb[field][ray] + (double)scratch->bulb[field + B_REST][ray];
-}
-
-// Stores the hit of a ray at middle + way, if it is the nearest so far.
-static void store_chebyshev_hit(struct worker_scratch *scratch, int ray, float middle, float way) {
-    COUNT(store_chebyshev_hit, call);
-    double t = (double)middle + (double)way;
-    int slot = (int)scratch->bulb[B_SLOT][ray];
-    float all = (float)((double)scratch->bulb[B_BEFORE][ray] + t);
-    if (!(all < scratch->met[slot]))
-        return;
-    COUNT(store_chebyshev_hit, met);
-    scratch->met[slot] = all;
-    scratch->met_shape[slot] = scratch->shape;
-    for (int i = 0; i < 3; i++)
-        scratch->met_at[i][slot] = (float)(field_double(scratch, B_ORIGIN + i, ray) +
-                                           field_double(scratch, B_DIRECTION + i, ray) * t);
-}
-
-// Hands a ray back to bulb/bulb_march.c, which marches it in floats. t and rest: the distance as two floats.
-static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, float rest,
-                            float had) {
-    int to = scratch->open_count++;
-    for (int i = 0; i < B_LANE; i++)
-        scratch->open[i][to] = scratch->bulb[i][ray];
-    scratch->open[B_T][to] = t;
-    scratch->open[B_MORE][to] = rest;
-    scratch->open[B_BORN][to] = had;
-}
-
-// Frees the lanes that have ended. Hits are stored; rays at the end of a piece are queued for the next one or leave.
-static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps,
-                             float most, struct worker_scratch *scratch) {
-    ACTIVE(v_count(v_mask_of_bits(from->live)));
-    COUNT(retire_chebyshev, call);
-    from->field[N_T] = p->t;
-    unsigned ended = v_mask_bits(p->done) & from->live;
-    from->live &= ~ended;
-    if (!ended)
-        return;
-    COUNT(retire_chebyshev, ended);
-    float way[LANES], middle[LANES], rays[LANES], had[LANES];
-    vfloat taken = v_splat(steps) - from->field[N_BORN];
-    v_store(p->t, way);
-    v_store(from->field[N_MIDDLE], middle);
-    v_store(from->field[N_RAY], rays);
-    for (unsigned hits = ended & v_mask_bits(p->met); hits; hits &= hits - 1) {
-        int lane = __builtin_ctz(hits);
-        store_chebyshev_hit(scratch, (int)rays[lane], middle[lane], way[lane]);
-    }
-    vmask over = v_or(v_cmp_gt(p->t, from->field[N_TO]), v_cmp_ge(taken, v_splat(most)));
-    vmask on = v_andnot(v_or(p->reached, over), v_mask_of_bits(ended));
-    if (!v_any(on))
-        return;
-    ACTIVE(v_count(on));
-    COUNT(retire_chebyshev, on);
-    vfloat far = from->field[N_MIDDLE] + p->t, back = far - from->field[N_MIDDLE];
-    vfloat rest = (from->field[N_MIDDLE] - (far - back)) + (p->t - back);
-    vmask open = v_and(on, v_cmp_gt(p->estimate, v_splat(LEAVE_ESTIMATE)));
-    v_store(far, way);
-    v_store(rest, middle);
-    v_store(taken, had);
-    for (unsigned which = v_mask_bits(open); which; which &= which - 1) {
-        int lane = __builtin_ctz(which);
-        leave_chebyshev(scratch, (int)rays[lane], way[lane], middle[lane], had[lane]);
-    }
-    queue_close(v_andnot(open, on), from->field[N_RAY], far, rest, taken, scratch);
-}
-
-// Moves all rays to the first packet. Precondition: they are LANES at most.
-static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
-    COUNT(join_chebyshev, call);
-    for (int k = 1; k < INTERLEAVED; k++) {
-        unsigned here = lanes[k].live, there = ~lanes[0].live & ((1u << LANES) - 1);
-        if (!here)
-            continue;
-        while (__builtin_popcount(there) > __builtin_popcount(here))
-            there &= there - 1;
-        v_move_lanes((float *)lanes[0].field, there, (const float *)lanes[k].field, here, N_FIELDS);
-        lanes[0].live |= there;
-        lanes[k].live = 0;
-    }
-}
-
-// Marches the close rays until none waits. It returns with rays still in lanes if too few are left to fill the lanes and
-// some rays wait for the march in floats.
-static void march_chebyshev(const struct primitive *s, const struct limits *limits,
-                            struct chebyshev_lanes lanes[INTERLEAVED], struct ray_pieces *pieces,
-                            float *steps, struct worker_scratch *scratch) {
-    COUNT(march_chebyshev, call);
-    float hit = (float)limits->hit_distance, most = (float)limits->max_steps;
-    vfloat hit_distance = v_splat(hit > 0x1p-24f ? hit : 0x1p-24f);
-    for (;;) {
-        struct chebyshev_packet p[INTERLEAVED];
-        int live = 0;
-        for (int k = 0; k < INTERLEAVED; k++) {
-            refill_chebyshev(&lanes[k], pieces, *steps, scratch);
-            live += __builtin_popcount(lanes[k].live);
-        }
-        bool one = live <= LANES; // the tile's last rays: some take a thousand steps
-        if (one)
-            join_chebyshev(lanes);
-        for (int k = 0; k < INTERLEAVED; k++) {
-            COUNT(march_chebyshev, packet);
-            p[k] = (struct chebyshev_packet){lanes[k].field[N_T], v_splat(0.0f),
-                                             v_mask_of_bits(~lanes[k].live), v_mask_none(),
-                                             v_mask_none()};
-        }
-        int ended = INTERLEAVED * LANES - live;
-        bool more = pieces->next < pieces->count || scratch->close_first < scratch->close_count;
-        if (ended == INTERLEAVED * LANES ||
-            (!more && ended >= REFILL_CLOSE && scratch->open_count > 0))
-            return;
-        int enough = one ? INTERLEAVED * LANES : (INTERLEAVED - 1) * LANES;
-        if (more || scratch->open_count > 0)
-            enough = ended + REFILL_CLOSE;
-        while (ended < enough && ended < INTERLEAVED * LANES && *steps < STEPS_COUNTED) {
-            COUNT(march_chebyshev, step);
-            *steps += 1.0f;
-            vfloat oldest = v_splat(*steps - most);
-            if (one)
-                ended = (INTERLEAVED - 1) * LANES +
-                        step_chebyshev(s, 1, lanes, p, hit_distance, oldest);
-            else
-                ended = step_chebyshev(s, INTERLEAVED, lanes, p, hit_distance, oldest);
-        }
-        for (int k = 0; k < INTERLEAVED; k++)
-            retire_chebyshev(&p[k], &lanes[k], *steps, most, scratch);
-        if (*steps < STEPS_COUNTED)
-            continue;
-        for (int k = 0; k < INTERLEAVED; k++)
-            lanes[k].field[N_BORN] = lanes[k].field[N_BORN] - v_splat(*steps);
-        *steps = 0.0f;
-    }
-}
+KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
+                               struct worker_scratch *scratch);
+KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limits *limits,
+                                   struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
+                                   float *steps, struct worker_scratch *scratch);
+// bulb/chebyshev_pieces.c
+KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to);
 
 #endif

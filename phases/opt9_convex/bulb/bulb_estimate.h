@@ -9,9 +9,11 @@
 #ifndef OPT9_BULB_H
 #define OPT9_BULB_H
 
+#include "core/known_scene.h"
 #include "core/numerics.h"
-#include "core/sdf.h"
+#include "core/tile_context.h"
 #include "simd/pow.h"
+#include "simd/vec.h"
 
 #define BULB_SHARE 0.52f
 
@@ -153,10 +155,6 @@ static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool t
     return distance;
 }
 
-enum {
-    INTERLEAVED = 3,
-    REFILLED_PACKETS = 2 * INTERLEAVED + 1
-}; // packets; of shadow rays: in work, on their way out, the next
 enum { REFILL = LANES * LANES / 32 }; // so many lanes that have ended are filled again
 
 // From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.

@@ -4,9 +4,13 @@
 // shapes"); rays that miss the bounding sphere take none.
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+#include <string.h>
+
 #include "bulb/bulb_chebyshev.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "bulb/bulb_estimate.h"
+#include "bulb/bulb_march.h"
+#include "core/sdf.h"
+#include "core/shading_packet.h"
 
 // Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
 #define COARSE_HIT_DISTANCE 1e-4f

@@ -1,11 +1,10 @@
 // Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
 // bulb/bulb_march.c, and rays on which no later term can come below what they have leave for packets of their own.
-#include "core/numerics.h"
-#include "shadow/shadow_queue.h"
-#include "simd/permute.h"
-#include "simd/pow.h"
-
 #include <string.h>
+
+#include "bulb/bulb_estimate.h"
+#include "core/numerics.h"
+#include "shadow/soft_shadow.h"
 
 static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) {
     COUNT(add_light_to_lane, call);

@@ -1,8 +1,8 @@
 // See bvh/bvh_lists.h. What is asked is the same as of a small scene, first of the spheres about nodes: what those rule out
 // they rule out for all in them.
+#include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
 #include "hit/tile_frustum.h"
-#include "shadow/flat_faces.h"
 
 static int list_marked(struct worker_scratch *scratch, const struct prepared *scene, int *list) {
     int count = 0;
@@ -115,6 +115,36 @@ void bvh_list_in_row(const struct window *row, float across, const struct job *j
     }
 }
 
+// Cones of slope q about rays from a ball; q = ∞: all there is.
+struct bundle_cone {
+    struct vec centre, to_light;
+    vfloat radius, reach, q, narrow;
+};
+
+// From a slope of 1 on cones meet what is behind them, too: nothing is left out.
+static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light,
+                                                float radius, vfloat reach, float q) {
+    bool wide = !(q < 1);
+    return (struct bundle_cone){centre,
+                                to_light,
+                                v_splat(radius),
+                                reach,
+                                v_splat(wide ? INFINITY : q),
+                                v_splat(wide ? 0 : 1 - q * q)};
+}
+
+static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
+    COUNT(sphere_in_bundle_cone, call);
+    const struct bundle_cone *b = with;
+    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
+    vfloat r = radius_with_rounding(radius, v, b->reach) + b->radius;
+    vfloat lean = v_madd(b->q, r, vec_dot(v, b->to_light));
+    vfloat need = v_nmadd(r, r, vec_dot(v, v));
+    vmask misses = v_or(v_cmp_lt(lean, v_splat(0.0f)),
+                        v_cmp_lt(lean * lean * v_splat(1 + 1e-4f), b->narrow * need));
+    return v_not(v_and(v_cmp_gt(need, v_splat(0.0f)), misses));
+}
+
 static struct bundle_cone bundle_cone_from(const float centre[3], float radius,
                                            const float to_light[3], float q) {
     COUNT(bundle_cone_from, call);
@@ -207,113 +237,4 @@ int bvh_list_along(struct vec origin, struct vec direction, vmask active,
     bvh_visit(&work->scene->tree, sphere_met_by_ray, mark_leaf, &bundle);
     mark_planes(work->scratch, work->scene);
     return list_marked(work->scratch, work->scene, list);
-}
-
-// Behind the sphere about all solids no term comes below 1.
-static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
-    COUNT(end_behind_bvh, call);
-    COUNT(end_behind_bvh, scalar);
-    const struct bvh *tree = &scene->tree;
-    float q = scene->known.lit_slope;
-    vfloat wide = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
-    struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
-                    v_splat(tree->centre[2]) - r->point.z};
-    vfloat lean = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
-    vfloat need = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
-    vfloat square = v_msub(lean, lean, wide * need);
-    vmask met = v_or(v_cmp_lt(need, zero), v_and(v_cmp_gt(lean, zero), v_cmp_ge(square, zero)));
-    vfloat leaves = (lean + v_sqrt(v_max(square, zero))) / wide;
-    if (!(q < 1.0f)) { // as in candidate_solid()
-        met = v_mask_all();
-        leaves = v_splat(INFINITY);
-    }
-    r->end = v_select(met, v_max(leaves, r->end), r->end);
-}
-
-// Rays from planes, and where something else can be as near to them as their plane: not before `alone`.
-struct leap_query {
-    struct shadow_rays *rays;
-    vmask able;
-    const struct prepared *scene;
-};
-
-static inline vfloat earliest_approach(const float centre[3], float radius,
-                                       const struct shadow_rays *r) {
-    COUNT(earliest_approach, call);
-    COUNT(earliest_approach, scalar);
-    struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
-                    v_splat(centre[2]) - r->point.z};
-    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), c = r->facing;
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
-    vfloat lean = v_madd(c, v_splat(radius), vec_dot(v, r->to_light)),
-           narrow = v_nmadd(c, c, v_splat(1.0f));
-    vfloat rest = v_msub(lean, lean, narrow * need);
-    vfloat meets = need / (lean + v_sqrt(v_max(rest, zero)));
-    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
-    return v_select(v_cmp_gt(need, zero), meets, zero);
-}
-
-static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
-    COUNT(sphere_limits_leap, call);
-    struct leap_query *l = with;
-    return v_any(
-        v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
-}
-
-static inline void limit_leap(int shape, void *with) {
-    COUNT(limit_leap, call);
-    struct leap_query *l = with;
-    const struct primitive *s = &l->scene->placed[shape];
-    struct shadow_rays *r = l->rays;
-    r->alone = v_min(r->alone, earliest_approach(s->position, s->bound, r));
-}
-
-// Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
-static inline vmask may_enter_sphere(const struct primitive *s, int i,
-                                     const struct shadow_rays *r) {
-    COUNT(may_enter_sphere, call);
-    COUNT(may_enter_sphere, scalar);
-    struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
-                    v_splat(s->position[2]) - r->point.z};
-    vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
-    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
-    ahead = v_and(ahead,
-                  v_cmp_lt(along - v_splat(s->bound * (1 + 1e-4f)), r->first * v_splat(1 + 1e-5f)));
-    vmask may = v_or(ahead, v_cmp_lt(need, v_splat(0.0f)));
-    return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
-}
-
-void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
-                     const struct tile_context *work) {
-    ACTIVE(v_count(r->active));
-    COUNT(bvh_first_entry, call);
-    const struct prepared *scene = work->scene;
-    for (int k = 0; k < scene->plane_count; k++) {
-        COUNT(bvh_first_entry, plane);
-        r->on_plane = v_or(r->on_plane, is_shape(r->shape, scene->planes[k]));
-    }
-    for (int k = 0; k < scene->plane_count; k++)
-        candidate_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
-                        &nears[scene->planes[k]]);
-    end_behind_bvh(r, scene);
-    for (int k = 0; k < work->scratch->entry_count; k++) {
-        int i = work->scratch->ahead[k];
-        ACTIVE(v_count(r->active));
-        vmask may = may_enter_sphere(&scene->placed[i], i, r);
-        if (!v_any(may))
-            continue;
-        ACTIVE(v_count(may));
-        first_entry(&scene->placed[i], i, r, may);
-    }
-    ACTIVE(v_count(r->active));
-    // A cone's slope must be below 1 for its end to be told (earliest).
-    struct leap_query l = {
-        r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
-    vmask flat = leaves_flat_face(r, scene);
-    ACTIVE(v_count(r->active)); // what was called has set its own
-    r->alone = v_select(v_or(l.able, flat), r->alone, v_splat(0.0f));
-    r->on_plane = v_or(r->on_plane, flat); // as if they were
-    if (v_any(l.able))
-        bvh_visit(&scene->tree, sphere_limits_leap, limit_leap, &l);
 }

@@ -1,9 +1,9 @@
 // What a crowd's tree is asked by: the spheres of a node in the lanes, or rays in the lanes, sphere by sphere.
-#ifndef OPT9_SEEK_H
-#define OPT9_SEEK_H
+#ifndef OPT9_BVH_TRAVERSAL_H
+#define OPT9_BVH_TRAVERSAL_H
 
-#include "bvh/bvh_lists.h"
-#include "simd/permute.h"
+#include "bvh/bvh.h"
+#include "core/tile_context.h"
 
 static inline int append_planes(const struct prepared *scene, int *list, int count) {
     for (int k = 0; k < scene->plane_count; k++)
@@ -18,7 +18,9 @@ static inline struct vec vec_of_lane(const struct vec *v, int lane) {
 
 // A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
 enum { LEVEL_BITS = 2 };
+
 _Static_assert(TREE_LEVELS <= 1 << LEVEL_BITS, "room for a level");
+
 enum {
     STACK_ROOM = TREE_LEVELS * TREE_WIDTH + LANES
 }; // room for all, and for what a row writes behind them
@@ -45,6 +47,7 @@ static inline int push_nodes(vmask those, int level, int first, int waiting[LANE
 typedef vmask sphere_test(struct vec centre, vfloat radius, const void *with);
 
 enum { NODES = TREE_WIDTH * TREE_WIDTH }; // of the level that has the most
+
 _Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
 
 // Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
@@ -82,6 +85,7 @@ __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree
 
 // The same with rays in the lanes, sphere by sphere.
 typedef bool ray_test(const float centre[3], float radius, void *with);
+
 typedef void leaf_visit(int shape, void *with);
 
 __attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tree, ray_test *test,
@@ -107,36 +111,6 @@ __attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tr
 static inline vfloat radius_with_rounding(vfloat radius, struct vec v, vfloat reach) {
     vfloat size = v_abs(v.x) + v_abs(v.y) + v_abs(v.z) + reach;
     return v_madd(v_splat(1e-6f), size, radius * v_splat(1 + 1e-5f));
-}
-
-// Cones of slope q about rays from a ball; q = ∞: all there is.
-struct bundle_cone {
-    struct vec centre, to_light;
-    vfloat radius, reach, q, narrow;
-};
-
-// From a slope of 1 on cones meet what is behind them, too: nothing is left out.
-static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light,
-                                                float radius, vfloat reach, float q) {
-    bool wide = !(q < 1);
-    return (struct bundle_cone){centre,
-                                to_light,
-                                v_splat(radius),
-                                reach,
-                                v_splat(wide ? INFINITY : q),
-                                v_splat(wide ? 0 : 1 - q * q)};
-}
-
-static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
-    COUNT(sphere_in_bundle_cone, call);
-    const struct bundle_cone *b = with;
-    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
-    vfloat r = radius_with_rounding(radius, v, b->reach) + b->radius;
-    vfloat lean = v_madd(b->q, r, vec_dot(v, b->to_light));
-    vfloat need = v_nmadd(r, r, vec_dot(v, v));
-    vmask misses = v_or(v_cmp_lt(lean, v_splat(0.0f)),
-                        v_cmp_lt(lean * lean * v_splat(1 + 1e-4f), b->narrow * need));
-    return v_not(v_and(v_cmp_gt(need, v_splat(0.0f)), misses));
 }
 
 #endif

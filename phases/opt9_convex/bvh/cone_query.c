@@ -1,7 +1,8 @@
 // Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
+#include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
-#include "core/numerics.h"
 #include "shadow/shadow_batch.h"
+#include "shadow/shadow_cone.h"
 
 // A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
 struct ray_cone {

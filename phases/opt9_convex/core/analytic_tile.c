@@ -1,11 +1,81 @@
 // Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
 // a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
 // there are enough of them to fill all lanes.
-#include "hit/camera_rays.h"
-#include "hit/closest_hit.h"
+#include "bulb/bulb_march.h"
+#include "bvh/bvh_lists.h"
+#include "core/sdf.h"
+#include "core/tile.h"
+#include "hit/solids.h"
 #include "hit/tile_frustum.h"
-#include "repetition/repeated_bundles.h"
-#include "simd/point.h"
+#include "phase.h"
+#include "repetition/repeated_rays.h"
+#include "shadow/shadow_rays.h"
+
+// Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
+// then hit it at once, at the distance that they are at, which is negative.
+INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
+                              vmask own, vfloat *t, struct vec *local) {
+    COUNT(hit_from_surface, call);
+    if (s->convex)
+        active = v_andnot(own, active); // what it leaves, it does not meet again
+    vmask within, met = enter(o, d, s, active, t, local, &within);
+    if (!s->convex) {
+        COUNT(hit_from_surface, torus);
+        within = v_and(v_andnot(own, active), v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
+    }
+    if (!v_any(within))
+        return met;
+    COUNT(hit_from_surface, within);
+    vfloat h = distance_at(o, s, v_mask_none());
+    vmask inside = v_and(within, v_cmp_lt(h, v_splat(0.0f)));
+    *t = v_select(inside, h, *t);
+    *local = vec_select(inside, vec_along(o, d, h), *local);
+    return v_or(met, inside);
+}
+
+INLINE void meet_mirror(int i, const struct packet_ray *ray, const struct prepared *scene,
+                        struct surface_hit *hit) {
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    ACTIVE(v_count(ray->active));
+    vmask own = is_shape(ray->leaves, i), met;
+    vfloat t;
+    struct vec local = hit->local;
+    if (s->type == SHAPE_MANDELBULB) // by hit_bulbs()
+        return;
+    COUNT(closest_mirror_hit, shape);
+    if (s->way == EVAL_LINEAR) {
+        COUNT(closest_mirror_hit, plane);
+        vfloat slope = add_dot(s->normal, ray->direction), height = height_over(s, ray->origin);
+        vmask under = v_cmp_lt(height, v_splat(0.0f));
+        t = v_select(under, height, height / (v_splat(0.0f) - slope));
+        met = v_and(v_andnot(own, ray->active), v_or(under, v_cmp_lt(slope, v_splat(0.0f))));
+    } else if (REPEATED(s)) {
+        COUNT(closest_mirror_hit, repeated);
+        vfloat end =
+            v_min(bounds_distance(ray->origin, ray->direction, &scene->model.march), hit->t);
+        met = hit_cells(ray, s, own, end, (float)scene->model.march.surface_offset, &t, &local);
+    } else {
+        COUNT(closest_mirror_hit, solid);
+        met = hit_from_surface(to_local(s, ray->origin), turned(s, ray->direction), s, ray->active,
+                               own, &t, &local);
+    }
+    take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
+}
+
+static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
+                                             const struct tile_context *work) {
+    COUNT(closest_mirror_hit, call);
+    struct surface_hit hit;
+    no_hit(&hit);
+    if (HAS_BVH(work->scene)) {
+        int *list = work->scratch->mirror_list;
+        int count = bvh_list_along(ray->origin, ray->direction, ray->active, work, list);
+        for (int k = 0; k < count; k++)
+            meet_mirror(list[k], ray, work->scene, &hit);
+    } else
+        EACH_SHAPE(work->scene, meet_mirror, ray, work->scene, &hit);
+    return hit;
+}
 
 // The last of the rays that wait first: what they see may make more of them.
 static void follow_mirrors(const struct tile_context *work) {
@@ -70,97 +140,6 @@ static void shapes_in(const struct window *w, const struct job *job, struct shap
     EACH_SHAPE(job->prepared, look_across, w, sides, job, list);
 }
 
-static inline void set_camera_ray(const struct tile *tile, struct vec direction, vmask active,
-                                  int slot, struct packet_ray *ray) {
-    COUNT(set_camera_ray, call);
-    vfloat zero = v_splat(0.0f);
-    ray->origin = tile->eye;
-    ray->direction = direction;
-    ray->weight = v_splat(1.0f);
-    ray->pixel = v_iota() + v_splat((float)slot);
-    ray->bounce = zero;
-    ray->leaves = v_splat(-1.0f);
-    ray->active = active;
-    ray->local = (struct vec){zero, zero, zero};
-}
-
-// A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
-static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
-                                 const struct job *job, const struct worker_scratch *scratch,
-                                 struct shading_packet *at) {
-    ACTIVE(block.across * block.down);
-    COUNT(camera_packet, call);
-    struct vec d = get_direction(tile, block, job->frame);
-    vmask active = in_picture(block);
-    set_camera_ray(tile, d, active, slot, &at->ray);
-    no_hit(&at->hit);
-    if (!HAS_BVH(job->prepared)) {
-        EACH_IN(scratch->camera_list_count, meet, d, active, job->eyes, job->prepared, &at->hit);
-        return;
-    }
-    int number = (block.column - tile->left) / BLOCK_WIDTH;
-    const int *list = scratch->row_list + number * job->prepared->model.shape_count;
-    for (int k = 0; k < scratch->row_counts[number]; k++)
-        meet(list[k], d, active, job->eyes, job->prepared, &at->hit);
-}
-
-// Of a crowd: what each of the row's blocks can meet.
-static inline void list_for_row(const struct tile *tile, int row, const struct job *job,
-                                struct worker_scratch *scratch) {
-    struct frame *frame = job->frame;
-    float per = tile->per_height;
-    struct window window = {
-        (float)(2 * tile->left + 1 - frame->width) * per,
-        (float)(2 * tile->right - 1 - frame->width) * per,
-        (float)(frame->height + 1 - 2 * int_min(tile->bottom, row + BLOCK_HEIGHT)) * per,
-        (float)(frame->height - 1 - 2 * row) * per};
-    bvh_list_in_row(&window, 2 * BLOCK_WIDTH * per, job, scratch);
-}
-
-INLINE void is_single(int i, const struct prepared *scene, bool *some) {
-    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
-}
-
-// What a tile's packets meet where shapes are repeated: first of the others.
-static void repeated_tile(const struct tile *tile, const struct job *job,
-                          const struct worker_scratch *scratch, struct primary_hit *sights) {
-    struct block_grid mesh;
-    float per_height = tile->per_height;
-    mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
-    mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
-    mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
-    mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
-    mesh.pixel = 2 * per_height;
-    COUNT(repeated_tile, call);
-    COUNT(repeated_tile, scalar);
-    bool others = false; // plain ones that are not repeated
-    if (needs_no_secondary(&KNOWN(job->prepared)->model))
-        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
-    struct vec columns[BLOCKS_ACROSS];
-    ACTIVE(LANES);
-    for (int i = 0; i < mesh.across; i++)
-        columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
-    for (int row = 0; row < mesh.down; row++) {
-        ACTIVE(LANES);
-        vfloat up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
-        for (int i = 0; i < mesh.across; i++) {
-            struct primary_hit *at = &sights[row * BLOCKS_ACROSS + i];
-            struct pixel_block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
-            ACTIVE(block.across * block.down);
-            COUNT(repeated_tile, packet);
-            at->direction = direction_in(tile, columns[i], up);
-            at->active = in_picture(block);
-            at->only = -1;
-            no_hit(&at->hit);
-            EACH_IN(scratch->camera_list_count, meet, at->direction, at->active, job->eyes,
-                    job->prepared, &at->hit);
-            if (others)
-                primary_normals(at, job->prepared);
-        }
-    }
-    EACH_IN(scratch->camera_list_count, hit_repeated, &mesh, job, sights);
-}
-
 // A row of packets that nothing waits for.
 static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *sights,
                               int pixel, struct frame *frame, const struct tile_context *work) {
@@ -186,26 +165,6 @@ static void shade_primary_row(const struct tile *tile, int row, const struct pri
         v_store(at.color.y, to + COLOR_ROOM);
         v_store(at.color.z, to + 2 * COLOR_ROOM);
     }
-}
-
-INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
-                          struct worker_scratch *scratch) {
-    const struct primitive *s = &KNOWN(job->prepared)->placed[shape];
-    if (s->type != SHAPE_MANDELBULB)
-        return;
-    struct camera_double eye = exact_eye_of(s, job->view);
-    struct vec_double o = {v_double_splat(eye.at[0]), v_double_splat(eye.at[1]),
-                           v_double_splat(eye.at[2])};
-    int count = 0, slot = 0;
-    for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
-        for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
-            struct shading_packet at;
-            struct pixel_block block = block_at(tile, row, i);
-            camera_packet(tile, block, slot, job, scratch, &at);
-            count = queue_bulb_rays(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
-                                    at.hit.t, slot, job->prepared, scratch);
-        }
-    march_bulb(s, count, &job->prepared->model.march, scratch);
 }
 
 int count_tiles(const struct job *job) {
@@ -260,32 +219,6 @@ static inline void list_for_tile(const struct tile *tile, const struct job *job,
         shapes_in(&window, job, &scratch->camera_list_count);
 }
 
-// A row's packets; how many. sights: where shapes are repeated, what they see.
-static inline int camera_row(const struct tile *tile, int row, int pixel,
-                             const struct primary_hit *sights, const struct job *job,
-                             struct worker_scratch *scratch, struct shading_packet *stage) {
-    int count = 0;
-    sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
-    if (HAS_BVH(job->prepared))
-        list_for_row(tile, row, job, scratch);
-    for (; tile->left + count * BLOCK_WIDTH < tile->right; count++, pixel += LANES) {
-        struct shading_packet *at = &stage[count];
-        if (REPEATS(job->prepared)) {
-            const struct primary_hit *seen = &sights[count];
-            set_camera_ray(tile, seen->direction, seen->active, pixel, &at->ray);
-            at->hit.found = seen->hit.found;
-            at->hit.t = seen->hit.t;
-            at->hit.shape = seen->hit.shape;
-            at->hit.local = seen->hit.local;
-            continue;
-        }
-        camera_packet(tile, block_at(tile, row, count), pixel, job, scratch, at);
-        if (KNOWN(job->prepared)->bulbs)
-            take_bulb_hits(at, pixel, scratch);
-    }
-    return count;
-}
-
 static inline void store_row_colors(const struct tile *tile, int row, int pixel,
                                     const struct shading_packet *stage, int count,
                                     struct frame *frame, struct worker_scratch *scratch) {
@@ -328,8 +261,7 @@ void draw_analytic_tile(const struct job *job, int number, struct worker_scratch
         return;
     }
     if (KNOWN(job->prepared)->bulbs) {
-        clear_bulb_hits(scratch, TILE_WIDTH * BULB_TILE_HEIGHT);
-        EACH_IN(scratch->camera_list_count, look_for_bulb, &tile, job, scratch);
+        march_tile_bulbs(&tile, job, scratch);
     }
     bool plain = REPEATS(job->prepared) && needs_no_secondary(&KNOWN(job->prepared)->model);
     struct primary_hit sights[BLOCKS];

@@ -1,9 +1,11 @@
 // Light at a packet's hits (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975), as in fallback/shade.c):
 // of any rays, and of camera rays for which the way from the camera to the light is known.
-#ifndef OPT9_LIGHT_H
-#define OPT9_LIGHT_H
+#ifndef OPT9_LIGHTING_H
+#define OPT9_LIGHTING_H
 
+#include "core/sdf.h"
 #include "core/shading_packet.h"
+#include "core/tile_context.h"
 #include "simd/pow.h"
 
 // a to the power of the shininess. One that is known and whole: products in place of a logarithm and an exponential.

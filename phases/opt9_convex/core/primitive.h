@@ -1,13 +1,15 @@
 // What core/primitives.c works out once, and what core/render.c calls of the kernels, which are built for 8 and for 16 lanes: no
 // lanes in here.
-#ifndef OPT9_PLACED_H
-#define OPT9_PLACED_H
+#ifndef OPT9_PRIMITIVE_H
+#define OPT9_PRIMITIVE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "bvh/bvh.h"
-#include "phase.h"
+#include "scene/scene.h"
+
+struct frame;
 
 // As an unevaluated sum of two floats.
 static inline void split(double a, float *hi, float *lo) {

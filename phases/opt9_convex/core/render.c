@@ -6,6 +6,7 @@
 #include "core/primitive.h"
 #include "counting/flops.h"
 #include "driver/variant.h"
+#include "phase.h"
 #include "workers/workers.h"
 
 // What a tile reads is `prepared`; the team stands behind it.

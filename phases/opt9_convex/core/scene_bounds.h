@@ -1,6 +1,6 @@
 // Whether a hit is within the scene's bounds: behind them a ray meets nothing.
-#ifndef OPT9_BOUNDS_H
-#define OPT9_BOUNDS_H
+#ifndef OPT9_SCENE_BOUNDS_H
+#define OPT9_SCENE_BOUNDS_H
 
 #include "core/shading_packet.h"
 

@@ -55,6 +55,15 @@ INLINE struct vec turned_back(const struct primitive *placed, struct vec v) {
     return vec_along(out, vec_set(placed->turn[2]), v.z);
 }
 
+INLINE struct vec to_local(const struct primitive *s, struct vec p) {
+    return turned(s, (struct vec){p.x - v_splat(s->position[0]), p.y - v_splat(s->position[1]),
+                                  p.z - v_splat(s->position[2])});
+}
+
+INLINE vfloat height_over(const struct primitive *s, struct vec p) {
+    return add_dot(s->normal, p) - v_splat(s->c);
+}
+
 static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: not repeated
     return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
 }

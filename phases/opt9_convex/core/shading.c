@@ -4,9 +4,9 @@
 #include "bvh/bvh_lists.h"
 #include "core/lighting.h"
 #include "core/scene_bounds.h"
+#include "hit/solids.h"
 #include "repetition/repeated_rays.h"
-#include "shadow/shadow_candidates.h"
-#include "simd/permute.h"
+#include "shadow/shadow_rays.h"
 
 // Forward differences of the estimate, the only normal it has.
 static struct vec bulb_normal(struct vec p, vmask found, const struct primitive *s, float step) {

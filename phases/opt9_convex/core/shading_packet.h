@@ -1,9 +1,11 @@
 // A packet of rays on its way to a colour.
-#ifndef OPT9_STAGE_H
-#define OPT9_STAGE_H
+#ifndef OPT9_SHADING_PACKET_H
+#define OPT9_SHADING_PACKET_H
 
-#include "core/tile_context.h"
-#include "simd/point.h"
+#include "core/known_scene.h"
+#include "simd/vec.h"
+
+struct tile_context;
 
 struct surface_hit {
     vmask found;
@@ -15,6 +17,25 @@ struct surface {
     struct vec normal, color;
     vfloat share, shininess, shine_from;
 };
+
+INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primitive *s,
+                     struct surface_hit *hit) {
+    if (!v_any(met))
+        return;
+    hit->found = v_or(hit->found, met);
+    hit->t = v_select(met, t, hit->t);
+    hit->shape = v_select(met, v_splat(s->index), hit->shape);
+    hit->local = vec_select(met, local, hit->local);
+}
+
+// Part by part, as rays and hits are below: a mask that was just written, copied as a part of a whole register, is waited
+// for.
+static inline void no_hit(struct surface_hit *hit) {
+    hit->found = v_mask_none();
+    hit->t = v_splat(INFINITY);
+    hit->shape = v_splat(-1.0f);
+    hit->local = (struct vec){v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
+}
 
 struct packet_ray {
     struct vec origin, direction;
@@ -55,25 +76,13 @@ struct primary_hit {
 
 // Of hits on what is not repeated: their normals, as a sight has them.
 KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene);
+
 // Its colour, where nothing waits for it.
 KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
                                      const struct tile_context *work);
+
 // Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
 KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count,
                                  const struct tile_context *work);
-
-// Rays through a Mandelbulb's bounding sphere that wait for march_bulb(); returns how many there are now. o, d:
-// in its frame; slot: where the first lane's answer is to be.
-KERNEL_SHARED int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o,
-                                  struct vec_double d, const struct packet_ray *ray, vfloat end,
-                                  int slot, const struct prepared *scene,
-                                  struct worker_scratch *scratch);
-// The answers: what the packet meets there, if before what it has met so far.
-KERNEL_SHARED void take_bulb_hits(struct shading_packet *at, int slot,
-                                  const struct worker_scratch *scratch);
-KERNEL_SHARED void clear_bulb_hits(struct worker_scratch *scratch, int slots);
-// All of it for a group of mirror rays.
-KERNEL_SHARED void hit_bulbs(struct shading_packet *stage, int packets,
-                             const struct tile_context *work);
 
 #endif

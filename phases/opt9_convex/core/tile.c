@@ -1,11 +1,11 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
-#include "core/pixel_block.h"
+#include <stdlib.h>
+
+#include "core/tile.h"
 #include "core/worker_scratch.h"
 #include "fallback/trace.h"
-#include "simd/point.h"
-
-#include <stdlib.h>
+#include "phase.h"
 
 static struct point point_from_double(const double a[3]) {
     float hi[3], lo[3];

@@ -1,11 +1,12 @@
-// What core/tile.c, core/analytic_tile.c and shadow/soft_shadow.c share: scenes of solids and planes, without a marched camera or mirror ray.
-#ifndef OPT9_CONVEX_H
-#define OPT9_CONVEX_H
+// What a worker keeps for a tile: sizes, queues of rays, lists of shapes; and the frame's constants.
+#ifndef OPT9_TILE_CONTEXT_H
+#define OPT9_TILE_CONTEXT_H
 
 #include <string.h>
 
-#include "hit/solids.h"
+#include "core/known_scene.h"
 #include "simd/permute.h"
+#include "simd/vec.h"
 
 enum {
     TILE_WIDTH = 32,
@@ -17,9 +18,17 @@ enum {
     TILE_PIXELS = TILE_WIDTH * BULB_TILE_HEIGHT, // at most
     COLOR_ROOM = TILE_PIXELS + 3 * LANES, // so that no two of a pixel's colours are 4 KiB apart
     GROUP = TILE_WIDTH / BLOCK_WIDTH,     // packets that are shaded together
-    QUEUE = 5120,                         // rays; a full one is worked off
+    BLOCKS_ACROSS = GROUP,
+    BLOCKS_DOWN = TILE_HEIGHT / BLOCK_HEIGHT,
+    BLOCKS = BLOCKS_ACROSS * BLOCKS_DOWN,
+    QUEUE = 5120, // rays; a full one is worked off
     QUEUE_ROOM = QUEUE + 2 * LANES
 };
+
+enum {
+    INTERLEAVED = 3,
+    REFILLED_PACKETS = 2 * INTERLEAVED + 1
+}; // packets; of shadow rays: in work, on their way out, the next
 
 // Mirror rays that wait: what they add to their pixel is `weight` times what they see.
 enum mirror_field {
@@ -32,6 +41,7 @@ enum mirror_field {
     M_LOCAL,  // where shapes are repeated: the point it is from, in that one's frame
     M_FIELDS = M_LOCAL + 3
 };
+
 // Shadow rays that wait: `light` is what they add to their pixel where nothing is in the way.
 enum shadow_field {
     S_POINT,
@@ -44,6 +54,7 @@ enum shadow_field {
     S_PIXEL,
     S_FIELDS
 };
+
 // Rays through a Mandelbulb's bounding sphere, in its frame, from where they are nearest to its centre: `before`
 // from their origin.
 enum bulb_field {
@@ -62,11 +73,15 @@ enum bulb_field {
     B_REST = B_LANE, // what origin and direction are more, as doubles
     B_FIELDS = B_REST + 6
 };
+
 // Of those that wait to go on in bulb/bulb_chebyshev.h: t as two floats.
 enum close_ray_field { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+
 enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + 2 * LANES };
 
 enum { BATCH_CANDIDATES_ROOM = 256 };
+
+struct shadow_candidate;
 
 // A worker's own.
 struct worker_scratch {
@@ -108,19 +123,6 @@ static inline void reset_scratch(struct worker_scratch *scratch) {
     memset(scratch->marks, 0, sizeof scratch->marks);
 }
 
-// What a shape is to a packet of shadow rays.
-struct shadow_candidate {
-    struct vec origin, direction; // in its frame; EVAL_LINEAR: x is height and slope
-    vfloat constant, slope;       // of a sphere that some of the rays are from (power):
-    bool power;                   // |p|² − radius² = constant + t·(t + slope)
-    vfloat from;                  // before that it is further than any other
-    vfloat wake_bound;            // where t + the nearest distance is less, so is that one
-};
-
-_Static_assert(offsetof(struct shadow_candidate, origin) == 0 &&
-                   offsetof(struct shadow_candidate, direction) == 3 * sizeof(vfloat),
-               "one behind the other");
-
 struct tile_context {
     const struct prepared *scene;
     const struct view *view;
@@ -130,24 +132,8 @@ struct tile_context {
     float inside;                // nearer than this a camera ray is within the bounds
 };
 
-// Soft shadow rays on which no shape but their own can bring a term of the estimator below 1; and their own
-// neither, but for the first two, since it bulges.
-KERNEL_SHARED vmask trivially_lit(const struct vec *point, const struct vec *local,
-                                  const struct vec *to_light, vfloat facing, vfloat shape,
-                                  vmask active, const struct tile_context *work);
-// The shadow on these: the least of those two terms.
-KERNEL_SHARED vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_light,
-                                 vfloat facing, const struct prepared *scene);
-// Hard shadows: which rays reach the light.
-KERNEL_SHARED vmask reaches_light(struct vec point, struct vec local, struct vec to_light,
-                                  vfloat shape, vfloat distance, vmask active,
-                                  const struct tile_context *work);
-// Mandelbulb: where the group's rays that wait on the desk meet it.
-KERNEL_SHARED void march_bulb(const struct primitive *s, int count, const struct limits *limits,
-                              struct worker_scratch *scratch);
-// Marches all shadow rays that wait, and adds their light.
-KERNEL_SHARED void cast_shadows(const struct tile_context *work);
 KERNEL_SHARED int count_tiles(const struct job *job);
+
 KERNEL_SHARED void draw_analytic_tile(const struct job *job, int tile,
                                       struct worker_scratch *scratch);
 
@@ -157,15 +143,6 @@ static inline int int_min(int a, int b) {
 
 static inline float float_max(float a, float b) { // fmaxf is a call
     return a > b ? a : b;
-}
-
-INLINE struct vec to_local(const struct primitive *s, struct vec p) {
-    return turned(s, (struct vec){p.x - v_splat(s->position[0]), p.y - v_splat(s->position[1]),
-                                  p.z - v_splat(s->position[2])});
-}
-
-INLINE vfloat height_over(const struct primitive *s, struct vec p) {
-    return add_dot(s->normal, p) - v_splat(s->c);
 }
 
 static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {

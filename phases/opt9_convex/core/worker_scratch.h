@@ -1,9 +1,9 @@
 // A worker's own memory, laid out: its desk, and what that points to.
-#ifndef OPT9_DESK_H
-#define OPT9_DESK_H
+#ifndef OPT9_WORKER_SCRATCH_H
+#define OPT9_WORKER_SCRATCH_H
 
-#include "bulb/bulb_estimate.h"
 #include "core/tile_context.h"
+#include "shadow/shadow_rays.h"
 
 // Packets whose shadow rays know something of every shape: those in work; of a crowd one, and behind it its vicinity, which
 // takes the room of two.

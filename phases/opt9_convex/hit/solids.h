@@ -7,7 +7,8 @@
 #ifndef OPT9_SOLIDS_H
 #define OPT9_SOLIDS_H
 
-#include "hit/torus.h"
+#include "core/known_scene.h"
+#include "simd/vec.h"
 
 static inline vfloat inverse_of(vfloat d) { // of a component of a direction; 0 becomes 1e-20
     return v_splat(1.0f) / v_copysign(v_max(v_abs(d), v_splat(1e-20f)), d);
@@ -143,6 +144,10 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
     }
     return met;
 }
+
+// hit/torus.c. Returns which rays enter the torus, and sets t: how far from c.
+KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
+                                vfloat *t);
 
 static inline struct vec shared_inverses(struct vec d, const struct vec *known) {
     COUNT(shared_inverses, call);

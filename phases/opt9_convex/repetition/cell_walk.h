@@ -1,7 +1,12 @@
-// A ray's way from cell to cell of a repeated shape: see repetition/repeated_rays.c.
-#ifndef OPT9_WALK_H
-#define OPT9_WALK_H
+// A ray's way from cell to cell of a repeated shape: see repetition/repeated_rays.c. And the same for a tile's bundles of
+// camera rays (repetition/repeated_bundles.c).
+#ifndef OPT9_CELL_WALK_H
+#define OPT9_CELL_WALK_H
 
+#include "core/sdf.h"
+#include "core/shading_packet.h"
+#include "core/tile_context.h"
+#include "hit/solids.h"
 #include "repetition/repeated_rays.h"
 
 // One axis: the ray is at the middle of its cell at `middle` = base + count·step, and there within `half` of the
@@ -72,5 +77,57 @@ static inline vmask next_box(struct walk *w, vmask going, vmask skip) {
     }
     return met;
 }
+
+enum {
+    BUNDLE_HEIGHT = 4, // and as wide as a block
+    BUNDLE_BLOCKS = BUNDLE_HEIGHT / BLOCK_HEIGHT,
+    BUNDLES = BLOCKS_ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT
+};
+
+_Static_assert(BUNDLES % LANES == 0, "whole registers");
+
+struct cell_grid {
+    const struct prepared *scene;
+    double eye[3], size[3];
+    float spread, bounds, slack; // slack: what float may have lost of a place
+    bool alone, first;           // no shape is repeated in another way; nothing was met before
+    struct primary_hit *sights;
+    vmask left[BLOCKS]; // rays that have not met a copy
+};
+
+// Bundles on their way.
+struct bundle_walk {
+    struct vec direction, along; // of their axes; along: |1/direction|
+    struct walk walk;
+};
+
+// Bundles beside a copy. Of the shape that all their rays have entered by `hi` (∞: there is none): which, across which
+// axis, where the first of them may enter it (`lo`); where the first may enter another shape of the copy.
+struct bundle_bounds {
+    struct vec o; // the camera
+    vfloat before, square,
+        wide; // as of struct copy_packet, of their axes; how far from these rays are there
+    vfloat lo, hi, others, shape, axis, away; // away: what none of them meets
+};
+
+// Shapes of a copy, a bit for each of those that float counts so; the others have none.
+static inline unsigned shape_bit(int i, int first) {
+    return i - first < 24 ? 1u << (i - first) : 0;
+}
+
+static inline struct vec local_direction(int first, const struct cell_grid *grid, int block) {
+    return turned(&KNOWN(grid->scene)->placed[first], grid->sights[block].direction);
+}
+
+// repetition/bundle_bounds.c
+KERNEL_INLINE void bound_copy_entry(int first, const struct cell_grid *grid,
+                                    const struct bundle_walk *b, struct vec o,
+                                    struct bundle_bounds *bounds);
+
+// repetition/copy_hit.c
+KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
+                             struct vec rest, unsigned away, vmask active);
+KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,
+                                   int block, struct vec o, struct vec rest);
 
 #endif

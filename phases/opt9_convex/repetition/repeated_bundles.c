@@ -8,7 +8,7 @@
 //
 // The lanes are bundles in the walk, rays where a copy is asked (repetition/copy_hit.h).
 #include "core/numerics.h"
-#include "repetition/copy_hit.h"
+#include "repetition/cell_walk.h"
 
 // The camera from the middles of the cells that the lanes are in, as two floats.
 static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfloat d, vfloat count,
@@ -94,7 +94,7 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
             continue;
         ACTIVE(v_count(left));
         if (whole) {
-            EACH_ALIKE(grid->scene, hit_whole_packet, first, shape, axis, grid, block, o, rest);
+            hit_copy_by_all(first, shape, axis, grid, block, o, rest);
             grid->left[block] = v_mask_none();
         } else {
             left = v_andnot(hit_copy(first, grid, block, o, rest, away, left), left);
@@ -105,23 +105,15 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
     return on;
 }
 
-INLINE void max_bound(int i, int first, const struct prepared *scene, float *most) {
-    COUNT(max_bound, call);
-    const struct primitive *s = &KNOWN(scene)->placed[i];
-    if (s->leader == first && s->bound > *most)
-        *most = s->bound;
-}
-
 // What bundles meet of the copies in their cells; those that go on.
 INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struct bundle_walk *b,
                                   int from, vmask met) {
     ACTIVE(v_count(met));
     COUNT(hit_cells_of_bundles, call);
     struct vec d = b->direction, rest, o = lane_points(grid, d, &b->walk, &rest);
-    float places[9][LANES], bound = 0;
-    EACH_ALIKE(grid->scene, max_bound, first, grid->scene, &bound);
-    struct bundle_bounds p = empty_bundle_bounds(o, d, bound, grid);
-    EACH_ALIKE(grid->scene, bound_shape_entry, first, grid, b, &p);
+    float places[9][LANES];
+    struct bundle_bounds p;
+    bound_copy_entry(first, grid, b, o, &p);
     vmask possible = v_cmp_lt(v_min(p.lo, p.others), v_splat(INFINITY));
     vfloat shape = v_select(v_cmp_lt(p.hi, p.others), p.shape, v_splat(-1.0f));
     const vfloat all[9] = {o.x, o.y, o.z, rest.x, rest.y, rest.z, shape, p.axis, p.away};

@@ -5,7 +5,9 @@
 // Only of shapes that are in their cell and its mirror image (fits_its_cells() in core/primitives.c): there the wrapped distance is the
 // distance to all copies, and what a march comes to is the first of them.
 #include "repetition/repeated_rays.h"
+#include "core/shading_packet.h"
 #include "repetition/cell_walk.h"
+#include "shadow/shadow_cone.h"
 #include "simd/point.h"
 
 static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, double cell) {

@@ -1,12 +1,19 @@
 // Repeated shapes: their copies along a ray, by closed forms.
-#ifndef OPT9_CELLS_H
-#define OPT9_CELLS_H
+#ifndef OPT9_REPEATED_RAYS_H
+#define OPT9_REPEATED_RAYS_H
 
-#include "core/shading_packet.h"
-#include "shadow/shadow_cone.h"
+#include "core/known_scene.h"
+#include "simd/vec.h"
+
+struct job;
+struct packet_ray;
+struct primary_hit;
+struct shadow_rays;
 
 #define REPEATED(shape) ((shape)->repeated)
+
 #define REPEATS(scene) (KNOWN(scene)->repeats)
+
 // Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
 static inline bool needs_no_secondary(const struct known_model *model) {
     return model->shadows == SHADOWS_NONE &&
@@ -35,12 +42,26 @@ static inline vfloat bounds_distance(struct vec origin, struct vec direction,
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
 KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among,
                                 vfloat *t, struct vec *local);
+
 // As hit_from_surface(), first_entry() and what hard shadows ask of a solid.
 KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own,
                               vfloat end, float offset, vfloat *t, struct vec *local);
+
 KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
                                         const struct limits *limits);
+
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
                                   struct vec direction, vmask own, vmask active, vfloat reach);
+
+// The planes through the camera between the tile's columns and rows of blocks, as it sees the picture's plane at
+// distance 1: their places there.
+struct block_grid {
+    float left, top, pixel; // pixel: its width
+    int across, down;       // blocks in the picture
+};
+
+// What a tile's packets meet of all shapes that are repeated as the shape `first` is, if it is the first of them.
+KERNEL_INLINE void hit_repeated(int first, const struct block_grid *mesh, const struct job *job,
+                                struct primary_hit *sights);
 
 #endif

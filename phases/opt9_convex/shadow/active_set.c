@@ -1,6 +1,5 @@
 // See shadow/shadow_batch.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
 #include "bvh/bvh_traversal.h"
-#include "core/numerics.h"
 #include "shadow/shadow_batch.h"
 
 // Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is

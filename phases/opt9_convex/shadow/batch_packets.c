@@ -1,6 +1,6 @@
 // Cone queries for a batch of shadow rays, and the moves of its rays between packets.
-#include "shadow/batch_steps.h"
-#include "simd/permute.h"
+#include "bvh/bvh_lists.h"
+#include "shadow/shadow_batch.h"
 
 // A ray repeats its cone query once its slope has fallen below this share of the slope of the last query.
 #define REQUERY_SLOPE 0.75f

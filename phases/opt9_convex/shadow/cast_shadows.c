@@ -1,5 +1,6 @@
 // The shadow rays that wait, by what the scene is: each kind of scene has a way of its own to march them.
-#include "shadow/soft_shadow.h"
+#include "core/tile_context.h"
+#include "shadow/shadow_rays.h"
 
 void cast_shadows(const struct tile_context *work) {
     if (KNOWN(work->scene)->bulbs)

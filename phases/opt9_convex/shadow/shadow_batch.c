@@ -1,7 +1,8 @@
 // Shadow rays of a scene with a BVH, marched in batches (shadow/shadow_batch.h): the queue is sorted (shadow/shadow_sort.c),
 // the rays leave their own solids (shadow/solid_exit.c) and march among the shapes nearby (shadow/active_set.c).
-#include "core/numerics.h"
-#include "shadow/batch_steps.h"
+#include "shadow/shadow_batch.h"
+#include "bvh/bvh_lists.h"
+#include "shadow/soft_shadow.h"
 
 static struct vec load_vec_from(float field[][QUEUE_ROOM], vindex places) {
     return (struct vec){v_gather(field[0], places), v_gather(field[1], places),

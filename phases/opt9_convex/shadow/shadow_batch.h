@@ -1,10 +1,12 @@
 // Shadow rays of a crowd that are marched together: a few packets of them, neighbours by their order, share what
 // is known of the shapes near them.
-#ifndef OPT9_BEAM_H
-#define OPT9_BEAM_H
+#ifndef OPT9_SHADOW_BATCH_H
+#define OPT9_SHADOW_BATCH_H
 
 #include "core/numerics.h"
-#include "shadow/soft_shadow.h"
+#include "core/sdf.h"
+#include "core/tile_context.h"
+#include "shadow/shadow_rays.h"
 
 enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 
@@ -24,8 +26,10 @@ struct walk {
     int recent; // which of the vicinity was the nearest to one of them
     int solid;  // that they all are from, −1: from planes
 };
+
 // What moves with a ray to another packet: so many reals from march.t, from rays.point and from `from` on.
 enum { RAY_REALS = 11, BATCH_REALS = 9, BATCH_ROWS = MARCH_REALS + RAY_REALS + BATCH_REALS };
+
 _Static_assert(offsetof(struct shadow_rays, shape) ==
                        offsetof(struct shadow_rays, point) + (RAY_REALS - 1) * sizeof(vfloat) &&
                    offsetof(struct walk, ray) ==
@@ -77,8 +81,10 @@ static inline vfloat distance_from_stretch(const struct active_set *v, struct ve
 // Sets which of the rays wait.
 void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, vmask last,
                     const struct tile_context *work);
+
 // What the rays can know of each shape from afar.
 void set_falling_bounds(struct shadow_batch *beam);
+
 // Sets `at` and `least` of the packets with rays that do not stand still.
 void active_nearest(struct shadow_batch *beam);
 
@@ -96,5 +102,29 @@ static inline float most_lane(vfloat x) {
 static inline vmask is_idle(const struct walk *w) {
     return v_or(w->march.done, w->waits);
 }
+
+// Steps between two cone queries, in an active set or away from the rays' own solid.
+enum { CHECK_INTERVAL = 6 };
+
+// Sorts the queued rays into scratch->order[0]: rays from one solid follow one another in the BVH's order, and rays from
+// planes come last, in Morton order.
+void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *scene);
+
+// Returns where the batch ends that begins at place `first` of the sorted queue.
+int batch_end(const struct worker_scratch *scratch, int first);
+
+// One cone query for the first packets of a batch. A ray ends if its cone meets no shape further on.
+void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work);
+
+// Writes the light that reaches the rays in `done` to the queue.
+void store_lit(const struct walk *w, vmask done, struct worker_scratch *scratch);
+
+// Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait. Rays that have
+// ended are stored and left out. Returns whether any ray has moved.
+bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch);
+
+// Marches the rays from a solid, as long as no other shape can be nearer than that solid.
+void leave_own_solid(struct shadow_batch *batch, vfloat strength, vfloat hit,
+                     const struct tile_context *work);
 
 #endif

@@ -1,9 +1,10 @@
 // Cones about shadow rays, and what they say of a shape's distance along the ray.
-#ifndef OPT9_CONE_H
-#define OPT9_CONE_H
+#ifndef OPT9_SHADOW_CONE_H
+#define OPT9_SHADOW_CONE_H
 
-#include "bulb/bulb_estimate.h"
-#include "core/tile_context.h"
+#include "core/sdf.h"
+#include "hit/solids.h"
+#include "shadow/shadow_rays.h"
 
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {
@@ -99,6 +100,7 @@ INLINE float lit_slope_for(const struct primitive *s, float q) {
 // its radius of curvature, by 32²/2 to 0.05 %; the nearest edge by EDGE_FACTOR less of them, for those steps are no longer
 // than 1.4.
 #define FLAT_OFFSETS 32.0f
+
 #define EDGE_FACTOR 16.0f
 
 // The least of both, an edge's distance times EDGE_FACTOR, of a point on the surface.
@@ -163,21 +165,6 @@ INLINE vmask plane_clears(vfloat height, vfloat slope, float q, const struct kno
                       v_cmp_gt(v_madd(furthest, slope - v_splat(q), height), v_splat(0.0f))));
 }
 
-// A packet of shadow rays in work.
-struct shadow_rays {
-    vmask active;
-    struct vec point, local, to_light;
-    vfloat facing, shape;
-    vfloat end;   // behind it no term comes below 1
-    vfloat alone; // before it nothing is nearer than the plane that the ray is from
-    vmask on_plane;
-    bool floor;           // all are from one
-    vfloat first, cosine; // the first entry into a solid, of those that can be met; 0: not told
-    vfloat sharp;         // see entry_cosine()
-    vmask meets_one,
-        meets_many; // of rays from a plane: one shape can be met; not one convex one alone
-};
-
 // The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
 // them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
 // e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
@@ -188,17 +175,5 @@ INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *
     vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (rest * rest), r->sharp);
     return v_select_or_zero(flat, cosine);
 }
-
-KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
-                                   const struct tile_context *work, struct shadow_candidate *near);
-// Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
-KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met);
-// A shape's own view of the rays.
-KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
-                                     struct shadow_candidate *near,
-                                     const struct tile_context *work);
-// The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
-KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *nears,
-                                   struct shape_set *casters, const struct tile_context *work);
 
 #endif

@@ -2,7 +2,9 @@
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
 // that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has
 // the proofs.
+#include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
+#include "shadow/shadow_cone.h"
 
 INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
                                 vfloat facing, vfloat shape, const struct tile_context *work,

@@ -1,5 +1,5 @@
 // The order in which queued shadow rays are marched, and where each batch of them ends.
-#include "shadow/batch_steps.h"
+#include "shadow/shadow_batch.h"
 
 // MORTON_BITS: of each coordinate, relative to the bounding box of all rays. PLANE_CODE marks a ray from a plane.
 enum { MORTON_BITS = 5, PLANE_CODE = 1 << 15 };

@@ -1,7 +1,9 @@
 // Marches of shadow rays by the least distance to the shapes that can be the nearest (shadow/shadow_candidates.c): the improved soft
 // shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
 // GDC 2018 talk. From a plane the first steps are leapt over.
-#include "shadow/shadow_queue.h"
+#include "shadow/soft_shadow.h"
+#include "bvh/bvh_lists.h"
+#include "shadow/shadow_cone.h"
 #include "simd/pow.h"
 
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's

@@ -1,8 +1,10 @@
 // A packet's march of shadow rays, step by step: what shadow/soft_shadow.c and the marches in batches share.
-#ifndef OPT9_UMBRA_H
-#define OPT9_UMBRA_H
+#ifndef OPT9_SOFT_SHADOW_H
+#define OPT9_SOFT_SHADOW_H
 
-#include "bvh/bvh_lists.h"
+#include "core/sdf.h"
+#include "core/tile_context.h"
+#include "shadow/shadow_rays.h"
 
 // Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
 // power is not.
@@ -22,27 +24,6 @@ distance_along(const struct shadow_candidate *near, vfloat t, const struct primi
     struct vec p = vec_along(near->origin, near->direction, t);
     return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, v_mask_none());
 }
-
-// One packet's march.
-struct shadow_march {
-    struct shadow_candidate *nears;
-    const struct shape_set *candidates;
-    vmask done;
-    vfloat t, from, previous, end; // lanes that move take MARCH_REALS from here on with them
-    vfloat square, divisor;        // least² = square/divisor; no root or quotient until the end
-    vfloat linear, constant;       // t·(t + linear) + constant > 0: out of the bounds
-    vmask sole_solid;              // one convex solid alone can bring a term below 1
-};
-enum { MARCH_REALS = 8 };
-_Static_assert(offsetof(struct shadow_march, constant) ==
-                   offsetof(struct shadow_march, t) + (MARCH_REALS - 1) * sizeof(vfloat),
-               "one behind the other");
-enum { LEAP_MIN_MAX_STEPS = 256 }; // with a cap below, every step is taken: none is leapt over
-
-// Where a march begins, and whether it is told dark at once. Of a crowd no casters are listed.
-KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears,
-                               struct shape_set *casters, const struct tile_context *work,
-                               struct shadow_march *m);
 
 // Which of the rays are on no surface, where the nearest shape is at distance h.
 static inline vmask off_surfaces(const struct shadow_march *m, vfloat h, vfloat hit_distance) {
@@ -84,9 +65,38 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
     }
     advance_by(m, h, live);
 }
-// March all shadow rays that wait and add their light: of a crowd, where there is a Mandelbulb, of any other scene.
-void cast_batches(const struct tile_context *work);
-KERNEL_SHARED void cast_streams(const struct tile_context *work);
-KERNEL_SHARED void cast_packets(const struct tile_context *work);
+
+// One step of all rays except those in `still`. `settled`: no term of this step can be the least.
+static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength,
+                               vfloat hit, bool settled) {
+    vfloat previous = m->previous, from = m->from;
+    m->done = still;
+    ACTIVE(LANES - v_count(still));
+    if (settled)
+        advance_by(m, h, off_surfaces(m, h, hit));
+    else
+        shadow_step(m, h, strength, hit, 0.0f);
+    m->previous = v_select(still, previous, m->previous);
+    m->from = v_select(still, from, m->from);
+}
+
+// Member by member: of a whole struct gcc makes another one first.
+static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int count,
+                                      struct shadow_rays *r) {
+    COUNT(load_shadow_packet, call);
+    int left = count - first;
+    r->active = v_mask_first(left < 0 ? 0 : left < LANES ? left : LANES);
+    r->point = load_vec(field + S_POINT, first);
+    r->local = load_vec(field + S_LOCAL, first);
+    r->to_light = load_vec(field + S_TO_LIGHT, first);
+    r->facing = v_load(&field[S_FACING][first]);
+    r->shape = v_load(&field[S_SHAPE][first]);
+    r->end = v_splat(0.0f);
+    r->alone = v_splat(INFINITY);
+    r->on_plane = r->meets_one = r->meets_many = v_mask_none();
+    r->first = v_splat(INFINITY);
+    r->cosine = v_splat(1.0f);
+    r->floor = false;
+}
 
 #endif

@@ -1,6 +1,6 @@
 // The first steps of shadow rays that start on a solid: away from it, before any other shape can be nearer.
-#include "core/numerics.h"
-#include "shadow/batch_steps.h"
+#include "shadow/shadow_batch.h"
+#include "shadow/soft_shadow.h"
 
 _Static_assert(CHECK_INTERVAL >= 2, "begin_solid_exit: no term behind the second is the least");
 

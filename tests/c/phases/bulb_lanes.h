@@ -8,7 +8,8 @@
 #include <cmocka.h>
 
 #pragma GCC diagnostic ignored "-Wunused-function" // of what is included
-#include "bulb/bulb_chebyshev.h"
+#include "bulb/bulb_chebyshev.c"
+#include "bulb/chebyshev_pieces.c"
 #include "random_from.h"
 
 enum { ROUNDS = 20000 };

@@ -1,35 +1,26 @@
-// Where rays enter a torus: opt9_convex's march, whose quotients are near ones.
-#ifndef OPT9_TORUS_H
-#define OPT9_TORUS_H
+// Where rays enter a torus: a march, the only one among the solids.
+#include "hit/solids.h"
 
-#include "core/numerics.h"
-#include "core/sdf.h"
-
-// 1/a for normal a, to 1e-5, with the sign of a, the same for any number of lanes: a line through the exponent and
-// Newton's step twice. For where a quotient need not be exact: the divider takes 15 cycles for sixteen of them.
-static inline vfloat near_inverse(vfloat a) {
-    typedef unsigned whole __attribute__((vector_size(sizeof(vfloat))));
-    vfloat r = (vfloat)(0x7ef311c3u - (whole)a);
-    r = r * v_nmadd(a, r, v_splat(2.0f));
-    return r * v_nmadd(a, r, v_splat(2.0f));
-}
-
-// Steps as in opt9_convex's hit/torus.h, which says why none goes too far. A near quotient errs by less than 1e-5, and the steps by
-// Newton's rule are shorter by 2e-4, so that they stay short of the surface, too.
-INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
-                         vfloat *t) {
+// Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
+// radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
+// goes too far, and a ray that no longer comes nearer to it has missed. Of the torus's own distance h no more than 1/radius
+// bends down along a ray: a parabola of 4/3 of that says how far no surface can be, as long as the radius falls by less
+// than a quarter, and where h is small it is Newton's step. Steps of h alone were more than 256 where a ray follows the
+// ring's inner side, and it was lost.
+KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
+                                vfloat *t) {
     COUNT(enter_torus, call);
-    COUNT(enter_torus, near);
+    COUNT(enter_torus, exact);
     COUNT(enter_torus, scalar);
     vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
-    // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for quotients are near.
+    // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for what is rounded.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
-    vfloat per = near_inverse(v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
+    vfloat per = v_splat(1.0f) / (v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
     vfloat square = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f));
     vfloat lean = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
     vfloat inside = v_nmadd(square, far - v_splat(outer_sq), lean * lean);
-    vfloat half = v_sqrt(v_max(inside, zero)), per_square = near_inverse(square);
+    vfloat half = v_sqrt(v_max(inside, zero)), per_square = v_splat(1.0f) / square;
     vfloat at = v_max(v_max(*t, zero - middle - width), (zero - lean - half) * per_square);
     vfloat out = v_min(width - middle, (half - lean) * per_square);
     near = v_and(near, v_and(v_cmp_ge(inside, zero), v_cmp_ge(out, at)));
@@ -38,17 +29,16 @@ INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, 
         return going;
     for (int step = 0; step < 256; step++) {
         ACTIVE(v_count(going));
-        COUNT(enter_torus, near_step);
+        COUNT(enter_torus, step);
         struct vec p = vec_along(c, d, at);
         vfloat radius = v_sqrt(v_madd(p.x, p.x, p.z * p.z)), ring = radius - v_splat(s->a);
         vfloat tube = v_sqrt(v_madd(ring, ring, p.y * p.y));
         vmask outer = v_cmp_gt(ring, zero);
         vfloat h = tube - v_splat(s->b);
         vfloat hull = v_select(outer, h, v_abs(p.y) - v_splat(s->b));
-        vfloat per_radius = near_inverse(v_max(radius, tiny));
-        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius; // of the radius
-        vfloat fall = v_madd(ring, rate, p.y * d.y) *
-                      near_inverse(v_max(tube, tiny)); // of the torus's distance
+        vfloat per_radius = v_splat(1.0f) / v_max(radius, tiny);
+        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius;          // of the radius
+        vfloat fall = v_madd(ring, rate, p.y * d.y) / v_max(tube, tiny); // of the torus's distance
         vfloat hull_fall = v_select(outer, fall, v_negate_where(v_signbit(p.y), d.y));
         vmask reached = v_and(going, v_cmp_lt(v_abs(h), v_splat(s->c))),
               outside = v_cmp_gt(h, zero);
@@ -57,11 +47,9 @@ INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, 
         // From inside Newton's step back.
         vfloat below = v_select(outside, v_max(bent - fall, v_splat(1e-6f)),
                                 v_max(zero - fall, v_splat(0.05f)));
-        vfloat newton =
-            v_select(outside, h * v_splat(2.0f * (1.0f - 2e-4f)), h) * near_inverse(below);
+        vfloat newton = v_select(outside, h + h, h) / below;
         vfloat safe = v_max(h, v_min(newton, radius * v_splat(0.25f)));
-        vfloat hull_step = hull * v_splat(1.0f - 2e-4f) * // so that it stays short of the hull's
-                           near_inverse(v_max(zero - hull_fall, v_splat(1e-6f)));
+        vfloat hull_step = zero - hull / v_min(hull_fall, v_splat(-1e-6f));
         vfloat ahead = v_select(v_cmp_gt(hull, zero), v_max(safe, hull_step), safe);
         vmask back = v_andnot(outside, v_cmp_lt(fall, zero));
         at = v_select(going, at + v_select(back, newton, v_select(outside, ahead, h)), at);
@@ -75,5 +63,3 @@ INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, 
     *t = at;
     return found;
 }
-
-#endif

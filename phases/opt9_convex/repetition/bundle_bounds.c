@@ -1,46 +1,6 @@
 // What a bundle of camera rays can meet of the copy in a cell, told for all its rays at once: intervals of t in which
 // they may enter its shapes, from the bundle's middle ray and how far the others are from it.
-#ifndef OPT9_PROVE_H
-#define OPT9_PROVE_H
-
 #include "repetition/cell_walk.h"
-#include "repetition/repeated_bundles.h"
-
-enum {
-    BUNDLE_HEIGHT = 4, // and as wide as a block
-    BUNDLE_BLOCKS = BUNDLE_HEIGHT / BLOCK_HEIGHT,
-    BUNDLES = BLOCKS_ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT
-};
-_Static_assert(BUNDLES % LANES == 0, "whole registers");
-
-struct cell_grid {
-    const struct prepared *scene;
-    double eye[3], size[3];
-    float spread, bounds, slack; // slack: what float may have lost of a place
-    bool alone, first;           // no shape is repeated in another way; nothing was met before
-    struct primary_hit *sights;
-    vmask left[BLOCKS]; // rays that have not met a copy
-};
-
-// Bundles on their way.
-struct bundle_walk {
-    struct vec direction, along; // of their axes; along: |1/direction|
-    struct walk walk;
-};
-
-// Shapes of a copy, a bit for each of those that float counts so; the others have none.
-static inline unsigned shape_bit(int i, int first) {
-    return i - first < 24 ? 1u << (i - first) : 0;
-}
-
-// Bundles beside a copy. Of the shape that all their rays have entered by `hi` (∞: there is none): which, across which
-// axis, where the first of them may enter it (`lo`); where the first may enter another shape of the copy.
-struct bundle_bounds {
-    struct vec o; // the camera
-    vfloat before, square,
-        wide; // as of struct copy_packet, of their axes; how far from these rays are there
-    vfloat lo, hi, others, shape, axis, away; // away: what none of them meets
-};
 
 INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk *b,
                             const struct cell_grid *grid, const struct bundle_bounds *p, vfloat *lo,
@@ -122,4 +82,19 @@ static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec 
     return p;
 }
 
-#endif
+INLINE void max_bound(int i, int first, const struct prepared *scene, float *most) {
+    COUNT(max_bound, call);
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    if (s->leader == first && s->bound > *most)
+        *most = s->bound;
+}
+
+KERNEL_INLINE void bound_copy_entry(int first, const struct cell_grid *grid,
+                                    const struct bundle_walk *b, struct vec o,
+                                    struct bundle_bounds *bounds) {
+    float bound = 0;
+    EACH_ALIKE(grid->scene, max_bound, first, grid->scene, &bound);
+    struct bundle_bounds p = empty_bundle_bounds(o, b->direction, bound, grid);
+    EACH_ALIKE(grid->scene, bound_shape_entry, first, grid, b, &p);
+    *bounds = p;
+}

@@ -1,13 +1,40 @@
-// Blocks of a tile into the picture.
-#ifndef OPT9_PICTURE_H
-#define OPT9_PICTURE_H
-
-#include "core/pixel_block.h"
-#include "core/shading_packet.h"
+// Blocks of a tile into the picture: in floats, or as displayed.
+#include "core/tile.h"
+#include "phase.h"
 #include "simd/rgb.h"
 
-static void store_hit(struct frame *frame, struct pixel_block block, const struct surface_hit *hit,
-                      struct vec normal) {
+KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
+                               struct pixel_block block, vfloat values) {
+    float lanes[LANES];
+    v_store(values, lanes);
+    for (int row = 0; row < block.down; row++) {
+        size_t first = (size_t)(block.row + row) * (size_t)frame->width + (size_t)block.column;
+        for (int i = 0; i < block.across; i++)
+            plane[(first + (size_t)i) * (size_t)stride] = lanes[row * BLOCK_WIDTH + i];
+    }
+}
+
+static inline void display_samples(const struct frame *frame, int row, int column,
+                                   const float *linear, int pixels) {
+    size_t first = (size_t)row * (size_t)frame->width + (size_t)column;
+    frame->show(frame->presenter, linear, 3 * (size_t)pixels, frame->shown + 3 * first);
+}
+
+KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
+                                 struct vec color) {
+    float lanes[3][LANES], line[3 * BLOCK_WIDTH];
+    v_store(color.x, lanes[0]);
+    v_store(color.y, lanes[1]);
+    v_store(color.z, lanes[2]);
+    for (int row = 0; row < block.down; row++) {
+        for (int i = 0; i < 3 * block.across; i++)
+            line[i] = lanes[i % 3][row * BLOCK_WIDTH + i / 3];
+        display_samples(frame, block.row + row, block.column, line, block.across);
+    }
+}
+
+KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
+                             const struct surface_hit *hit, struct vec normal) {
     store_plane(frame->depth, 1, frame, block, v_select(hit->found, hit->t, v_splat(INFINITY)));
     store_plane(frame->id, 1, frame, block, v_select(hit->found, hit->shape, v_splat(-1.0f)));
     store_plane(frame->normal, 3, frame, block, v_select_or_zero(hit->found, normal.x));
@@ -31,7 +58,7 @@ static inline void store_block_of(struct frame *frame, struct pixel_block block,
     store_plane(frame->rgb + 2, 3, frame, block, color.z);
 }
 
-static void store_colors(struct frame *frame, struct pixel_block block, const float *color) {
+KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, const float *color) {
     store_block_of(
         frame, block,
         (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
@@ -47,7 +74,7 @@ static bool past_caches(const struct frame *frame) {
 }
 
 // Of a tile of whole blocks, a row of the picture at once in place of pieces of one.
-static bool is_whole_lines(int left, int right, int top, int bottom) {
+KERNEL_SHARED bool is_whole_lines(int left, int right, int top, int bottom) {
     return (right - left) % 16 == 0 && (bottom - top) % BLOCK_HEIGHT == 0;
 }
 
@@ -71,8 +98,8 @@ static inline void display_rows(struct frame *frame, int left, int right, int to
     }
 }
 
-static void store_rows(struct frame *frame, int left, int right, int top, int bottom,
-                       const float *color) {
+KERNEL_SHARED void store_rows(struct frame *frame, int left, int right, int top, int bottom,
+                              const float *color) {
     if (frame->shown) {
         display_rows(frame, left, right, top, bottom, color);
         return;
@@ -102,8 +129,8 @@ static void display_background(struct frame *frame, int left, int right, int top
                3 * (size_t)(right - left));
 }
 
-static void fill_background(struct frame *frame, int left, int right, int top, int bottom,
-                            const struct known_model *model) {
+KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int top, int bottom,
+                                   const struct known_model *model) {
     if (frame->shown) {
         display_background(frame, left, right, top, bottom, model);
         return;
@@ -133,5 +160,3 @@ static void fill_background(struct frame *frame, int left, int right, int top, i
         }
     }
 }
-
-#endif

@@ -7,45 +7,14 @@
 // rounding of 1 (tests/py/test_close.py; with ρ/16: 46 times that). That holds for ρ of 1e-5 or more. Nearer to the axis the
 // half length is CLOSE_PIECE_MIN, and at ρ = 1e-6 the error is up to 2e-5. Interpolation at Chebyshev points: Trefethen,
 // Approximation Theory and Approximation Practice, 2013; distance to a singularity: its chapter 8.
-#ifndef OPT9_CHEBYSHEV_PIECES_H
-#define OPT9_CHEBYSHEV_PIECES_H
-
+#include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
-#include "core/shading_packet.h"
-#include "simd/point.h"
 
 #define CLOSE_PIECE 0.02f // half length of a piece, at most
+
 #define CLOSE_PIECE_MIN 0x1p-20f
-#define CLOSE_PIECE_SHARE 0.03125f                           // of ρ
-enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
 
-// The fields of a lane. Distances along the ray count from the middle of its piece.
-enum chebyshev_field {
-    N_TERM, // coefficients of x, y and z: the constants, then the factors of t, of t² …
-    N_SLOPE_TERM = 3 * CLOSE_TERMS,
-    N_PLACE = N_SLOPE_TERM + SLOPE_TERMS,
-    N_DIRECTION = N_PLACE + 3,
-    N_T = N_DIRECTION + 3,
-    N_END, // of the piece, or of the ray
-    N_TO,  // of the ray
-    N_HEIGHT,
-    N_SLOPE,
-    N_MIDDLE,
-    N_RAY, // its index in scratch->bulb
-    N_BORN,
-    N_FIELDS
-};
-
-// Rays that have their pieces and wait for lanes. N_BORN: the steps that each has taken.
-struct ray_pieces {
-    float field[N_FIELDS][2 * LANES];
-    int next, count;
-};
-
-static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble t) {
-    return (vdouble){v_half_madd(direction.low, t.low, origin.low),
-                     v_half_madd(direction.high, t.high, origin.high)};
-}
+#define CLOSE_PIECE_SHARE 0.03125f // of ρ
 
 static inline struct vec_double points_along(struct vec_double o, struct vec_double d, vdouble t) {
     COUNT(points_along, call);
@@ -142,7 +111,7 @@ static void store_pieces(struct vec_double o, struct vec_double d, vdouble middl
 }
 
 // Computes the next pieces of the first rays that wait: of LANES rays at most.
-static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
+KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to) {
     int first = scratch->close_first, count = scratch->close_count - first;
     count = count < LANES ? count : LANES;
     ACTIVE(count);
@@ -188,5 +157,3 @@ static void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to
     to->count = count;
     scratch->close_first += count;
 }
-
-#endif

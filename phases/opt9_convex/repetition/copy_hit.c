@@ -1,13 +1,6 @@
 // What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (repetition/repeated_bundles.c): of each shape that is
 // repeated alike, ray by ray, or of one that all of them are proved to meet, at once.
-#ifndef OPT9_COPIES_H
-#define OPT9_COPIES_H
-
-#include "repetition/bundle_bounds.h"
-
-static inline struct vec local_direction(int first, const struct cell_grid *grid, int block) {
-    return turned(&KNOWN(grid->scene)->placed[first], grid->sights[block].direction);
-}
+#include "repetition/cell_walk.h"
 
 // A packet beside a copy.
 struct copy_packet {
@@ -75,8 +68,8 @@ INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *sla
 }
 
 // A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
-INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
-                      struct vec rest, unsigned away, vmask active) {
+KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
+                             struct vec rest, unsigned away, vmask active) {
     COUNT(hit_copy, call);
     struct copy_packet b;
     b.d = local_direction(first, grid, block);
@@ -130,4 +123,7 @@ INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct
     at->hit.local = turned_back(s, n);
 }
 
-#endif
+KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,
+                                   int block, struct vec o, struct vec rest) {
+    EACH_ALIKE(grid->scene, hit_whole_packet, first, shape, axis, grid, block, o, rest);
+}

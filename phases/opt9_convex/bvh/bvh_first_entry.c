@@ -1,0 +1,174 @@
+// Of shadow rays in a scene with a BVH: the first entry into a solid, the end, and how far rays can leap.
+#include "bvh/bvh_lists.h"
+#include "bvh/bvh_traversal.h"
+#include "shadow/shadow_cone.h"
+
+// How far the face is the nearest of the solid's: a ray from its surface at o, in its frame.
+static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec d) {
+    COUNT(flat_distance, call);
+    vfloat zero = v_splat(0.0f), tiny = v_splat(1e-20f), never = v_splat(INFINITY);
+    vfloat x = v_abs(o.x), y = v_abs(o.y), z = v_abs(o.z);
+    vfloat dx = v_negate_where(v_signbit(o.x), d.x), dy = v_negate_where(v_signbit(o.y), d.y),
+           dz = v_negate_where(v_signbit(o.z), d.z);
+    if (s->type == SHAPE_OCTAHEDRON) {
+        COUNT(flat_distance, octahedron);
+        vfloat third = (x + y + z - v_splat(s->a)) * v_splat(1.0f / 3),
+               fall = (dx + dy + dz) * v_splat(1.0f / 3);
+        vfloat a = (x - third) / v_max(fall - dx, tiny), b = (y - third) / v_max(fall - dy, tiny),
+               c = (z - third) / v_max(fall - dz, tiny);
+        return v_min(a, v_min(b, c));
+    }
+    COUNT(flat_distance, box);
+    vfloat off_x = x - v_splat(s->size[0]), off_y = y - v_splat(s->size[1]),
+           off_z = z - v_splat(s->size[2]);
+    vfloat most = v_max(off_x, v_max(off_y, off_z));
+    // It is left where it is gone towards, or behind the other side.
+    vfloat a =
+        v_select(v_signbit(dx), x + v_splat(s->size[0]), zero - off_x) / v_max(v_abs(dx), tiny);
+    vfloat b =
+        v_select(v_signbit(dy), y + v_splat(s->size[1]), zero - off_y) / v_max(v_abs(dy), tiny);
+    vfloat c =
+        v_select(v_signbit(dz), z + v_splat(s->size[2]), zero - off_z) / v_max(v_abs(dz), tiny);
+    a = v_select(v_cmp_ge(off_x, most), never, a);
+    b = v_select(v_cmp_ge(off_y, most), never, b);
+    c = v_select(v_cmp_ge(off_z, most), never, c);
+    return v_min(a, v_min(b, c));
+}
+
+// Which rays are from such a face; their `alone` is then until when nothing else is nearer to them.
+static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scene) {
+    COUNT(leaves_flat_face, call);
+    float shapes[LANES];
+    v_store(r->shape, shapes);
+    vmask flat = v_mask_none();
+    for (unsigned rest = v_mask_bits(r->active); rest;) {
+        int i = (int)shapes[__builtin_ctz(rest)];
+        vmask own = v_and(v_mask_of_bits(rest), is_shape(r->shape, i));
+        const struct primitive *s = &scene->placed[i];
+        rest &= ~v_mask_bits(own);
+        ACTIVE(v_count(own));
+        COUNT(leaves_flat_face, shape);
+        if (s->type != SHAPE_BOX && s->type != SHAPE_OCTAHEDRON)
+            continue;
+        COUNT(leaves_flat_face, solid);
+        COUNT(leaves_flat_face, scalar);
+        vfloat until = flat_distance(s, r->local, turned(s, r->to_light));
+        // Until then |p − position| + h is no more than |o| + t + facing·t.
+        float alone =
+            scene->more[i].alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius;
+        vfloat room = v_splat(alone) - vec_norm(r->local);
+        until = v_min(until, room / (v_splat(1.0f) + r->facing));
+        r->alone = v_select(own, v_min(until, r->alone), r->alone);
+        flat = v_or(flat, own);
+    }
+    return flat;
+}
+
+// Behind the sphere about all solids no term comes below 1.
+static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
+    COUNT(end_behind_bvh, call);
+    COUNT(end_behind_bvh, scalar);
+    const struct bvh *tree = &scene->tree;
+    float q = scene->known.lit_slope;
+    vfloat wide = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
+    struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
+                    v_splat(tree->centre[2]) - r->point.z};
+    vfloat lean = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
+    vfloat need = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
+    vfloat square = v_msub(lean, lean, wide * need);
+    vmask met = v_or(v_cmp_lt(need, zero), v_and(v_cmp_gt(lean, zero), v_cmp_ge(square, zero)));
+    vfloat leaves = (lean + v_sqrt(v_max(square, zero))) / wide;
+    if (!(q < 1.0f)) { // as in candidate_solid()
+        met = v_mask_all();
+        leaves = v_splat(INFINITY);
+    }
+    r->end = v_select(met, v_max(leaves, r->end), r->end);
+}
+
+// Rays from planes, and where something else can be as near to them as their plane: not before `alone`.
+struct leap_query {
+    struct shadow_rays *rays;
+    vmask able;
+    const struct prepared *scene;
+};
+
+static inline vfloat earliest_approach(const float centre[3], float radius,
+                                       const struct shadow_rays *r) {
+    COUNT(earliest_approach, call);
+    COUNT(earliest_approach, scalar);
+    struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
+                    v_splat(centre[2]) - r->point.z};
+    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), c = r->facing;
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vfloat lean = v_madd(c, v_splat(radius), vec_dot(v, r->to_light)),
+           narrow = v_nmadd(c, c, v_splat(1.0f));
+    vfloat rest = v_msub(lean, lean, narrow * need);
+    vfloat meets = need / (lean + v_sqrt(v_max(rest, zero)));
+    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
+    return v_select(v_cmp_gt(need, zero), meets, zero);
+}
+
+static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
+    COUNT(sphere_limits_leap, call);
+    struct leap_query *l = with;
+    return v_any(
+        v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
+}
+
+static inline void limit_leap(int shape, void *with) {
+    COUNT(limit_leap, call);
+    struct leap_query *l = with;
+    const struct primitive *s = &l->scene->placed[shape];
+    struct shadow_rays *r = l->rays;
+    r->alone = v_min(r->alone, earliest_approach(s->position, s->bound, r));
+}
+
+// Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
+static inline vmask may_enter_sphere(const struct primitive *s, int i,
+                                     const struct shadow_rays *r) {
+    COUNT(may_enter_sphere, call);
+    COUNT(may_enter_sphere, scalar);
+    struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
+                    v_splat(s->position[2]) - r->point.z};
+    vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
+    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    ahead = v_and(ahead,
+                  v_cmp_lt(along - v_splat(s->bound * (1 + 1e-4f)), r->first * v_splat(1 + 1e-5f)));
+    vmask may = v_or(ahead, v_cmp_lt(need, v_splat(0.0f)));
+    return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
+}
+
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
+                     const struct tile_context *work) {
+    ACTIVE(v_count(r->active));
+    COUNT(bvh_first_entry, call);
+    const struct prepared *scene = work->scene;
+    for (int k = 0; k < scene->plane_count; k++) {
+        COUNT(bvh_first_entry, plane);
+        r->on_plane = v_or(r->on_plane, is_shape(r->shape, scene->planes[k]));
+    }
+    for (int k = 0; k < scene->plane_count; k++)
+        candidate_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
+                        &nears[scene->planes[k]]);
+    end_behind_bvh(r, scene);
+    for (int k = 0; k < work->scratch->entry_count; k++) {
+        int i = work->scratch->ahead[k];
+        ACTIVE(v_count(r->active));
+        vmask may = may_enter_sphere(&scene->placed[i], i, r);
+        if (!v_any(may))
+            continue;
+        ACTIVE(v_count(may));
+        first_entry(&scene->placed[i], i, r, may);
+    }
+    ACTIVE(v_count(r->active));
+    // A cone's slope must be below 1 for its end to be told (earliest).
+    struct leap_query l = {
+        r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
+    vmask flat = leaves_flat_face(r, scene);
+    ACTIVE(v_count(r->active)); // what was called has set its own
+    r->alone = v_select(v_or(l.able, flat), r->alone, v_splat(0.0f));
+    r->on_plane = v_or(r->on_plane, flat); // as if they were
+    if (v_any(l.able))
+        bvh_visit(&scene->tree, sphere_limits_leap, limit_leap, &l);
+}

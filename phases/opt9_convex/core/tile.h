@@ -1,0 +1,64 @@
+// A tile, its blocks of pixels and their camera rays, and how colours reach the picture.
+#ifndef OPT9_TILE_H
+#define OPT9_TILE_H
+
+#include "core/shading_packet.h"
+#include "core/tile_context.h"
+
+struct pixel_block {
+    int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
+    int across, down; // what of it is in the picture
+};
+
+// What the tile's blocks have in common.
+struct tile {
+    int left, right, top, bottom;
+    struct vec eye, ahead, across, up;
+    vfloat below, beside; // of the lanes in their block, in pixels
+    float per_height;
+};
+
+static inline struct pixel_block block_at(const struct tile *tile, int row, int i) {
+    int column = tile->left + i * BLOCK_WIDTH;
+    return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, tile->right - column),
+                                int_min(BLOCK_HEIGHT, tile->bottom - row)};
+}
+
+static inline void set_camera_ray(const struct tile *tile, struct vec direction, vmask active,
+                                  int slot, struct packet_ray *ray) {
+    COUNT(set_camera_ray, call);
+    vfloat zero = v_splat(0.0f);
+    ray->origin = tile->eye;
+    ray->direction = direction;
+    ray->weight = v_splat(1.0f);
+    ray->pixel = v_iota() + v_splat((float)slot);
+    ray->bounce = zero;
+    ray->leaves = v_splat(-1.0f);
+    ray->active = active;
+    ray->local = (struct vec){zero, zero, zero};
+}
+
+// core/store_pixels.c
+KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
+                               struct pixel_block block, vfloat values);
+KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
+                                 struct vec color);
+KERNEL_SHARED void store_hit(struct frame *frame, struct pixel_block block,
+                             const struct surface_hit *hit, struct vec normal);
+KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, const float *color);
+KERNEL_SHARED bool is_whole_lines(int left, int right, int top, int bottom);
+KERNEL_SHARED void store_rows(struct frame *frame, int left, int right, int top, int bottom,
+                              const float *color);
+KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int top, int bottom,
+                                   const struct known_model *model);
+
+// hit/camera_rays.c
+KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
+                                 const struct worker_scratch *scratch, struct primary_hit *sights);
+KERNEL_SHARED void march_tile_bulbs(const struct tile *tile, const struct job *job,
+                                    struct worker_scratch *scratch);
+KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
+                             const struct primary_hit *sights, const struct job *job,
+                             struct worker_scratch *scratch, struct shading_packet *stage);
+
+#endif

@@ -1,0 +1,255 @@
+// The camera rays of a tile, and what they meet.
+#include "bulb/bulb_march.h"
+#include "bvh/bvh_lists.h"
+#include "core/sdf.h"
+#include "core/tile.h"
+#include "hit/solids.h"
+#include "hit/tile_frustum.h"
+#include "phase.h"
+#include "repetition/repeated_rays.h"
+#include "simd/point.h"
+
+static inline vmask in_picture(struct pixel_block block) {
+    COUNT(in_picture, call);
+    if (block.across == BLOCK_WIDTH && block.down == BLOCK_HEIGHT)
+        return v_mask_all();
+    COUNT(in_picture, cut);
+    vfloat below = v_floor(v_iota() * v_splat(1.0f / BLOCK_WIDTH));
+    return v_and(v_cmp_lt(v_iota() - below * v_splat(BLOCK_WIDTH), v_splat((float)block.across)),
+                 v_cmp_lt(below, v_splat((float)block.down)));
+}
+
+// A direction, not of unit length, but for its part up, which is the row's: of blocks one below the other it is the same.
+static inline struct vec column_of(const struct tile *tile, int column, const struct frame *frame) {
+    COUNT(column_of, call);
+    vfloat x =
+        v_madd(v_splat(2.0f), tile->beside, v_splat((float)(2 * column + 1 - frame->width))) *
+        v_splat(tile->per_height);
+    return vec_along(tile->ahead, tile->across, x);
+}
+
+static inline vfloat row_of_picture(const struct tile *tile, int row, const struct frame *frame) {
+    COUNT(row_of_picture, call);
+    return v_nmadd(v_splat(2.0f), tile->below, v_splat((float)(frame->height - 1 - 2 * row))) *
+           v_splat(tile->per_height);
+}
+
+static inline struct vec direction_in(const struct tile *tile, struct vec column, vfloat row) {
+    COUNT(direction_in, call);
+    struct vec d = vec_along(column, tile->up, row);
+    return vec_scale(d, v_splat(1.0f) / vec_norm(d));
+}
+
+static inline struct vec get_direction(const struct tile *tile, struct pixel_block block,
+                                       const struct frame *frame) {
+    COUNT(get_direction, call);
+    return direction_in(tile, column_of(tile, block.column, frame),
+                        row_of_picture(tile, block.row, frame));
+}
+
+// The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
+struct camera_double {
+    double at[3], ahead[3], across[3], up[3];
+};
+
+static struct camera_double exact_eye_of(const struct primitive *s, const struct view *view) {
+    COUNT(exact_eye_of, call);
+    struct camera_double eye = {{0}, {0}, {0}, {0}};
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++) {
+            eye.at[i] += s->row[i][k] * (view->position[k] - s->centre[k]);
+            eye.ahead[i] += s->row[i][k] * view->forward[k];
+            eye.across[i] += s->row[i][k] * view->right[k];
+            eye.up[i] += s->row[i][k] * view->up[k];
+        }
+    return eye;
+}
+
+static inline vdouble v_double_add(vdouble a, double b) {
+    vhalf each = v_half_splat(b);
+    return (vdouble){a.low + each, a.high + each};
+}
+
+static struct vec_double exact_look(const struct tile *tile, struct pixel_block block,
+                                    const struct camera_double *eye, const struct job *job) {
+    COUNT(exact_look, call);
+    COUNT(exact_look, scalar);
+    double per_height = job->view->tan_half_fov / job->frame->height;
+    vfloat zero = v_splat(0.0f), two = v_splat(2.0f);
+    vfloat x =
+        v_madd(two, tile->beside, v_splat((float)(2 * block.column + 1 - job->frame->width)));
+    vfloat y = v_nmadd(two, tile->below, v_splat((float)(job->frame->height - 1 - 2 * block.row)));
+    vdouble right = v_double_mul(v_double_sum(x, zero), per_height);
+    vdouble above = v_double_mul(v_double_sum(y, zero), per_height);
+    vdouble d[3];
+    vhalf low = v_half_splat(0.0), high = low;
+    for (int i = 0; i < 3; i++) {
+        d[i] = v_double_add(v_double_madd(right, eye->across[i], v_double_mul(above, eye->up[i])),
+                            eye->ahead[i]);
+        low = v_half_madd(d[i].low, d[i].low, low);
+        high = v_half_madd(d[i].high, d[i].high, high);
+    }
+    low = v_half_splat(1.0) / v_half_sqrt(low);
+    high = v_half_splat(1.0) / v_half_sqrt(high);
+    for (int i = 0; i < 3; i++)
+        d[i] = (vdouble){d[i].low * low, d[i].high * high};
+    return (struct vec_double){d[0], d[1], d[2]};
+}
+
+static inline vdouble v_double_splat(double a) {
+    return (vdouble){v_half_splat(a), v_half_splat(a)};
+}
+
+// Camera rays. Where the camera is inside of a shape, fallback/march.c has the frame.
+INLINE void meet(int i, struct vec direction, vmask active, const struct local_camera *eyes,
+                 const struct prepared *scene, struct surface_hit *hit) {
+    COUNT(meet, call);
+    const struct primitive *s = &KNOWN(scene)->placed[i];
+    vfloat t;
+    vmask met;
+    struct vec local;
+    if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // by hit_bulbs(), hit_repeated()
+        return;
+    ACTIVE(v_count(active));
+    if (s->way == EVAL_LINEAR) {
+        COUNT(meet, plane);
+        vfloat slope = add_dot(s->normal, direction);
+        t = v_splat(eyes[i].height) / (v_splat(0.0f) - slope);
+        met = v_and(active, v_cmp_lt(slope, v_splat(0.0f))); // the camera is above it
+        local = hit->local;
+    } else {
+        COUNT(meet, solid);
+        vmask behind;
+        met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
+    }
+    take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
+}
+
+// A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
+static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
+                                 const struct job *job, const struct worker_scratch *scratch,
+                                 struct shading_packet *at) {
+    ACTIVE(block.across * block.down);
+    COUNT(camera_packet, call);
+    struct vec d = get_direction(tile, block, job->frame);
+    vmask active = in_picture(block);
+    set_camera_ray(tile, d, active, slot, &at->ray);
+    no_hit(&at->hit);
+    if (!HAS_BVH(job->prepared)) {
+        EACH_IN(scratch->camera_list_count, meet, d, active, job->eyes, job->prepared, &at->hit);
+        return;
+    }
+    int number = (block.column - tile->left) / BLOCK_WIDTH;
+    const int *list = scratch->row_list + number * job->prepared->model.shape_count;
+    for (int k = 0; k < scratch->row_counts[number]; k++)
+        meet(list[k], d, active, job->eyes, job->prepared, &at->hit);
+}
+
+// Of a crowd: what each of the row's blocks can meet.
+static inline void list_for_row(const struct tile *tile, int row, const struct job *job,
+                                struct worker_scratch *scratch) {
+    struct frame *frame = job->frame;
+    float per = tile->per_height;
+    struct window window = {
+        (float)(2 * tile->left + 1 - frame->width) * per,
+        (float)(2 * tile->right - 1 - frame->width) * per,
+        (float)(frame->height + 1 - 2 * int_min(tile->bottom, row + BLOCK_HEIGHT)) * per,
+        (float)(frame->height - 1 - 2 * row) * per};
+    bvh_list_in_row(&window, 2 * BLOCK_WIDTH * per, job, scratch);
+}
+
+INLINE void is_single(int i, const struct prepared *scene, bool *some) {
+    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
+}
+
+// What a tile's packets meet where shapes are repeated: first of the others.
+KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
+                                 const struct worker_scratch *scratch, struct primary_hit *sights) {
+    struct block_grid mesh;
+    float per_height = tile->per_height;
+    mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
+    mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
+    mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
+    mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
+    mesh.pixel = 2 * per_height;
+    COUNT(repeated_tile, call);
+    COUNT(repeated_tile, scalar);
+    bool others = false; // plain ones that are not repeated
+    if (needs_no_secondary(&KNOWN(job->prepared)->model))
+        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
+    struct vec columns[BLOCKS_ACROSS];
+    ACTIVE(LANES);
+    for (int i = 0; i < mesh.across; i++)
+        columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
+    for (int row = 0; row < mesh.down; row++) {
+        ACTIVE(LANES);
+        vfloat up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
+        for (int i = 0; i < mesh.across; i++) {
+            struct primary_hit *at = &sights[row * BLOCKS_ACROSS + i];
+            struct pixel_block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
+            ACTIVE(block.across * block.down);
+            COUNT(repeated_tile, packet);
+            at->direction = direction_in(tile, columns[i], up);
+            at->active = in_picture(block);
+            at->only = -1;
+            no_hit(&at->hit);
+            EACH_IN(scratch->camera_list_count, meet, at->direction, at->active, job->eyes,
+                    job->prepared, &at->hit);
+            if (others)
+                primary_normals(at, job->prepared);
+        }
+    }
+    EACH_IN(scratch->camera_list_count, hit_repeated, &mesh, job, sights);
+}
+
+INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
+                          struct worker_scratch *scratch) {
+    const struct primitive *s = &KNOWN(job->prepared)->placed[shape];
+    if (s->type != SHAPE_MANDELBULB)
+        return;
+    struct camera_double eye = exact_eye_of(s, job->view);
+    struct vec_double o = {v_double_splat(eye.at[0]), v_double_splat(eye.at[1]),
+                           v_double_splat(eye.at[2])};
+    int count = 0, slot = 0;
+    for (int row = tile->top; row < tile->bottom; row += BLOCK_HEIGHT)
+        for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, slot += LANES) {
+            struct shading_packet at;
+            struct pixel_block block = block_at(tile, row, i);
+            camera_packet(tile, block, slot, job, scratch, &at);
+            count = queue_bulb_rays(count, s, o, exact_look(tile, block, &eye, job), &at.ray,
+                                    at.hit.t, slot, job->prepared, scratch);
+        }
+    march_bulb(s, count, &job->prepared->model.march, scratch);
+}
+
+void march_tile_bulbs(const struct tile *tile, const struct job *job,
+                      struct worker_scratch *scratch) {
+    clear_bulb_hits(scratch, TILE_WIDTH * BULB_TILE_HEIGHT);
+    EACH_IN(scratch->camera_list_count, look_for_bulb, tile, job, scratch);
+}
+
+// A row's packets; how many. sights: where shapes are repeated, what they see.
+KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
+                             const struct primary_hit *sights, const struct job *job,
+                             struct worker_scratch *scratch, struct shading_packet *stage) {
+    int count = 0;
+    sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
+    if (HAS_BVH(job->prepared))
+        list_for_row(tile, row, job, scratch);
+    for (; tile->left + count * BLOCK_WIDTH < tile->right; count++, pixel += LANES) {
+        struct shading_packet *at = &stage[count];
+        if (REPEATS(job->prepared)) {
+            const struct primary_hit *seen = &sights[count];
+            set_camera_ray(tile, seen->direction, seen->active, pixel, &at->ray);
+            at->hit.found = seen->hit.found;
+            at->hit.t = seen->hit.t;
+            at->hit.shape = seen->hit.shape;
+            at->hit.local = seen->hit.local;
+            continue;
+        }
+        camera_packet(tile, block_at(tile, row, count), pixel, job, scratch, at);
+        if (KNOWN(job->prepared)->bulbs)
+            take_bulb_hits(at, pixel, scratch);
+    }
+    return count;
+}
