@@ -42,9 +42,9 @@ static void make_kernel(struct phase_state *kept) {
 #ifdef STEPWISE_COUNT
     loaded->facts.reason = "a counting build counts the general kernels";
 #else
-    if (!kept->prepared.solids)
+    if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
-    else if (kept->prepared.tree.levels)
+    else if (kept->prepared.bvh.levels)
         loaded->facts.reason =
             "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MAX_KERNEL_SHAPES)
@@ -63,10 +63,10 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 // A kernel's tiles may need more of a worker's own memory than the general code's.
 static struct workers *start_team(struct phase_state *kept, const struct model *model,
                                   int threads) {
-    size_t own = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
-    if (kept->loaded.kernel && kept->loaded.kernel->own_size > own)
-        own = kept->loaded.kernel->own_size;
-    return workers_start(threads, own);
+    size_t size = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
+    if (kept->loaded.kernel && kept->loaded.kernel->scratch_size > size)
+        size = kept->loaded.kernel->scratch_size;
+    return workers_start(threads, size);
 }
 
 struct prepared *phase_prepare(const struct model *model, int threads) {
@@ -74,14 +74,14 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!kept)
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
-    if (place_room(&kept->prepared, model->shape_count)) {
+    if (reserve_prepared(&kept->prepared, model->shape_count)) {
         prepare_shapes(&kept->prepared, model);
         make_kernel(kept);
         kept->workers = start_team(kept, model, threads);
     }
     if (!kept->workers) {
         kernel_unload(&kept->loaded);
-        place_free(&kept->prepared);
+        free_prepared(&kept->prepared);
         free(kept);
         return NULL;
     }
@@ -92,7 +92,7 @@ void phase_release(struct prepared *prepared) {
     struct phase_state *kept = (struct phase_state *)prepared; // its first member
     workers_end(kept->workers);
     kernel_unload(&kept->loaded);
-    place_free(prepared);
+    free_prepared(prepared);
     free(kept);
 }
 
@@ -103,25 +103,25 @@ struct frame_job {
     bool sixteen;
 };
 
-static void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *memory) {
     const struct frame_job *job = data;
     if (job->kernel)
-        job->kernel->tile(&job->job, tile, own);
+        job->kernel->tile(&job->job, tile, memory);
     else if (job->sixteen)
-        lanes16_tile(&job->job, tile, own);
+        lanes16_tile(&job->job, tile, memory);
     else
-        lanes8_tile(&job->job, tile, own);
+        lanes8_tile(&job->job, tile, memory);
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->eyes,
-                             tile_height(prepared, frame->height),
-                             prepared->solids && set_local_cameras(prepared, view, kept->sixteen)},
-                            NULL,
-                            kept->sixteen};
-    if (job.job.solids)
+    struct frame_job job = {
+        {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),
+         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen)},
+        NULL,
+        kept->sixteen};
+    if (job.job.analytic)
         job.kernel = kept->loaded.kernel;
     workers_run(kept->workers, render_tile, &job,
                 job.kernel      ? job.kernel->tiles(&job.job)

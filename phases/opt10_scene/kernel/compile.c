@@ -45,13 +45,13 @@ static bool on_path(const char *name, char path[4096]) {
 }
 
 void find_compiler(char path[4096], char reason[256]) {
-    const char *own = getenv("STEPWISE_CC"), *cc = getenv("CC");
+    const char *chosen = getenv("STEPWISE_CC"), *cc = getenv("CC");
     *reason = '\0';
-    if (own && *own) {
-        if (strcmp(own, "none") == 0)
+    if (chosen && *chosen) {
+        if (strcmp(chosen, "none") == 0)
             snprintf(reason, 256, "STEPWISE_CC is none");
-        else if (!on_path(own, path))
-            snprintf(reason, 256, "there is no compiler %.120s (STEPWISE_CC)", own);
+        else if (!on_path(chosen, path))
+            snprintf(reason, 256, "there is no compiler %.120s (STEPWISE_CC)", chosen);
 #if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
     } else {
         snprintf(reason, 256, "a sanitizer is in use, and STEPWISE_CC does not name its compiler");
@@ -74,7 +74,7 @@ static double time_limit(void) {
     return limit && *limit && (*end || !(seconds > 0)) ? 0 : seconds;
 }
 
-// While the compiler runs, in a group of its own: what ends this process ends that too; and a caller's SIG_IGN for
+// While the compiler runs, in a group of its chosen: what ends this process ends that too; and a caller's SIG_IGN for
 // SIGCHLD, which is inherited, would have the kernel keep its status to itself.
 static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
 enum { SIGNALS = sizeof signals / sizeof *signals };
@@ -111,7 +111,7 @@ static bool wait_for(pid_t pid, int *status, double seconds) {
         if (interrupted ||
             !((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
               seconds)) {
-            kill(-pid, SIGKILL); // its own group: the driver's children too
+            kill(-pid, SIGKILL); // its chosen group: the driver's children too
             waitpid(pid, status, 0);
             return false;
         }

@@ -46,8 +46,8 @@ static void write_cells(FILE *to, const struct primitive *p) {
 }
 
 static void write_shape(FILE *to, const struct primitive *p) {
-    fprintf(to, "    {.way = %d, .type = %d, .turned = %d, .repeated = %d, .convex = %d, ", p->way,
-            p->type, p->turned, p->repeated, p->convex);
+    fprintf(to, "    {.eval = %d, .type = %d, .turned = %d, .repeated = %d, .convex = %d, ",
+            p->eval, p->type, p->turned, p->repeated, p->convex);
     write_number(to, "index", (double)p->index);
     write_floats(to, "position", p->position, 3);
     fputs(".turn = {", to);
@@ -101,18 +101,18 @@ static void write_each(FILE *to, int count) {
 
 // The shininess of all shapes, if it is the same small whole number, else 0.
 static int whole_shininess(const struct prepared *p) {
-    float first = p->placed[0].shininess;
+    float first = p->primitives[0].shininess;
     for (int i = 1; i < p->model.shape_count; i++)
-        if (p->placed[i].shininess != first)
+        if (p->primitives[i].shininess != first)
             return 0;
     return first >= 1 && first <= 128 && first == floorf(first) ? (int)first : 0;
 }
 
 // Whether all shapes have the same.
 static bool one_material(const struct prepared *p) {
-    const struct primitive *a = &p->placed[0];
+    const struct primitive *a = &p->primitives[0];
     for (int i = 1; i < p->model.shape_count; i++) {
-        const struct primitive *b = &p->placed[i];
+        const struct primitive *b = &p->primitives[i];
         if (a->color[0] != b->color[0] || a->color[1] != b->color[1] ||
             a->color[2] != b->color[2] || a->share != b->share || a->shininess != b->shininess)
             return false;
@@ -139,13 +139,13 @@ char *generate_scene(const struct prepared *p) {
         fputs("#define UNROLLED 0\n", to);
     fputs("static const struct primitive scene_shapes[] = {\n", to);
     for (int i = 0; i < p->model.shape_count; i++)
-        write_shape(to, &p->placed[i]);
+        write_shape(to, &p->primitives[i]);
     fputs("};\nstatic const struct known_scene scene_known = {\n", to);
     write_model(to, &k->model);
-    fprintf(
-        to,
-        "    .placed = scene_shapes, .repeats = %d, .plane = %d, .bulbs = %d, .lit_slope = %af};\n",
-        k->repeats, k->plane, k->bulbs, (double)k->lit_slope);
+    fprintf(to,
+            "    .primitives = scene_shapes, .repeats = %d, .plane = %d, .bulbs = %d, .lit_slope = "
+            "%af};\n",
+            k->repeats, k->plane, k->bulbs, (double)k->lit_slope);
     bool sound = !ferror(to);
     if (fclose(to) != 0 || !sound) {
         free(text);

@@ -11,9 +11,9 @@
 struct scene_kernel {
     const char *tag; // its own hash: no other kernel passes for it
     const char *compiler;
-    size_t own_size;
+    size_t scratch_size;
     int (*tiles)(const struct job *job);
-    void (*tile)(const struct job *job, int tile, void *own);
+    void (*tile)(const struct job *job, int tile, void *memory);
 };
 
 #ifndef SCENE_KERNEL

@@ -7,9 +7,9 @@ static int kernel_tiles(const struct job *job) {
     return count_tiles(job);
 }
 
-static void kernel_tile(const struct job *job, int tile, void *own) {
-    draw_analytic_tile(job, tile,
-                       scratch_at(own, KNOWN(job->prepared)->model.shape_count, REFILLED_PACKETS));
+static void kernel_tile(const struct job *job, int tile, void *memory) {
+    draw_analytic_tile(
+        job, tile, scratch_at(memory, KNOWN(job->prepared)->model.shape_count, REFILLED_PACKETS));
 }
 
 #ifdef __clang__

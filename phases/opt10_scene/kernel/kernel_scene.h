@@ -1,7 +1,7 @@
 // In a kernel, in place of opt9_convex's core/known_scene.h: what the code knows of its scene when it is compiled. That is all of
 // struct known_scene, and what scene_kernel.h says (kernel/generate.c writes it): the code for each shape stands by itself.
-#ifndef OPT9_KNOWN_H
-#define OPT9_KNOWN_H
+#ifndef OPT9_KNOWN_SCENE_H
+#define OPT9_KNOWN_SCENE_H
 
 #define SCENE_KERNEL 1
 

@@ -24,7 +24,7 @@ KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloa
     }
     v_compress_store(m, ray, &scratch->close[C_RAY][scratch->close_count]);
     v_compress_store(m, t, &scratch->close[C_T][scratch->close_count]);
-    v_compress_store(m, rest, &scratch->close[C_REST][scratch->close_count]);
+    v_compress_store(m, rest, &scratch->close[C_T_LOW][scratch->close_count]);
     v_compress_store(m, had, &scratch->close[C_HAD][scratch->close_count]);
     scratch->close_count += v_count(m);
 }
@@ -129,7 +129,7 @@ step_chebyshev(const struct primitive *s, int count, struct chebyshev_lanes *lan
 }
 
 static double field_double(const struct worker_scratch *scratch, int field, int ray) {
-    return (double)scratch->bulb[field][ray] + (double)scratch->bulb[field + B_REST][ray];
+    return (double)scratch->bulb[field][ray] + (double)scratch->bulb[field + B_LOW][ray];
 }
 
 // Stores the hit of a ray at middle + way, if it is the nearest so far.
@@ -155,7 +155,7 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
     for (int i = 0; i < B_LANE; i++)
         scratch->open[i][to] = scratch->bulb[i][ray];
     scratch->open[B_T][to] = t;
-    scratch->open[B_MORE][to] = rest;
+    scratch->open[B_T_LOW][to] = rest;
     scratch->open[B_BORN][to] = had;
 }
 

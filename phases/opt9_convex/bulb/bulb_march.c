@@ -53,7 +53,7 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
     return (struct bulb_packet){vec_of_fields(from, B_ORIGIN),
                                 vec_of_fields(from, B_DIRECTION),
                                 from->field[B_T],
-                                from->field[B_MORE],
+                                from->field[B_T_LOW],
                                 from->field[B_TO],
                                 from->field[B_BORN],
                                 from->field[B_HEIGHT],
@@ -94,7 +94,7 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     v_store(from->field[B_BEFORE] + p->t, way);
     v_store(from->field[B_SLOT], slots);
     from->field[B_T] = p->t;
-    from->field[B_MORE] = p->rest;
+    from->field[B_T_LOW] = p->rest;
     from->field[B_BORN] = p->born;
     unsigned ended = v_mask_bits(p->done) & from->live;
     for (unsigned rest = ended & v_mask_bits(p->met); rest; rest &= rest - 1) {
@@ -172,7 +172,7 @@ static void step_first_together(const struct primitive *s, float (*rays)[BULB_RO
             if (from >= count)
                 break;
             v_store(t[k], &rays[B_T][from]);
-            v_store(rest[k], &rays[B_MORE][from]);
+            v_store(rest[k], &rays[B_T_LOW][from]);
             v_store(v_splat((float)steps), &rays[B_BORN][from]);
         }
     }
@@ -261,7 +261,7 @@ static void pack_wide(vmask m, vdouble a, float (*field)[BULB_ROOM], int at) {
     v_compress_store(m, near, field[0] + at);
     v_compress_store(
         m, v_double_to_float((vdouble){a.low - v_half_low(near), a.high - v_half_high(near)}),
-        field[B_REST] + at);
+        field[B_LOW] + at);
 }
 
 int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, struct vec_double d,
@@ -272,7 +272,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     vfloat height = v_splat(INFINITY), slope = v_splat(0.0f);
     if (KNOWN(scene)->plane >= 0) {
         COUNT(queue_bulb_rays, plane);
-        const struct primitive *plane = &KNOWN(scene)->placed[KNOWN(scene)->plane];
+        const struct primitive *plane = &KNOWN(scene)->primitives[KNOWN(scene)->plane];
         height = height_over(plane, ray->origin);
         slope = add_dot(plane->normal, ray->direction);
     }
@@ -299,7 +299,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
     v_compress_store(near, t, field[B_T] + count);
     v_compress_store(
         near, v_double_to_float((vdouble){way.low - v_half_low(t), way.high - v_half_high(t)}),
-        field[B_MORE] + count);
+        field[B_T_LOW] + count);
     v_store(v_iota() + v_splat((float)count), field[B_RAY] + count);
     v_store(v_splat(0.0f), field[B_BORN] + count);
     v_compress_store(near, to - before, field[B_TO] + count);
@@ -338,9 +338,9 @@ static struct vec_double to_doubles(struct vec v) {
                                v_double_sum(v.z, zero)};
 }
 
-INLINE void meet_bulb(int i, const struct shading_packet *stage, int packets,
-                      const struct tile_context *work) {
-    const struct primitive *s = &KNOWN(work->scene)->placed[i];
+INLINE void march_to_bulb(int i, const struct shading_packet *stage, int packets,
+                          const struct tile_context *work) {
+    const struct primitive *s = &KNOWN(work->scene)->primitives[i];
     if (s->type != SHAPE_MANDELBULB)
         return;
     int count = 0;
@@ -353,7 +353,7 @@ INLINE void meet_bulb(int i, const struct shading_packet *stage, int packets,
 
 void hit_bulbs(struct shading_packet *stage, int packets, const struct tile_context *work) {
     clear_bulb_hits(work->scratch, packets * LANES);
-    EACH_SHAPE(work->scene, meet_bulb, stage, packets, work);
+    EACH_SHAPE(work->scene, march_to_bulb, stage, packets, work);
     for (int k = 0; k < packets; k++)
         take_bulb_hits(&stage[k], k * LANES, work->scratch);
 }

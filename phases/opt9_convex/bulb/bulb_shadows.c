@@ -16,20 +16,20 @@ static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) 
 
 INLINE void near_bulbs(int i, const struct shadow_march *m, const vmask *done, bool leaving,
                        const struct known_scene *scene, vfloat *h) {
-    const struct primitive *s = &scene->placed[i];
+    const struct primitive *s = &scene->primitives[i];
     COUNT(nearest_bulbs, shape);
-    vfloat own[INTERLEAVED];
+    vfloat distance[INTERLEAVED];
     if (s->type == SHAPE_MANDELBULB) {
         COUNT(nearest_bulbs, bulb);
         struct vec p[INTERLEAVED];
         for (int k = 0; k < INTERLEAVED; k++)
-            p[k] = vec_along(m[k].nears[i].origin, m[k].nears[i].direction, m[k].t);
-        bulbs(s, p, done, leaving, false, own);
+            p[k] = vec_along(m[k].candidates[i].origin, m[k].candidates[i].direction, m[k].t);
+        bulbs(s, p, done, leaving, false, distance);
     } else
         for (int k = 0; k < INTERLEAVED; k++)
-            own[k] = distance_along(&m[k].nears[i], m[k].t, s);
+            distance[k] = distance_along(&m[k].candidates[i], m[k].t, s);
     for (int k = 0; k < INTERLEAVED; k++)
-        h[k] = v_min(h[k], own[k]);
+        h[k] = v_min(h[k], distance[k]);
 }
 
 // Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
@@ -44,22 +44,22 @@ nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool l
     EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
 }
 
-INLINE void put_behind(int i, const struct shadow_march *m, vfloat q,
-                       const struct known_scene *scene, vmask *behind) {
-    const struct primitive *s = &scene->placed[i];
-    const struct shadow_candidate *near = &m->nears[i];
+INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
+                        const struct known_scene *scene, vmask *behind) {
+    const struct primitive *s = &scene->primitives[i];
+    const struct shadow_candidate *candidate = &m->candidates[i];
     if (!v_any(*behind))
         return;
-    if (s->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_LINEAR) {
         COUNT(is_behind_all, plane);
-        *behind = v_and(*behind, v_cmp_ge(near->direction.x, q));
+        *behind = v_and(*behind, v_cmp_ge(candidate->direction.x, q));
         return;
     }
     COUNT(is_behind_all, solid);
     vfloat share = v_splat(s->type == SHAPE_MANDELBULB ? BULB_SHARE : 1.0f);
-    struct vec p = vec_along(near->origin, near->direction, m->t);
+    struct vec p = vec_along(candidate->origin, candidate->direction, m->t);
     vfloat square = vec_dot(p, p), per = inverse_root(v_max(square, v_splat(1e-30f)));
-    vmask away = v_cmp_ge(share * vec_dot(p, near->direction) * per, q);
+    vmask away = v_cmp_ge(share * vec_dot(p, candidate->direction) * per, q);
     vmask far = v_cmp_ge(share * (square * per - v_splat(s->bound)), q * m->t);
     *behind = v_and(*behind, v_and(away, far));
 }
@@ -73,14 +73,14 @@ static inline vmask is_behind_all(const struct shadow_march *m, float per_streng
     COUNT(is_behind_all, scalar);
     vfloat q = v_sqrt(m->square / m->divisor) * v_splat(per_strength / 0.866f);
     vmask behind = v_not(m->done);
-    EACH_SHAPE(scene, put_behind, m, q, KNOWN(scene), &behind);
+    EACH_SHAPE(scene, keep_behind, m, q, KNOWN(scene), &behind);
     return behind;
 }
 
 // A packet whose lanes hold rays of different age.
 struct refilled_packet {
     struct shadow_march march;
-    struct shadow_candidate *nears;
+    struct shadow_candidate *candidates;
     float ray[LANES];  // which of the queue
     float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
     float previous[LANES],
@@ -109,9 +109,9 @@ static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
     v_move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
                  here, MARCH_REALS);
     for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
-        float *row = (float *)&to->nears[k]; // its origin, and the direction behind it
-        const float *old = (const float *)&from->nears[k];
-        bool linear = KNOWN(scene)->placed[k].way == EVAL_LINEAR;
+        float *row = (float *)&to->candidates[k]; // its origin, and the direction behind it
+        const float *old = (const float *)&from->candidates[k];
+        bool linear = KNOWN(scene)->primitives[k].eval == EVAL_LINEAR;
         v_move_lanes(row, there, old, here, linear ? 1 : 6);
         if (linear)
             v_move_lanes(row + 3 * LANES, there, old + 3 * LANES, here, 1);
@@ -160,7 +160,7 @@ static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet
         while (!ready->live && next < scratch->shadows) {
             struct shadow_rays r;
             load_shadow_packet(scratch->shadow, next, scratch->shadows, &r);
-            begin_march(&r, ready->nears, &scratch->candidates[0], work, &ready->march);
+            begin_march(&r, ready->candidates, &scratch->listed[0], work, &ready->march);
             ready->live = v_mask_bits(r.active) & ~v_mask_bits(ready->march.done);
             for (int lane = 0; lane < LANES; lane++)
                 ready->ray[lane] = (float)(next + lane);
@@ -196,21 +196,22 @@ struct refilled_packets {
 // along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
 INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_scene *scene,
                       vmask *over) {
-    const struct shadow_candidate *near = &m->nears[i];
-    if (scene->placed[i].type != SHAPE_MANDELBULB)
+    const struct shadow_candidate *candidate = &m->candidates[i];
+    if (scene->primitives[i].type != SHAPE_MANDELBULB)
         return;
     if (scene->plane < 0) {
         *over = v_mask_none();
         return;
     }
     COUNT(plane_is_nearest_for_good, plane);
-    const struct shadow_candidate *plane = &m->nears[scene->plane];
-    struct vec p = vec_along(near->origin, near->direction, m->from);
+    const struct shadow_candidate *plane = &m->candidates[scene->plane];
+    struct vec p = vec_along(candidate->origin, candidate->direction, m->from);
     vfloat square = vec_dot(p, p), r = v_sqrt(square), grown = v_log(r);
     vfloat slope = plane->direction.x, height = v_madd(m->from, slope, plane->origin.x);
     vmask under = v_cmp_lt(height, r * grown * v_splat(0.33f));
-    vmask stays = v_cmp_ge(
-        v_madd(grown, v_splat(0.33f), v_splat(0.33f)) * vec_dot(p, near->direction), slope * r);
+    vmask stays =
+        v_cmp_ge(v_madd(grown, v_splat(0.33f), v_splat(0.33f)) * vec_dot(p, candidate->direction),
+                 slope * r);
     vmask beyond = v_and(v_cmp_gt(square, v_splat(9.0f)), v_and(under, stays));
     *over = v_and(*over, beyond);
 }
@@ -316,10 +317,10 @@ void cast_streams(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     const struct known_model *model = &KNOWN(work->scene)->model;
     struct refilled_packet all[REFILLED_PACKETS] = {0};
-    memset(scratch->near, 0,
+    memset(scratch->candidates, 0,
            REFILLED_PACKETS * (size_t)model->shape_count * sizeof(struct shadow_candidate));
     for (int k = 0; k < REFILLED_PACKETS; k++)
-        all[k].march.nears = all[k].nears = scratch->near + k * model->shape_count;
+        all[k].march.candidates = all[k].candidates = scratch->candidates + k * model->shape_count;
     struct refilled_packets pools = {all, all + INTERLEAVED, all + 2 * INTERLEAVED, 0};
     int steps = 0;
     for (int next = 0;;) {

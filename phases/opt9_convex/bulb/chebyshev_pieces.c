@@ -125,10 +125,10 @@ KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pie
             of[i][lane] = scratch->bulb[i][rays[lane]];
     vdouble ray[6];
     for (int i = 0; i < 6; i++)
-        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_REST + i]));
+        ray[i] = v_double_sum(v_load(of[B_ORIGIN + i]), v_load(of[B_LOW + i]));
     struct vec_double o = {ray[0], ray[1], ray[2]}, d = {ray[3], ray[4], ray[5]};
     vdouble t =
-        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_REST][first]));
+        v_double_sum(v_load(&scratch->close[C_T][first]), v_load(&scratch->close[C_T_LOW][first]));
     struct vec_double place = points_along(o, d, t);
     vfloat x = v_double_to_float(place.x), z = v_double_to_float(place.z),
            rho = v_sqrt(v_madd(x, x, z * z));

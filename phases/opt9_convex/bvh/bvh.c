@@ -5,13 +5,13 @@
 #include <stdlib.h>
 
 static int nodes_for(int entries) {
-    return (entries + TREE_WIDTH - 1) / TREE_WIDTH;
+    return (entries + BVH_WIDTH - 1) / BVH_WIDTH;
 }
 
 bool bvh_reserve(struct bvh *tree, int leaves) {
-    int room[TREE_LEVELS], all = 0;
-    for (int level = 0, entries = leaves; level < TREE_LEVELS; level++) {
-        room[level] = nodes_for(entries) * TREE_WIDTH;
+    int room[BVH_LEVELS], all = 0;
+    for (int level = 0, entries = leaves; level < BVH_LEVELS; level++) {
+        room[level] = nodes_for(entries) * BVH_WIDTH;
         all += room[level];
         entries = nodes_for(entries);
     }
@@ -22,7 +22,7 @@ bool bvh_reserve(struct bvh *tree, int leaves) {
         return false;
     }
     float *next = tree->memory;
-    for (int level = 0; level < TREE_LEVELS; level++, next += 4 * room[level - 1])
+    for (int level = 0; level < BVH_LEVELS; level++, next += 4 * room[level - 1])
         tree->level[level] = (struct sphere_array){0, next, next + room[level],
                                                    next + 2 * room[level], next + 3 * room[level]};
     return true;
@@ -62,8 +62,8 @@ static int longest_axis(const struct bvh_leaf *leaves, int count) {
 // `part`: how many leaves an entry of the level holds that is being divided into entries.
 static void split_leaves(struct bvh_leaf *leaves, int count, int part) {
     if (count <= part) {
-        if (part > TREE_WIDTH)
-            split_leaves(leaves, count, part / TREE_WIDTH);
+        if (part > BVH_WIDTH)
+            split_leaves(leaves, count, part / BVH_WIDTH);
         return;
     }
     int axis = longest_axis(leaves, count), parts = (count + part - 1) / part;
@@ -85,7 +85,7 @@ static void set_sphere(struct sphere_array *to, int i, const float *centre, floa
 // A sphere about the box of a node's spheres; 1e-5: what is rounded must not cut them.
 static void enclosing_sphere(const struct sphere_array *below, int node, float centre[3],
                              float *about) {
-    int first = node * TREE_WIDTH, end = first + TREE_WIDTH;
+    int first = node * BVH_WIDTH, end = first + BVH_WIDTH;
     if (end > below->count)
         end = below->count;
     const float *axes[3] = {below->x, below->y, below->z};
@@ -108,14 +108,14 @@ static void enclosing_sphere(const struct sphere_array *below, int node, float c
 }
 
 void bvh_build(struct bvh *tree, struct bvh_leaf *leaves, int count) {
-    split_leaves(leaves, count, TREE_WIDTH * TREE_WIDTH);
+    split_leaves(leaves, count, BVH_WIDTH * BVH_WIDTH);
     tree->level[0].count = count;
     for (int i = 0; i < count; i++) {
         set_sphere(&tree->level[0], i, leaves[i].centre, leaves[i].radius);
         tree->shape[i] = leaves[i].shape;
     }
     tree->levels = count > 0;
-    for (int entries = count; entries > TREE_WIDTH; tree->levels++) {
+    for (int entries = count; entries > BVH_WIDTH; tree->levels++) {
         struct sphere_array *to = &tree->level[tree->levels];
         entries = to->count = nodes_for(entries);
         for (int node = 0; node < entries; node++) {
@@ -143,11 +143,11 @@ float bvh_gap(const struct bvh *tree, int i) {
     float from[3] = {leaves->x[i], leaves->y[i], leaves->z[i]}, least = INFINITY;
     int nodes = nodes_for(leaves->count);
     for (int k = 0; k < nodes && least > 0; k++) {
-        int node = (i / TREE_WIDTH + k) % nodes; // its own first
+        int node = (i / BVH_WIDTH + k) % nodes; // its own first
         if (tree->levels > 1 && distance_to(&tree->level[1], node, from) >= least)
             continue;
-        int end = (node + 1) * TREE_WIDTH < leaves->count ? (node + 1) * TREE_WIDTH : leaves->count;
-        for (int other = node * TREE_WIDTH; other < end; other++)
+        int end = (node + 1) * BVH_WIDTH < leaves->count ? (node + 1) * BVH_WIDTH : leaves->count;
+        for (int other = node * BVH_WIDTH; other < end; other++)
             if (other != i)
                 least = fminf(least, distance_to(leaves, other, from));
     }

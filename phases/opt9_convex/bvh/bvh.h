@@ -1,12 +1,12 @@
 // The bounding spheres of many shapes, sixteen to a node, the nodes sixteen to a node above: a shallow tree, whose
 // nodes' children are all tested at once (H. Dammertz, J. Hanika and A. Keller, "Shallow bounding volume hierarchies
 // for fast SIMD ray tracing of incoherent rays", EGSR 2008). No lanes in here.
-#ifndef OPT9_TREE_H
-#define OPT9_TREE_H
+#ifndef OPT9_BVH_H
+#define OPT9_BVH_H
 
 #include <stdbool.h>
 
-enum { TREE_WIDTH = 16, TREE_LEVELS = 3 }; // 16³ are as many shapes as a scene can have
+enum { BVH_WIDTH = 16, BVH_LEVELS = 3 }; // 16³ are as many shapes as a scene can have
 
 struct sphere_array {
     int count;
@@ -16,8 +16,8 @@ struct sphere_array {
 struct bvh {
     int levels; // 0: there is none
     struct sphere_array
-        level[TREE_LEVELS]; // entry i of a level holds entries 16·i to 16·i + 15 of the level below
-    int *shape;             // the shape of each entry of level 0
+        level[BVH_LEVELS]; // entry i of a level holds entries 16·i to 16·i + 15 of the level below
+    int *shape;            // the shape of each entry of level 0
     float centre[3], radius; // of a sphere about all
     float spacing;           // a typical radius of a node of level 1
     float *memory;

@@ -43,10 +43,10 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
     vmask flat = v_mask_none();
     for (unsigned rest = v_mask_bits(r->active); rest;) {
         int i = (int)shapes[__builtin_ctz(rest)];
-        vmask own = v_and(v_mask_of_bits(rest), is_shape(r->shape, i));
-        const struct primitive *s = &scene->placed[i];
-        rest &= ~v_mask_bits(own);
-        ACTIVE(v_count(own));
+        vmask self = v_and(v_mask_of_bits(rest), is_shape(r->shape, i));
+        const struct primitive *s = &scene->primitives[i];
+        rest &= ~v_mask_bits(self);
+        ACTIVE(v_count(self));
         COUNT(leaves_flat_face, shape);
         if (s->type != SHAPE_BOX && s->type != SHAPE_OCTAHEDRON)
             continue;
@@ -54,12 +54,12 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
         COUNT(leaves_flat_face, scalar);
         vfloat until = flat_distance(s, r->local, turned(s, r->to_light));
         // Until then |p − position| + h is no more than |o| + t + facing·t.
-        float alone =
-            scene->more[i].alone * (1 - 1e-5f) - 1e-6f * (float)scene->model.march.bounds_radius;
-        vfloat room = v_splat(alone) - vec_norm(r->local);
+        float clearance = scene->extras[i].clearance * (1 - 1e-5f) -
+                          1e-6f * (float)scene->model.march.bounds_radius;
+        vfloat room = v_splat(clearance) - vec_norm(r->local);
         until = v_min(until, room / (v_splat(1.0f) + r->facing));
-        r->alone = v_select(own, v_min(until, r->alone), r->alone);
-        flat = v_or(flat, own);
+        r->leap_limit = v_select(self, v_min(until, r->leap_limit), r->leap_limit);
+        flat = v_or(flat, self);
     }
     return flat;
 }
@@ -68,7 +68,7 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
 static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
     COUNT(end_behind_bvh, call);
     COUNT(end_behind_bvh, scalar);
-    const struct bvh *tree = &scene->tree;
+    const struct bvh *tree = &scene->bvh;
     float q = scene->known.lit_slope;
     vfloat wide = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
     struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
@@ -112,15 +112,15 @@ static inline bool sphere_limits_leap(const float centre[3], float radius, void 
     COUNT(sphere_limits_leap, call);
     struct leap_query *l = with;
     return v_any(
-        v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->alone)));
+        v_and(l->able, v_cmp_lt(earliest_approach(centre, radius, l->rays), l->rays->leap_limit)));
 }
 
 static inline void limit_leap(int shape, void *with) {
     COUNT(limit_leap, call);
     struct leap_query *l = with;
-    const struct primitive *s = &l->scene->placed[shape];
+    const struct primitive *s = &l->scene->primitives[shape];
     struct shadow_rays *r = l->rays;
-    r->alone = v_min(r->alone, earliest_approach(s->position, s->bound, r));
+    r->leap_limit = v_min(r->leap_limit, earliest_approach(s->position, s->bound, r));
 }
 
 // Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
@@ -139,7 +139,7 @@ static inline vmask may_enter_sphere(const struct primitive *s, int i,
     return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
 }
 
-void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work) {
     ACTIVE(v_count(r->active));
     COUNT(bvh_first_entry, call);
@@ -149,26 +149,26 @@ void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
         r->on_plane = v_or(r->on_plane, is_shape(r->shape, scene->planes[k]));
     }
     for (int k = 0; k < scene->plane_count; k++)
-        candidate_plane(&scene->placed[scene->planes[k]], scene->planes[k], r, work,
-                        &nears[scene->planes[k]]);
+        candidate_plane(&scene->primitives[scene->planes[k]], scene->planes[k], r, work,
+                        &candidates[scene->planes[k]]);
     end_behind_bvh(r, scene);
-    for (int k = 0; k < work->scratch->entry_count; k++) {
-        int i = work->scratch->ahead[k];
+    for (int k = 0; k < work->scratch->entries; k++) {
+        int i = work->scratch->entry_list[k];
         ACTIVE(v_count(r->active));
-        vmask may = may_enter_sphere(&scene->placed[i], i, r);
+        vmask may = may_enter_sphere(&scene->primitives[i], i, r);
         if (!v_any(may))
             continue;
         ACTIVE(v_count(may));
-        first_entry(&scene->placed[i], i, r, may);
+        first_entry(&scene->primitives[i], i, r, may);
     }
     ACTIVE(v_count(r->active));
     // A cone's slope must be below 1 for its end to be told (earliest).
     struct leap_query l = {
         r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
     vmask flat = leaves_flat_face(r, scene);
-    ACTIVE(v_count(r->active)); // what was called has set its own
-    r->alone = v_select(v_or(l.able, flat), r->alone, v_splat(0.0f));
+    ACTIVE(v_count(r->active)); // what was called has set its self
+    r->leap_limit = v_select(v_or(l.able, flat), r->leap_limit, v_splat(0.0f));
     r->on_plane = v_or(r->on_plane, flat); // as if they were
     if (v_any(l.able))
-        bvh_visit(&scene->tree, sphere_limits_leap, limit_leap, &l);
+        bvh_visit(&scene->bvh, sphere_limits_leap, limit_leap, &l);
 }

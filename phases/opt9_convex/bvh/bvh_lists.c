@@ -23,14 +23,14 @@ static void mark_planes(struct worker_scratch *scratch, const struct prepared *s
         mark(scratch, scene->planes[k]);
 }
 
-struct window_query {
+struct frustum_query {
     struct vec eye, right, up, ahead;
     vfloat reach, left, rights, bottom, top, sides[4];
 };
 
-static inline vmask sphere_in_window(struct vec centre, vfloat radius, const void *with) {
-    COUNT(sphere_in_window, call);
-    const struct window_query *w = with;
+static inline vmask sphere_in_frustum(struct vec centre, vfloat radius, const void *with) {
+    COUNT(sphere_in_frustum, call);
+    const struct frustum_query *w = with;
     struct vec v = {centre.x - w->eye.x, centre.y - w->eye.y, centre.z - w->eye.z};
     vfloat x = vec_dot(v, w->right), y = vec_dot(v, w->up), z = vec_dot(v, w->ahead);
     vfloat r = radius_with_rounding(radius, v, w->reach);
@@ -48,12 +48,12 @@ static float manhattan_length(const double a[3]) {
     return (float)sum;
 }
 
-void bvh_list_in_window(const struct window *w, const struct job *job,
-                        struct worker_scratch *scratch) {
-    COUNT(bvh_list_in_window, call);
+void bvh_list_in_frustum(const struct tile_frustum *w, const struct job *job,
+                         struct worker_scratch *scratch) {
+    COUNT(bvh_list_in_frustum, call);
     const struct prepared *scene = job->prepared;
     const struct view *view = job->view;
-    struct window_query seen = {
+    struct frustum_query seen = {
         vec_from_doubles(view->position),
         vec_from_doubles(view->right),
         vec_from_doubles(view->up),
@@ -66,18 +66,18 @@ void bvh_list_in_window(const struct window *w, const struct job *job,
         {v_sqrt(v_splat(1 + w->left * w->left)), v_sqrt(v_splat(1 + w->right * w->right)),
          v_sqrt(v_splat(1 + w->bottom * w->bottom)), v_sqrt(v_splat(1 + w->top * w->top))}};
     scratch->far = scratch->leaf = -1;
-    int *list = scratch->camera_list_count.index,
-        count = bvh_list(&scene->tree, sphere_in_window, &seen, list);
+    int *list = scratch->camera_shapes.index,
+        count = bvh_list(&scene->bvh, sphere_in_frustum, &seen, list);
     for (int k = 0; k < count; k++)
         mark(scratch, list[k]);
     for (int k = 0; k < scene->plane_count; k++)
-        if (plane_in_window(w, job->prepared->eyes[scene->planes[k]].centre))
+        if (plane_in_frustum(w, job->prepared->cameras[scene->planes[k]].centre))
             mark(scratch, scene->planes[k]);
-    scratch->camera_list_count.count = list_marked(scratch, scene, list);
+    scratch->camera_shapes.count = list_marked(scratch, scene, list);
 }
 
 // The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
-void bvh_list_in_row(const struct window *row, float across, const struct job *job,
+void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
     ACTIVE(GROUP);
@@ -91,13 +91,13 @@ void bvh_list_in_row(const struct window *row, float across, const struct job *j
     for (int k = 0; k < GROUP; k++)
         scratch->row_counts[k] = 0;
     const struct prepared *scene = job->prepared;
-    const int *list = scratch->camera_list_count.index, count = scratch->camera_list_count.count;
+    const int *list = scratch->camera_shapes.index, count = scratch->camera_shapes.count;
     for (int k = 0; k < count; k++) {
         int i = list[k];
-        const struct primitive *s = &scene->placed[i];
-        const float *c = job->eyes[i].centre;
+        const struct primitive *s = &scene->primitives[i];
+        const float *c = job->cameras[i].centre;
         unsigned which = (1u << GROUP) - 1;
-        if (s->way != EVAL_LINEAR) {
+        if (s->eval != EVAL_LINEAR) {
             COUNT(bvh_list_in_row, solid);
             float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
             // Both at once, if the compiler will: gcc 12 asks one after the other.
@@ -157,7 +157,7 @@ void bvh_list_towards_light(const float centre[3], float radius, const float to_
     COUNT(bvh_list_towards_light, call);
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
     struct shape_set *shading = &work->scratch->occluders;
-    int count = bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, shading->index);
+    int count = bvh_list(&work->scene->bvh, sphere_in_bundle_cone, &shaft, shading->index);
     shading->count = append_planes(work->scene, shading->index, count);
 }
 
@@ -167,19 +167,19 @@ void bvh_list_for_batch(const float centre[3], float radius, const float to_ligh
     const struct prepared *scene = work->scene;
     struct worker_scratch *scratch = work->scratch;
     scratch->batch_count = -1;
-    if (radius > scene->tree.spacing)
+    if (radius > scene->bvh.spacing)
         return;
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
-    int count = bvh_list(&scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
+    int count = bvh_list(&scene->bvh, sphere_in_bundle_cone, &shaft, scratch->entry_list);
     if (count > BATCH_CANDIDATES_ROOM)
         return;
     scratch->batch_count = count;
     for (int k = 0; k < count; k++) {
-        const struct primitive *s = &scene->placed[scratch->ahead[k]];
+        const struct primitive *s = &scene->primitives[scratch->entry_list[k]];
         for (int i = 0; i < 3; i++)
             scratch->batch_sphere[i][k] = s->position[i];
         scratch->batch_sphere[3][k] = s->bound;
-        scratch->batch_shape[k] = scratch->ahead[k];
+        scratch->batch_shape[k] = scratch->entry_list[k];
     }
 }
 
@@ -188,10 +188,10 @@ void bvh_list_for_packet(const float centre[3], float radius, const float to_lig
     COUNT(bvh_list_for_packet, call);
     struct worker_scratch *scratch = work->scratch;
     struct bundle_cone shaft = bundle_cone_from(centre, radius, to_light, q);
-    scratch->entry_count = 0;
+    scratch->entries = 0;
     if (scratch->batch_count < 0) {
-        scratch->entry_count =
-            bvh_list(&work->scene->tree, sphere_in_bundle_cone, &shaft, scratch->ahead);
+        scratch->entries =
+            bvh_list(&work->scene->bvh, sphere_in_bundle_cone, &shaft, scratch->entry_list);
         return;
     }
     for (int first = 0; first < scratch->batch_count; first += LANES) {
@@ -204,7 +204,7 @@ void bvh_list_for_packet(const float centre[3], float radius, const float to_lig
             v_and(sphere_in_bundle_cone(at, v_load(&scratch->batch_sphere[3][first]), &shaft),
                   v_mask_first(scratch->batch_count - first)));
         for (; which; which &= which - 1)
-            scratch->ahead[scratch->entry_count++] =
+            scratch->entry_list[scratch->entries++] =
                 scratch->batch_shape[first + __builtin_ctz(which)];
     }
 }
@@ -234,7 +234,7 @@ static inline void mark_leaf(int shape, void *with) {
 int bvh_list_along(struct vec origin, struct vec direction, vmask active,
                    const struct tile_context *work, int *list) {
     struct ray_bundle bundle = {origin, direction, active, work->scratch};
-    bvh_visit(&work->scene->tree, sphere_met_by_ray, mark_leaf, &bundle);
+    bvh_visit(&work->scene->bvh, sphere_met_by_ray, mark_leaf, &bundle);
     mark_planes(work->scratch, work->scene);
     return list_marked(work->scratch, work->scene, list);
 }

@@ -10,17 +10,17 @@ struct shadow_rays;
 struct tile_context;
 struct worker_scratch;
 
-struct window;
+struct tile_frustum;
 
 struct job;
 
-// To desk->listed: those that lie across the window, and planes seen through it.
-void bvh_list_in_window(const struct window *window, const struct job *job,
-                        struct worker_scratch *scratch);
+// To desk->listed: those that lie across the frustum, and planes seen through it.
+void bvh_list_in_frustum(const struct tile_frustum *frustum, const struct job *job,
+                         struct worker_scratch *scratch);
 
 // Of those the ones that each block of a row can meet, planes all of them: desk->cut, as many as desk->cuts says. `row`:
-// its window; `across`: how wide that of a block is.
-void bvh_list_in_row(const struct window *row, float across, const struct job *job,
+// its frustum; `across`: how wide that of a block is.
+void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch);
 
 // To desk->shading: those that a cone of slope q about a ray can meet, which starts in the ball and goes to_light but for
@@ -28,7 +28,7 @@ void bvh_list_in_row(const struct window *row, float across, const struct job *j
 void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                             const struct tile_context *work);
 
-// The same solids of all rays of a beam: desk->about, if there is room; then desk->ahead of a packet's, without the tree.
+// The same solids of all rays of a batch: desk->about, if there is room; then desk->ahead of a packet's, without the tree.
 void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
                         const struct tile_context *work);
 
@@ -45,7 +45,7 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
                         vfloat shape, vmask active, const struct tile_context *work);
 
 // Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
-void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
+void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work);
 
 // Of a packet's rays `asked`: does anything but `own` come nearer than q·t, from t to the end? `until` is set to where what is
@@ -53,7 +53,7 @@ void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *nears,
 struct cone_request {
     const struct shadow_rays *rays;
     vfloat t, q, until;
-    vfloat own; // a solid that comes no nearer than that any more, −1: none is known
+    vfloat excluded; // a solid that comes no nearer than that any more, −1: none is known
     vmask asked;
 };
 

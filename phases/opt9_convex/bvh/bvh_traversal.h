@@ -19,10 +19,10 @@ static inline struct vec vec_of_lane(const struct vec *v, int lane) {
 // A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
 enum { LEVEL_BITS = 2 };
 
-_Static_assert(TREE_LEVELS <= 1 << LEVEL_BITS, "room for a level");
+_Static_assert(BVH_LEVELS <= 1 << LEVEL_BITS, "room for a level");
 
 enum {
-    STACK_ROOM = TREE_LEVELS * TREE_WIDTH + LANES
+    STACK_ROOM = BVH_LEVELS * BVH_WIDTH + LANES
 }; // room for all, and for what a row writes behind them
 
 static inline int pack_node(int level, int node) {
@@ -46,9 +46,9 @@ static inline int push_nodes(vmask those, int level, int first, int waiting[LANE
 // Which of as many spheres as there are lanes matter.
 typedef vmask sphere_test(struct vec centre, vfloat radius, const void *with);
 
-enum { NODES = TREE_WIDTH * TREE_WIDTH }; // of the level that has the most
+enum { NODES = BVH_WIDTH * BVH_WIDTH }; // of the level that has the most
 
-_Static_assert(TREE_LEVELS == 3, "room for the nodes of a level");
+_Static_assert(BVH_LEVELS == 3, "room for the nodes of a level");
 
 // Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
 // last are overwritten. Level by level: no node's test waits for that of another.
@@ -64,8 +64,8 @@ __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree
         int *to = level > 0 ? nodes[~level & 1] : list, count = listed;
         listed = 0;
         for (int i = 0; i < count; i++) {
-            int end = int_min(s->count, (from[i] + 1) * TREE_WIDTH);
-            for (int first = from[i] * TREE_WIDTH; first < end; first += LANES) {
+            int end = int_min(s->count, (from[i] + 1) * BVH_WIDTH);
+            for (int first = from[i] * BVH_WIDTH; first < end; first += LANES) {
                 ACTIVE(int_min(LANES, end - first));
                 COUNT(bvh_list, spheres);
                 struct vec centre = {v_load(s->x + first), v_load(s->y + first),
@@ -95,8 +95,8 @@ __attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tr
     for (int count = 1; count > 0;) {
         int level = node_level(waiting[--count]), node = node_index(waiting[count]);
         const struct sphere_array *s = &tree->level[level];
-        int end = int_min(s->count, (node + 1) * TREE_WIDTH);
-        for (int entry = node * TREE_WIDTH; entry < end; entry++) {
+        int end = int_min(s->count, (node + 1) * BVH_WIDTH);
+        for (int entry = node * BVH_WIDTH; entry < end; entry++) {
             if (!test((float[3]){s->x[entry], s->y[entry], s->z[entry]}, s->radius[entry], with))
                 continue;
             if (level == 0)

@@ -31,9 +31,9 @@ static inline vmask cone_meets_sphere(const struct ray_cone *c, struct vec centr
 // A packet's rays of which it is asked.
 struct packet_cones {
     struct ray_cone rays;
-    vfloat t, own;   // own: a shape that they do not meet
-    vfloat until;    // where what they meet ends, if anything
-    vmask open, now; // not asked yet; in the sheaf that is asked, with nothing met so far
+    vfloat t, excluded; // own: a shape that they do not meet
+    vfloat until;       // where what they meet ends, if anything
+    vmask open, now;    // not asked yet; in the sheaf that is asked, with nothing met so far
 };
 
 // Rays from near the first one's place: how far they are from it at most, how much they turn from its direction, the widest
@@ -98,7 +98,7 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
         ACTIVE(v_count(c->now));
         COUNT(cones_meet_leaf, packet);
         vfloat lean, rest;
-        vmask meets = v_and(v_andnot(is_shape(c->own, tree->shape[leaf]), c->now),
+        vmask meets = v_and(v_andnot(is_shape(c->excluded, tree->shape[leaf]), c->now),
                             cone_meets_sphere(&c->rays,
                                               (struct vec){v_splat(s->x[leaf]), v_splat(s->y[leaf]),
                                                            v_splat(s->z[leaf])},
@@ -127,8 +127,8 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
     for (int count = 1; count > 0;) {
         int level = node_level(waiting[--count]), node = node_index(waiting[count]);
         const struct sphere_array *s = &tree->level[level];
-        int end = int_min(s->count, (node + 1) * TREE_WIDTH);
-        for (int first = node * TREE_WIDTH; first < end; first += LANES) {
+        int end = int_min(s->count, (node + 1) * BVH_WIDTH);
+        for (int first = node * BVH_WIDTH; first < end; first += LANES) {
             ACTIVE(int_min(LANES, end - first));
             COUNT(cone_query_bundle, spheres);
             struct vec centre = {v_load(s->x + first), v_load(s->y + first), v_load(s->z + first)};
@@ -209,7 +209,7 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
         vfloat q = v_min(a->q, v_splat(0.99f));
         vmask blocked = v_mask_none();
         for (int k = 0; k < scene->plane_count; k++) {
-            const struct primitive *s = &scene->placed[scene->planes[k]];
+            const struct primitive *s = &scene->primitives[scene->planes[k]];
             COUNT(bvh_query_ahead, plane);
             vfloat slope = vec_dot(vec_set(s->normal), a->rays->to_light);
             blocked = v_or(blocked, v_cmp_lt(slope, q));
@@ -218,12 +218,12 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
         cones[i] =
             (struct packet_cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
                                   a->t,
-                                  a->own,
+                                  a->excluded,
                                   v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
                                   v_andnot(blocked, a->asked),
                                   v_mask_none()};
     }
-    cone_query_rays(&scene->tree, cones, count, &work->scratch->far);
+    cone_query_rays(&scene->bvh, cones, count, &work->scratch->far);
     for (int i = 0; i < count; i++)
         asking[i].until = cones[i].until;
 }
@@ -239,8 +239,8 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
         int i = scene->planes[k];
         COUNT(bvh_trivially_lit, plane);
         vmask here =
-            plane_clears(height_over(&scene->placed[i], point),
-                         vec_dot(vec_set(scene->placed[i].normal), to_light), q, &scene->known);
+            plane_clears(height_over(&scene->primitives[i], point),
+                         vec_dot(vec_set(scene->primitives[i].normal), to_light), q, &scene->known);
         clear = v_and(clear, v_or(is_shape(shape, i), here));
     }
     float id[LANES];
@@ -250,9 +250,9 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
         vmask same = v_and(v_mask_of_bits(rest), is_shape(shape, i));
         COUNT(bvh_trivially_lit, shape);
         rest &= ~v_mask_bits(same);
-        if (scene->placed[i].way != EVAL_LINEAR)
+        if (scene->primitives[i].eval != EVAL_LINEAR)
             clear = v_andnot(
-                v_andnot(convex_from(&scene->placed[i], local, facing, &scene->known), same),
+                v_andnot(convex_from(&scene->primitives[i], local, facing, &scene->known), same),
                 clear);
     }
     if (!v_any(clear) || q >= 0.99f)
@@ -265,6 +265,6 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
                                  v_splat(-1.0f),
                                  clear,
                                  v_mask_none()};
-    cone_query_rays(&scene->tree, &cones, 1, &work->scratch->leaf);
+    cone_query_rays(&scene->bvh, &cones, 1, &work->scratch->leaf);
     return v_and(clear, v_cmp_lt(cones.until, zero));
 }

@@ -14,14 +14,14 @@
 // Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
 // then hit it at once, at the distance that they are at, which is negative.
 INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
-                              vmask own, vfloat *t, struct vec *local) {
+                              vmask self, vfloat *t, struct vec *local) {
     COUNT(hit_from_surface, call);
     if (s->convex)
-        active = v_andnot(own, active); // what it leaves, it does not meet again
+        active = v_andnot(self, active); // what it leaves, it does not meet again
     vmask within, met = enter(o, d, s, active, t, local, &within);
     if (!s->convex) {
         COUNT(hit_from_surface, torus);
-        within = v_and(v_andnot(own, active), v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
+        within = v_and(v_andnot(self, active), v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
     }
     if (!v_any(within))
         return met;
@@ -33,31 +33,31 @@ INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive
     return v_or(met, inside);
 }
 
-INLINE void meet_mirror(int i, const struct packet_ray *ray, const struct prepared *scene,
-                        struct surface_hit *hit) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepared *scene,
+                       struct surface_hit *hit) {
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     ACTIVE(v_count(ray->active));
-    vmask own = is_shape(ray->leaves, i), met;
+    vmask self = is_shape(ray->leaves, i), met;
     vfloat t;
     struct vec local = hit->local;
     if (s->type == SHAPE_MANDELBULB) // by hit_bulbs()
         return;
     COUNT(closest_mirror_hit, shape);
-    if (s->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_LINEAR) {
         COUNT(closest_mirror_hit, plane);
         vfloat slope = add_dot(s->normal, ray->direction), height = height_over(s, ray->origin);
         vmask under = v_cmp_lt(height, v_splat(0.0f));
         t = v_select(under, height, height / (v_splat(0.0f) - slope));
-        met = v_and(v_andnot(own, ray->active), v_or(under, v_cmp_lt(slope, v_splat(0.0f))));
+        met = v_and(v_andnot(self, ray->active), v_or(under, v_cmp_lt(slope, v_splat(0.0f))));
     } else if (REPEATED(s)) {
         COUNT(closest_mirror_hit, repeated);
         vfloat end =
             v_min(bounds_distance(ray->origin, ray->direction, &scene->model.march), hit->t);
-        met = hit_cells(ray, s, own, end, (float)scene->model.march.surface_offset, &t, &local);
+        met = hit_cells(ray, s, self, end, (float)scene->model.march.surface_offset, &t, &local);
     } else {
         COUNT(closest_mirror_hit, solid);
         met = hit_from_surface(to_local(s, ray->origin), turned(s, ray->direction), s, ray->active,
-                               own, &t, &local);
+                               self, &t, &local);
     }
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
 }
@@ -71,9 +71,9 @@ static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
         int *list = work->scratch->mirror_list;
         int count = bvh_list_along(ray->origin, ray->direction, ray->active, work, list);
         for (int k = 0; k < count; k++)
-            meet_mirror(list[k], ray, work->scene, &hit);
+            mirror_hit(list[k], ray, work->scene, &hit);
     } else
-        EACH_SHAPE(work->scene, meet_mirror, ray, work->scene, &hit);
+        EACH_SHAPE(work->scene, mirror_hit, ray, work->scene, &hit);
     return hit;
 }
 
@@ -109,14 +109,14 @@ static void follow_mirrors(const struct tile_context *work) {
     }
 }
 
-// Whether a shape lies across the window, at least with its bounding sphere.
-INLINE void look_across(int i, const struct window *w, const float *sides, const struct job *job,
-                        struct shape_set *list) {
-    const struct primitive *s = &KNOWN(job->prepared)->placed[i];
-    const float *c = job->eyes[i].centre;
-    if (s->way == EVAL_LINEAR) { // centre: its normal
+// Whether a shape lies across the frustum, at least with its bounding sphere.
+INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *sides,
+                              const struct job *job, struct shape_set *list) {
+    const struct primitive *s = &KNOWN(job->prepared)->primitives[i];
+    const float *c = job->cameras[i].centre;
+    if (s->eval == EVAL_LINEAR) { // centre: its normal
         COUNT(shapes_in, plane);
-        if (plane_in_window(w, c))
+        if (plane_in_frustum(w, c))
             add_to_set(list, i);
         return;
     }
@@ -132,29 +132,29 @@ INLINE void look_across(int i, const struct window *w, const float *sides, const
         add_to_set(list, i);
 }
 
-static void shapes_in(const struct window *w, const struct job *job, struct shape_set *list) {
+static void shapes_in(const struct tile_frustum *w, const struct job *job, struct shape_set *list) {
     COUNT(shapes_in, call);
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     clear_set(list);
-    EACH_SHAPE(job->prepared, look_across, w, sides, job, list);
+    EACH_SHAPE(job->prepared, add_if_in_frustum, w, sides, job, list);
 }
 
 // A row of packets that nothing waits for.
-static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *sights,
+static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *hits,
                               int pixel, struct frame *frame, const struct tile_context *work) {
     COUNT(shade_primary_row, call);
-    sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
+    hits += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
     bool all = frame->depth != NULL;
     for (int i = 0; tile->left + i * BLOCK_WIDTH < tile->right; i++, pixel += LANES) {
         struct shading_packet at;
-        set_camera_ray(tile, sights[i].direction, sights[i].active, pixel, &at.ray);
-        shade_primary_hit(&sights[i], &at, work);
+        set_camera_ray(tile, hits[i].direction, hits[i].active, pixel, &at.ray);
+        shade_primary_hit(&hits[i], &at, work);
         if (all) {
             struct surface_hit hit = at.hit; // a copy: `at` stays in registers
-            struct vec n = sights[i].hit.local;
-            vmask away = v_cmp_gt(vec_dot(n, sights[i].direction), v_splat(0.0f));
-            ACTIVE(v_count(sights[i].active));
+            struct vec n = hits[i].hit.local;
+            vmask away = v_cmp_gt(vec_dot(n, hits[i].direction), v_splat(0.0f));
+            ACTIVE(v_count(hits[i].active));
             COUNT(shade_primary_row, normal);
             store_hit(frame, block_at(tile, row, i), &hit,
                       (struct vec){v_negate_where(away, n.x), v_negate_where(away, n.y),
@@ -209,14 +209,14 @@ static inline void set_tile(const struct job *job, int number, struct tile *tile
 static inline void list_for_tile(const struct tile *tile, const struct job *job,
                                  struct worker_scratch *scratch) {
     const struct frame *frame = job->frame;
-    struct window window = {(float)(2 * tile->left + 1 - frame->width) * tile->per_height,
-                            (float)(2 * tile->right - 1 - frame->width) * tile->per_height,
-                            (float)(frame->height + 1 - 2 * tile->bottom) * tile->per_height,
-                            (float)(frame->height - 1 - 2 * tile->top) * tile->per_height};
+    struct tile_frustum frustum = {(float)(2 * tile->left + 1 - frame->width) * tile->per_height,
+                                   (float)(2 * tile->right - 1 - frame->width) * tile->per_height,
+                                   (float)(frame->height + 1 - 2 * tile->bottom) * tile->per_height,
+                                   (float)(frame->height - 1 - 2 * tile->top) * tile->per_height};
     if (HAS_BVH(job->prepared))
-        bvh_list_in_window(&window, job, scratch);
+        bvh_list_in_frustum(&frustum, job, scratch);
     else
-        shapes_in(&window, job, &scratch->camera_list_count);
+        shapes_in(&frustum, job, &scratch->camera_shapes);
 }
 
 static inline void store_row_colors(const struct tile *tile, int row, int pixel,
@@ -255,7 +255,7 @@ void draw_analytic_tile(const struct job *job, int number, struct worker_scratch
     struct tile tile;
     set_tile(job, number, &tile);
     list_for_tile(&tile, job, scratch);
-    if (is_set_empty(&scratch->camera_list_count)) {
+    if (is_set_empty(&scratch->camera_shapes)) {
         fill_background(frame, tile.left, tile.right, tile.top, tile.bottom,
                         &KNOWN(job->prepared)->model);
         return;
@@ -264,17 +264,17 @@ void draw_analytic_tile(const struct job *job, int number, struct worker_scratch
         march_tile_bulbs(&tile, job, scratch);
     }
     bool plain = REPEATS(job->prepared) && needs_no_secondary(&KNOWN(job->prepared)->model);
-    struct primary_hit sights[BLOCKS];
+    struct primary_hit hits[BLOCKS];
     if (REPEATS(job->prepared))
-        repeated_tile(&tile, job, scratch, sights);
+        repeated_tile(&tile, job, scratch, hits);
     struct shading_packet stage[GROUP];
     int across = (tile.right - tile.left + BLOCK_WIDTH - 1) / BLOCK_WIDTH * LANES, pixel = 0;
     for (int row = tile.top; row < tile.bottom; row += BLOCK_HEIGHT, pixel += across) {
         if (plain) {
-            shade_primary_row(&tile, row, sights, pixel, frame, &work);
+            shade_primary_row(&tile, row, hits, pixel, frame, &work);
             continue;
         }
-        int count = camera_row(&tile, row, pixel, sights, job, scratch, stage);
+        int count = camera_row(&tile, row, pixel, hits, job, scratch, stage);
         shade_packets(stage, count, &work);
         store_row_colors(&tile, row, pixel, stage, count, frame, scratch);
         if (scratch->mirrors > QUEUE / 2)

@@ -1,14 +1,14 @@
 // What the code knows of its scene when it is compiled: here nothing, so that every scene can be drawn.
 // Code that is compiled for one scene has a header of its own in place of this one.
-#ifndef OPT9_KNOWN_H
-#define OPT9_KNOWN_H
+#ifndef OPT9_KNOWN_SCENE_H
+#define OPT9_KNOWN_SCENE_H
 
 #include "core/primitive.h"
 #include "core/shape_sets.h"
 
 // The scene as `const struct known_scene *`.
 #define KNOWN(scene) (&(scene)->known)
-#define HAS_BVH(scene) ((scene)->tree.levels > 0)
+#define HAS_BVH(scene) ((scene)->bvh.levels > 0)
 // Functions with code of their own for each shape; functions that another file calls; and those that are both.
 #define INLINE static inline
 #define KERNEL_SHARED

@@ -23,7 +23,7 @@ enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // A shape as the march wants it: what is evaluated, and nothing else.
 struct primitive {
-    enum eval_kind way;
+    enum eval_kind eval;
     enum shape_type type;
     bool turned, repeated;
     float index; // in the scene
@@ -59,7 +59,7 @@ struct primitive_extra {
     float position_lo[3]; // what `position` lacks
     double radius_sq;     // EVAL_POWER
     // Of a crowd's solid: no other's bounding sphere is nearer to its position, and its place in the tree.
-    float alone;
+    float clearance;
     int bvh_rank;
 };
 
@@ -81,43 +81,43 @@ struct known_model {
 };
 struct known_scene {
     struct known_model model;
-    const struct primitive *placed; // one per shape
-    bool repeats;                   // a shape is repeated
-    int plane;                      // the first that there is, −1: none
-    int bulbs;                      // how many of them are Mandelbulbs
-    float lit_slope;                // see lit_slope() in core/primitives.c
+    const struct primitive *primitives; // one per shape
+    bool repeats;                       // a shape is repeated
+    int plane;                          // the first that there is, −1: none
+    int bulbs;                          // how many of them are Mandelbulbs
+    float lit_slope;                    // see lit_slope() in core/primitives.c
 };
 
 struct prepared {
     struct model model;
     struct known_scene known;
-    struct primitive *placed;     // one per shape, known.placed
-    struct primitive_extra *more; // one per shape
-    struct local_camera *eyes;    // one per shape; of the frame being rendered
-    bool solids;                  // core/analytic_tile.c can have it
-    struct bvh tree;              // of the solids, if they are a crowd
-    struct bvh_leaf *leaves;      // what it is made of
+    struct primitive *primitives;   // one per shape, known.primitives
+    struct primitive_extra *extras; // one per shape
+    struct local_camera *cameras;   // one per shape; of the frame being rendered
+    bool analytic;                  // core/analytic_tile.c can have it
+    struct bvh bvh;                 // of the solids, if they are a crowd
+    struct bvh_leaf *leaves;        // what it is made of
     int *planes, plane_count;
 };
 
 // A scene of this many shapes is a crowd, of two nodes of the tree or more, where build_bvh() in core/primitives.c allows it.
-enum { BVH_MIN_SHAPES = 2 * TREE_WIDTH };
+enum { BVH_MIN_SHAPES = 2 * BVH_WIDTH };
 
 // Room for so many shapes, in what is zeroed; false: memory is short. To be freed in any case.
-bool place_room(struct prepared *prepared, int shape_count);
-void place_free(struct prepared *prepared);
-// All but `eyes`, in arrays that are there.
+bool reserve_prepared(struct prepared *prepared, int shape_count);
+void free_prepared(struct prepared *prepared);
+// All but `cameras`, in arrays that are there.
 void prepare_shapes(struct prepared *prepared, const struct model *model);
-// A frame's eyes (hit/local_cameras.c). Whether it can be had without marching camera rays. sixteen: lanes, not eight.
+// A frame's cameras (hit/local_cameras.c). Whether it can be had without marching camera rays. sixteen: lanes, not eight.
 bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen);
 // Of the tiles of a frame that is so high.
 int tile_height(const struct prepared *prepared, int height);
 
 // The camera as a shape sees it.
 struct local_camera {
-    float at[3];   // in the shape's frame, of a repeated one in the cell about 0
-    float rest[3]; // of a repeated one: what `at` lacks
-    float height;  // above a plane
+    float at[3];     // in the shape's frame, of a repeated one in the cell about 0
+    float at_low[3]; // of a repeated one: what `at` lacks
+    float height;    // above a plane
     // The shape's position to the right, above and ahead of the camera; a plane's normal there; of a repeated one the
     // world's origin from the camera in the shape's frame.
     float centre[3];
@@ -129,15 +129,15 @@ struct job {
     const struct prepared *prepared;
     const struct view *view;
     struct frame *frame;
-    const struct local_camera *eyes; // one per shape
-    int tile_height;                 // of core/analytic_tile.c's
-    bool solids;                     // every ray by core/analytic_tile.c, none by fallback/march.c
+    const struct local_camera *cameras; // one per shape
+    int tile_height;                    // of core/analytic_tile.c's
+    bool analytic; // every ray by core/analytic_tile.c, none by fallback/march.c
 };
 
 #define KERNEL(width)                                                                              \
     size_t width##_own_size(const struct model *model);                                            \
     int width##_tiles(const struct job *job);                                                      \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
+    void width##_tile(const struct job *job, int tile, void *memory);                              \
     bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
                            double *distance, int *nearest);
 KERNEL(lanes8)

@@ -28,8 +28,8 @@ static void to_floats(const double from[3], float to[3]) {
 
 // See struct primitive. A plane that is not repeated has one row.
 static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
-                         struct primitive_extra *more) {
-    bool linear = p->way == EVAL_LINEAR;
+                         struct primitive_extra *extra) {
+    bool linear = p->eval == EVAL_LINEAR;
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             const double *n = shape->plane.normal;
@@ -38,9 +38,9 @@ static void prepare_rows(struct primitive *p, const struct shape *shape, double 
         }
         p->centre[i] = shape->position[i];
     }
-    if (p->way == EVAL_POWER) {
-        more->radius_sq = shape->sphere.radius * shape->sphere.radius;
-        p->b = (float)more->radius_sq;
+    if (p->eval == EVAL_POWER) {
+        extra->radius_sq = shape->sphere.radius * shape->sphere.radius;
+        p->b = (float)extra->radius_sq;
     }
     if (linear) {
         p->offset = shape->plane.offset;
@@ -62,13 +62,13 @@ static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
 }
 
 static struct primitive prepare_shape(int index, const struct shape *shape,
-                                      const struct limits *limits, struct primitive_extra *more) {
+                                      const struct limits *limits, struct primitive_extra *extra) {
     struct primitive p = {
         .type = shape->type, .index = (float)index, .next_same_grid = -1, .leader = index};
     double turn[3][3];
     rotation_matrix(shape->rotation_degrees, turn);
     for (int i = 0; i < 3; i++) {
-        split(shape->position[i], &p.position[i], &more->position_lo[i]);
+        split(shape->position[i], &p.position[i], &extra->position_lo[i]);
         to_floats(turn[i], p.turn[i]);
         p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
         p.repeated = p.repeated || shape->repeat[i] > 0.0;
@@ -77,8 +77,8 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
         p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
         p.per_cell[i] = (float)p.wide_per_cell[i];
     }
-    p.way = eval_kind_of(shape, p.repeated, limits);
-    prepare_rows(&p, shape, turn, more);
+    p.eval = eval_kind_of(shape, p.repeated, limits);
+    prepare_rows(&p, shape, turn, extra);
     switch (shape->type) {
     case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
     case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
@@ -185,7 +185,7 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
     p->share = (float)(m->reflectivity * 0.1);
     p->shininess = (float)m->shininess;
     p->shine_from = (float)pow(1e-9, 1.0 / m->shininess);
-    if (p->way == EVAL_LINEAR)
+    if (p->eval == EVAL_LINEAR)
         p->c = (float)(shape->plane.offset + p->row[0][0] * p->centre[0] +
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
 }
@@ -208,33 +208,33 @@ enum { BVH_MIN_MAX_STEPS = 256 };
 
 static void build_bvh(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
-    prepared->tree.levels = 0;
-    if (count < BVH_MIN_SHAPES || !prepared->solids || prepared->known.repeats ||
+    prepared->bvh.levels = 0;
+    if (count < BVH_MIN_SHAPES || !prepared->analytic || prepared->known.repeats ||
         prepared->known.bulbs || prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;
     for (int i = 0; i < count; i++) {
-        const struct primitive *p = &prepared->placed[i];
-        if (p->way == EVAL_LINEAR)
+        const struct primitive *p = &prepared->primitives[i];
+        if (p->eval == EVAL_LINEAR)
             continue;
         struct bvh_leaf *leaf = &prepared->leaves[solids++];
         *leaf = (struct bvh_leaf){.radius = p->bound, .shape = i};
         for (int k = 0; k < 3; k++)
             leaf->centre[k] = p->position[k];
     }
-    bvh_build(&prepared->tree, prepared->leaves, solids);
+    bvh_build(&prepared->bvh, prepared->leaves, solids);
     for (int i = 0; i < solids; i++) {
-        struct primitive_extra *more = &prepared->more[prepared->tree.shape[i]];
-        more->alone = bvh_gap(&prepared->tree, i);
-        more->bvh_rank = i;
+        struct primitive_extra *extra = &prepared->extras[prepared->bvh.shape[i]];
+        extra->clearance = bvh_gap(&prepared->bvh, i);
+        extra->bvh_rank = i;
     }
 }
 
 // Of a repeated shape the others behind it that are repeated so in the same frame.
-static void link_same_grid(struct primitive *placed, int first, int count) {
-    struct primitive *s = &placed[first], *last = s;
+static void link_same_grid(struct primitive *primitives, int first, int count) {
+    struct primitive *s = &primitives[first], *last = s;
     memcpy(s->box_of_grid, s->box, sizeof s->box);
     for (int i = first + 1; i < count && s->repeated && !s->follows_same_grid; i++) {
-        struct primitive *p = &placed[i];
+        struct primitive *p = &primitives[i];
         if (!p->repeated || memcmp(p->centre, s->centre, sizeof s->centre) != 0 ||
             memcmp(p->row, s->row, sizeof s->row) != 0 ||
             memcmp(p->wide_cell, s->wide_cell, sizeof s->wide_cell) != 0)
@@ -271,50 +271,50 @@ static struct known_scene known_of(const struct model *model) {
 
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    prepared->solids = true;
+    prepared->analytic = true;
     struct known_scene *known = &prepared->known;
     *known = known_of(model);
-    known->placed = prepared->placed;
+    known->primitives = prepared->primitives;
     prepared->plane_count = 0;
     for (int i = 0; i < model->shape_count; i++) {
-        struct primitive *p = &prepared->placed[i];
-        *p = prepare_shape(i, &model->shapes[i], &model->march, &prepared->more[i]);
+        struct primitive *p = &prepared->primitives[i];
+        *p = prepare_shape(i, &model->shapes[i], &model->march, &prepared->extras[i]);
         prepare_solid(p, &model->shapes[i], model);
-        if (p->way == EVAL_LINEAR && known->plane < 0)
+        if (p->eval == EVAL_LINEAR && known->plane < 0)
             known->plane = i;
-        if (p->way == EVAL_LINEAR)
+        if (p->eval == EVAL_LINEAR)
             prepared->planes[prepared->plane_count++] = i;
         known->repeats = known->repeats || p->repeated;
         if ((p->repeated &&
              (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
-            p->way == EVAL_POWER ||
+            p->eval == EVAL_POWER ||
             // of two Mandelbulbs each one's estimate is a part of the other's steps
             (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
                                              model->shadows == SHADOWS_HARD || known->bulbs > 1)))
-            prepared->solids = false;
+            prepared->analytic = false;
     }
     for (int i = 0; i < model->shape_count && known->repeats; i++)
-        link_same_grid(prepared->placed, i, model->shape_count);
+        link_same_grid(prepared->primitives, i, model->shape_count);
     build_bvh(prepared);
 }
 
-bool place_room(struct prepared *prepared, int shape_count) {
+bool reserve_prepared(struct prepared *prepared, int shape_count) {
     size_t count = (size_t)shape_count;
-    prepared->placed = calloc(count, sizeof *prepared->placed);
-    prepared->more = calloc(count, sizeof *prepared->more);
-    prepared->eyes = calloc(count, sizeof *prepared->eyes);
+    prepared->primitives = calloc(count, sizeof *prepared->primitives);
+    prepared->extras = calloc(count, sizeof *prepared->extras);
+    prepared->cameras = calloc(count, sizeof *prepared->cameras);
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
-    return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
+    return prepared->primitives && prepared->extras && prepared->cameras && prepared->planes &&
            prepared->leaves &&
-           (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->tree, shape_count));
+           (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->bvh, shape_count));
 }
 
-void place_free(struct prepared *prepared) {
-    bvh_free(&prepared->tree);
+void free_prepared(struct prepared *prepared) {
+    bvh_free(&prepared->bvh);
     free(prepared->leaves);
     free(prepared->planes);
-    free(prepared->eyes);
-    free(prepared->more);
-    free(prepared->placed);
+    free(prepared->cameras);
+    free(prepared->extras);
+    free(prepared->primitives);
 }

@@ -31,13 +31,13 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!kept)
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
-    if (place_room(&kept->prepared, model->shape_count)) {
+    if (reserve_prepared(&kept->prepared, model->shape_count)) {
         prepare_shapes(&kept->prepared, model);
         kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
                                                              : lanes8_own_size(model));
     }
     if (!kept->workers) {
-        place_free(&kept->prepared);
+        free_prepared(&kept->prepared);
         free(kept);
         return NULL;
     }
@@ -47,7 +47,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
 void phase_release(struct prepared *prepared) {
     struct phase_state *kept = (struct phase_state *)prepared; // its first member
     workers_end(kept->workers);
-    place_free(prepared);
+    free_prepared(prepared);
     free(kept);
 }
 
@@ -57,21 +57,21 @@ struct frame_job {
     bool sixteen;
 };
 
-static void render_tile(const void *data, int tile, void *own) {
+static void render_tile(const void *data, int tile, void *memory) {
     const struct frame_job *job = data;
     if (job->sixteen)
-        lanes16_tile(&job->job, tile, own);
+        lanes16_tile(&job->job, tile, memory);
     else
-        lanes8_tile(&job->job, tile, own);
+        lanes8_tile(&job->job, tile, memory);
 }
 
 bool phase_render(const struct prepared *prepared, const struct view *view, struct frame *frame) {
     COUNT(phase_render, call);
     const struct phase_state *kept = (const struct phase_state *)prepared; // its first member
-    struct frame_job job = {{prepared, view, frame, prepared->eyes,
-                             tile_height(prepared, frame->height),
-                             prepared->solids && set_local_cameras(prepared, view, kept->sixteen)},
-                            kept->sixteen};
+    struct frame_job job = {
+        {prepared, view, frame, prepared->cameras, tile_height(prepared, frame->height),
+         prepared->analytic && set_local_cameras(prepared, view, kept->sixteen)},
+        kept->sixteen};
     workers_run(kept->workers, render_tile, &job,
                 kept->sixteen ? lanes16_tiles(&job.job) : lanes8_tiles(&job.job));
     return true;

@@ -19,14 +19,14 @@ static vmask in_bounds_nearly(const vfloat parts[8], vmask asked, const struct k
     unsigned in = 0;
     for (unsigned rest = v_mask_bits(asked); rest; rest &= rest - 1) {
         int lane = __builtin_ctz(rest);
-        const struct primitive *s = &scene->placed[(int)lanes[7][lane]];
+        const struct primitive *s = &scene->primitives[(int)lanes[7][lane]];
         double o[3], d[3], p[3], t = lanes[6][lane];
         for (int k = 0; k < 3; k++) {
             o[k] = lanes[k][lane];
             d[k] = lanes[3 + k][lane];
             p[k] = o[k] - s->centre[k];
         }
-        if (s->way == EVAL_LINEAR)
+        if (s->eval == EVAL_LINEAR)
             t = (s->offset - dot3(s->row[0], p)) / dot3(s->row[0], d);
         for (int k = 0; k < 3; k++)
             p[k] = o[k] + t * d[k];

@@ -35,24 +35,24 @@ INLINE struct vec reflected_at(const float a[3], struct vec v) {
     return vec_reflect(v, vec_set(a));
 }
 
-INLINE struct vec turned(const struct primitive *placed, struct vec v) {
+INLINE struct vec turned(const struct primitive *s, struct vec v) {
     COUNT(turned, call);
-    if (!placed->turned)
+    if (!s->turned)
         return v;
     COUNT(turned, rotation);
-    return (struct vec){vec_dot(vec_set(placed->turn[0]), v), vec_dot(vec_set(placed->turn[1]), v),
-                        vec_dot(vec_set(placed->turn[2]), v)};
+    return (struct vec){vec_dot(vec_set(s->turn[0]), v), vec_dot(vec_set(s->turn[1]), v),
+                        vec_dot(vec_set(s->turn[2]), v)};
 }
 
 // Back from the shape's frame: the matrix is orthogonal, so its transpose.
-INLINE struct vec turned_back(const struct primitive *placed, struct vec v) {
+INLINE struct vec turned_back(const struct primitive *s, struct vec v) {
     COUNT(turned_back, call);
-    if (!placed->turned)
+    if (!s->turned)
         return v;
     COUNT(turned_back, rotation);
-    struct vec out = vec_scale(vec_set(placed->turn[0]), v.x);
-    out = vec_along(out, vec_set(placed->turn[1]), v.y);
-    return vec_along(out, vec_set(placed->turn[2]), v.z);
+    struct vec out = vec_scale(vec_set(s->turn[0]), v.x);
+    out = vec_along(out, vec_set(s->turn[1]), v.y);
+    return vec_along(out, vec_set(s->turn[2]), v.z);
 }
 
 INLINE struct vec to_local(const struct primitive *s, struct vec p) {
@@ -68,11 +68,11 @@ static inline vfloat wrapped(vfloat x, float cell, float per_cell) { // cell 0: 
     return v_nmadd(v_splat(cell), v_floor(v_madd(x, v_splat(per_cell), v_splat(0.5f))), x);
 }
 
-static inline struct vec vec_wrapped(const struct primitive *placed, struct vec p) {
+static inline struct vec vec_wrapped(const struct primitive *s, struct vec p) {
     COUNT(vec_wrapped, call);
-    return (struct vec){wrapped(p.x, placed->cell[0], placed->per_cell[0]),
-                        wrapped(p.y, placed->cell[1], placed->per_cell[1]),
-                        wrapped(p.z, placed->cell[2], placed->per_cell[2])};
+    return (struct vec){wrapped(p.x, s->cell[0], s->per_cell[0]),
+                        wrapped(p.y, s->cell[1], s->per_cell[1]),
+                        wrapped(p.z, s->cell[2], s->per_cell[2])};
 }
 
 static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) {
@@ -82,12 +82,12 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
 
 // One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
 // to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
-static inline vfloat coordinate(const struct primitive *placed, struct vec_double from, int axis) {
+static inline vfloat coordinate(const struct primitive *s, struct vec_double from, int axis) {
     COUNT(coordinate, call);
-    vdouble x = v_double_sub(v_double_dot(from, placed->row[axis]), placed->offset);
-    if (placed->repeated) {
+    vdouble x = v_double_sub(v_double_dot(from, s->row[axis]), s->offset);
+    if (s->repeated) {
         COUNT(coordinate, wrap);
-        x = v_double_wrapped(x, placed->wide_cell[axis], placed->wide_per_cell[axis]);
+        x = v_double_wrapped(x, s->wide_cell[axis], s->wide_per_cell[axis]);
     }
     return v_double_to_float(x);
 }
@@ -101,61 +101,62 @@ static inline vfloat power_at(struct vec_double from, double square) {
                   p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
 }
 
-// Fills one approach per shape: where the rays are, and then where they go.
-static inline void approach_origins(struct point origin, const struct prepared *scene,
-                                    struct local_ray *approach) {
-    COUNT(approach_origins, call);
+// Fills one local_rays per shape: where the rays are, and then where they go.
+static inline void set_local_origins(struct point origin, const struct prepared *scene,
+                                     struct local_ray *local_rays) {
+    COUNT(set_local_origins, call);
     struct vec_double at = vec_double_of(origin);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->way == EVAL_POINT && !placed->turned && !placed->repeated) {
-            approach[i].origin = point_sub(origin, placed->position, scene->more[i].position_lo);
+        const struct primitive *s = &scene->primitives[i];
+        if (s->eval == EVAL_POINT && !s->turned && !s->repeated) {
+            local_rays[i].origin = point_sub(origin, s->position, scene->extras[i].position_lo);
             continue;
         }
-        struct vec_double from = vec_double_sub(at, placed->centre);
-        approach[i].origin.x = coordinate(placed, from, 0);
-        if (placed->way == EVAL_LINEAR)
+        struct vec_double from = vec_double_sub(at, s->centre);
+        local_rays[i].origin.x = coordinate(s, from, 0);
+        if (s->eval == EVAL_LINEAR)
             continue;
-        approach[i].origin.y = coordinate(placed, from, 1);
-        approach[i].origin.z = coordinate(placed, from, 2);
-        if (placed->way == EVAL_POWER)
-            approach[i].power = power_at(from, scene->more[i].radius_sq);
+        local_rays[i].origin.y = coordinate(s, from, 1);
+        local_rays[i].origin.z = coordinate(s, from, 2);
+        if (s->eval == EVAL_POWER)
+            local_rays[i].power = power_at(from, scene->extras[i].radius_sq);
     }
 }
 
-static inline void approach_directions(struct vec direction, const struct prepared *scene,
-                                       struct local_ray *approach) {
-    COUNT(approach_directions, call);
+static inline void set_local_directions(struct vec direction, const struct prepared *scene,
+                                        struct local_ray *local_rays) {
+    COUNT(set_local_directions, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        const struct primitive *placed = &scene->placed[i];
-        if (placed->way == EVAL_LINEAR) {
-            COUNT(approach_directions, linear);
-            approach[i].direction.x = vec_dot(vec_set(placed->normal), direction);
+        const struct primitive *s = &scene->primitives[i];
+        if (s->eval == EVAL_LINEAR) {
+            COUNT(set_local_directions, linear);
+            local_rays[i].direction.x = vec_dot(vec_set(s->normal), direction);
             continue;
         }
-        approach[i].direction = turned(placed, direction);
-        if (placed->way == EVAL_POWER) {
-            COUNT(approach_directions, power);
-            approach[i].slope = v_splat(2.0f) * vec_dot(approach[i].origin, approach[i].direction);
+        local_rays[i].direction = turned(s, direction);
+        if (s->eval == EVAL_POWER) {
+            COUNT(set_local_directions, power);
+            local_rays[i].slope =
+                v_splat(2.0f) * vec_dot(local_rays[i].origin, local_rays[i].direction);
         }
     }
 }
 
 // The origins moved by a little along the rays.
-static inline void approach_moved(vfloat by, const struct prepared *scene,
-                                  struct local_ray *approach) {
-    COUNT(approach_moved, call);
+static inline void move_local_rays(vfloat by, const struct prepared *scene,
+                                   struct local_ray *local_rays) {
+    COUNT(move_local_rays, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        struct local_ray *a = &approach[i];
-        COUNT(approach_moved, first);
+        struct local_ray *a = &local_rays[i];
+        COUNT(move_local_rays, first);
         a->origin.x = v_madd(a->direction.x, by, a->origin.x);
-        if (scene->placed[i].way == EVAL_LINEAR)
+        if (scene->primitives[i].eval == EVAL_LINEAR)
             continue;
-        COUNT(approach_moved, others);
+        COUNT(move_local_rays, others);
         a->origin.y = v_madd(a->direction.y, by, a->origin.y);
         a->origin.z = v_madd(a->direction.z, by, a->origin.z);
-        if (scene->placed[i].way == EVAL_POWER) {
-            COUNT(approach_moved, power);
+        if (scene->primitives[i].eval == EVAL_POWER) {
+            COUNT(move_local_rays, power);
             a->power = v_madd(by, by + a->slope, a->power);
         }
     }
@@ -282,52 +283,52 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
 
 // At a point of the shape's own frame, wrapped if it is repeated.
 __attribute__((always_inline)) static inline vfloat
-distance_at(struct vec p, const struct primitive *placed, vmask done) {
-    switch (placed->type) {
-    case SHAPE_SPHERE: return sdf_sphere(p, placed);
-    case SHAPE_BOX: return sdf_box(p, placed);
-    case SHAPE_TORUS: return sdf_torus(p, placed);
-    case SHAPE_CONE: return sdf_cone(p, placed);
-    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, placed);
-    case SHAPE_PLANE: return sdf_plane(p, placed);
-    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, placed);
-    default: return sdf_mandelbulb(p, placed, done);
+distance_at(struct vec p, const struct primitive *s, vmask done) {
+    switch (s->type) {
+    case SHAPE_SPHERE: return sdf_sphere(p, s);
+    case SHAPE_BOX: return sdf_box(p, s);
+    case SHAPE_TORUS: return sdf_torus(p, s);
+    case SHAPE_CONE: return sdf_cone(p, s);
+    case SHAPE_OCTAHEDRON: return sdf_octahedron(p, s);
+    case SHAPE_PLANE: return sdf_plane(p, s);
+    case SHAPE_ROUNDED_BOX: return sdf_rounded_box(p, s);
+    default: return sdf_mandelbulb(p, s, done);
     }
 }
 
 // Distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
-distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *placed, vmask done) {
+distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s, vmask done) {
     COUNT(distance_to_shape, call);
-    if (placed->way != EVAL_POINT) {
-        if (placed->way == EVAL_POWER) {
+    if (s->eval != EVAL_POINT) {
+        if (s->eval == EVAL_POWER) {
             COUNT(distance_to_shape, power);
-            return sdf_power(v_madd(t, t + a->slope, a->power), placed);
+            return sdf_power(v_madd(t, t + a->slope, a->power), s);
         }
         COUNT(distance_to_shape, linear);
         return v_madd(t, a->direction.x, a->origin.x);
     }
     COUNT(distance_to_shape, point);
     struct vec p = vec_along(a->origin, a->direction, t);
-    if (placed->repeated)
-        p = vec_wrapped(placed, p);
-    return distance_at(p, placed, done);
+    if (s->repeated)
+        p = vec_wrapped(s, p);
+    return distance_at(p, s, done);
 }
 
 // Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
 // may hold anything. Inlined by force: the march keeps its state in registers.
-__attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *approach, vfloat t,
-                                                        const struct prepared *scene, vmask done,
-                                                        vfloat *nearest) {
+__attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *local_rays,
+                                                        vfloat t, const struct prepared *scene,
+                                                        vmask done, vfloat *nearest) {
     COUNT(sdf, call);
     vfloat least = v_splat(INFINITY);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(sdf, shape);
-        vfloat distance = distance_to_shape(&approach[i], t, &scene->placed[i], done);
+        vfloat distance = distance_to_shape(&local_rays[i], t, &scene->primitives[i], done);
         if (nearest) { // known where it is inlined
             COUNT(sdf, which);
             *nearest =
-                v_select(v_cmp_lt(distance, least), v_splat(scene->placed[i].index), *nearest);
+                v_select(v_cmp_lt(distance, least), v_splat(scene->primitives[i].index), *nearest);
         }
         least = v_min(distance, least);
     }

@@ -36,7 +36,7 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
 
 INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepared *scene,
                        struct surface *all) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     vmask same = v_and(hit->found, is_shape(hit->shape, i));
     if (!v_any(same))
         return;
@@ -45,7 +45,7 @@ INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepar
     struct vec normal = vec_set(s->normal);
     if (s->type == SHAPE_MANDELBULB)
         normal = bulb_normal(hit->local, same, s, (float)scene->model.march.normal_step);
-    else if (s->way != EVAL_LINEAR)
+    else if (s->eval != EVAL_LINEAR)
         normal = turned_back(s, normal_on(hit->local, s));
     all->normal = vec_select(same, normal, all->normal);
     all->color = vec_select(same, vec_set(s->color), all->color);
@@ -114,7 +114,7 @@ INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec
     ACTIVE(v_count(grazes));
     COUNT(graze, call);
     COUNT(queue_or_add, grazes);
-    vfloat lit = self_shadow(&KNOWN(scene)->placed[i], hit->local, to_light, facing, scene);
+    vfloat lit = self_shadow(&KNOWN(scene)->primitives[i], hit->local, to_light, facing, scene);
     *light = vec_select(same, vec_scale(*light, lit), *light);
 }
 
@@ -124,14 +124,14 @@ INLINE bool all_on_plane(const struct shading_packet *at, const struct known_sce
     if (scene->plane < 0)
         return false;
     COUNT(all_on_plane, plane);
-    vfloat slope = add_dot(scene->placed[scene->plane].normal, at->ray.direction);
+    vfloat slope = add_dot(scene->primitives[scene->plane].normal, at->ray.direction);
     vmask on = v_andnot(v_cmp_gt(slope, v_splat(0.0f)), is_shape(at->hit.shape, scene->plane));
     return !v_any(v_andnot(on, at->hit.found));
 }
 
 INLINE struct surface surface_of_plane(const struct known_scene *scene) {
     COUNT(surface_of_plane, call);
-    const struct primitive *s = &scene->placed[scene->plane];
+    const struct primitive *s = &scene->primitives[scene->plane];
     return (struct surface){vec_set(s->normal), vec_set(s->color), v_splat(s->share),
                             v_splat(s->shininess), v_splat(s->shine_from)};
 }
@@ -160,7 +160,7 @@ static inline void light_stage(struct shading_packet *at, const struct tile_cont
     const struct known_scene *scene = KNOWN(work->scene);
     if (at->flat) {
         struct surface plane = surface_of_plane(scene);
-        light_surfaces(at, &plane, scene->placed[scene->plane].normal, work);
+        light_surfaces(at, &plane, scene->primitives[scene->plane].normal, work);
     } else
         light_surfaces(at, &at->surface, NULL, work);
 }
@@ -169,7 +169,7 @@ static inline void light_stage(struct shading_packet *at, const struct tile_cont
 // scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
 static inline bool queries_rays_singly(const struct prepared *scene) {
     return HAS_BVH(scene) && scene->model.shadows == SHADOWS_SOFT &&
-           scene->tree.levels == TREE_LEVELS;
+           scene->bvh.levels == BVH_LEVELS;
 }
 
 static inline void cull_shadows(struct shading_packet *at, const struct tile_context *work) {

@@ -1,6 +1,6 @@
 // Sets of shapes, as lists of any length, and loops over shapes. KNOWN is core/known_scene.h's.
-#ifndef OPT9_SHAPES_H
-#define OPT9_SHAPES_H
+#ifndef OPT9_SHAPE_SETS_H
+#define OPT9_SHAPE_SETS_H
 
 #include <stdbool.h>
 
@@ -41,7 +41,8 @@ static inline bool is_set_empty(const struct shape_set *set) {
         visit(shape_, __VA_ARGS__);                                                                \
     }
 #define EACH_ALIKE(scene, visit, first, ...)                                                       \
-    for (int alike_ = (first); alike_ >= 0; alike_ = KNOWN(scene)->placed[alike_].next_same_grid)  \
+    for (int alike_ = (first); alike_ >= 0;                                                        \
+         alike_ = KNOWN(scene)->primitives[alike_].next_same_grid)                                 \
     visit(alike_, first, __VA_ARGS__)
 
 #endif

@@ -68,11 +68,11 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-static void draw_tile(const struct job *job, int tile, struct local_ray *own) {
+static void draw_tile(const struct job *job, int tile, struct local_ray *local_rays) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
-    struct trace_context world = {job->prepared, job->view, own};
+    struct trace_context world = {job->prepared, job->view, local_rays};
     struct point origin = point_from_double(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = int_min(frame->width, left + TILE_WIDTH);
@@ -99,41 +99,41 @@ static int candidate_slots(const struct model *model) {
 }
 
 // A worker's own is either: approaches to march with, or a desk and what it points to.
-size_t VARIANT(own_size)(const struct model *model) {
+size_t VARIANT(scratch_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
     size_t scratch = SCRATCH_SIZE(shapes, candidate_slots(model));
     return scratch > marching ? scratch : marching;
 }
 
 int VARIANT(tiles)(const struct job *job) {
-    if (job->solids)
+    if (job->analytic)
         return count_tiles(job);
     return tiles_across(job->frame) * ((job->frame->height + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-void VARIANT(tile)(const struct job *job, int tile, void *own) {
-    if (job->solids)
+void VARIANT(tile)(const struct job *job, int tile, void *memory) {
+    if (job->analytic)
         draw_analytic_tile(job, tile,
-                           scratch_at(own, job->prepared->model.shape_count,
+                           scratch_at(memory, job->prepared->model.shape_count,
                                       candidate_slots(&job->prepared->model)));
     else
-        draw_tile(job, tile, own);
+        draw_tile(job, tile, memory);
 }
 
 bool VARIANT(distances)(const struct prepared *prepared, size_t count, const double *points,
                         double *distance, int *nearest) {
     size_t size = (size_t)prepared->model.shape_count * sizeof(struct local_ray);
-    struct local_ray *approach = aligned_alloc(64, (size + 63) / 64 * 64);
-    if (!approach)
+    struct local_ray *local_rays = aligned_alloc(64, (size + 63) / 64 * 64);
+    if (!local_rays)
         return false;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
-        approach_origins(point_from_double(points + 3 * i), prepared, approach);
-        approach_directions(nowhere, prepared, approach);
-        distance[i] = v_lane0(sdf(approach, v_splat(0.0f), prepared, v_mask_none(), &shape));
+        set_local_origins(point_from_double(points + 3 * i), prepared, local_rays);
+        set_local_directions(nowhere, prepared, local_rays);
+        distance[i] = v_lane0(sdf(local_rays, v_splat(0.0f), prepared, v_mask_none(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
-    free(approach);
+    free(local_rays);
     return true;
 }

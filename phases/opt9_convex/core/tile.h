@@ -54,11 +54,11 @@ KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int
 
 // hit/camera_rays.c
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
-                                 const struct worker_scratch *scratch, struct primary_hit *sights);
+                                 const struct worker_scratch *scratch, struct primary_hit *hits);
 KERNEL_SHARED void march_tile_bulbs(const struct tile *tile, const struct job *job,
                                     struct worker_scratch *scratch);
 KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
-                             const struct primary_hit *sights, const struct job *job,
+                             const struct primary_hit *hits, const struct job *job,
                              struct worker_scratch *scratch, struct shading_packet *stage);
 
 #endif

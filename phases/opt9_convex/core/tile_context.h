@@ -61,7 +61,7 @@ enum bulb_field {
     B_ORIGIN,
     B_DIRECTION = 3,
     B_T = 6, // from there, as two floats; until `to`
-    B_MORE,
+    B_T_LOW,
     B_TO,
     B_BEFORE,
     B_HEIGHT,
@@ -70,12 +70,12 @@ enum bulb_field {
     B_RAY,  // its place on the desk
     B_BORN, // of a lane: in steps of all; of a ray: how many it has had
     B_LANE,
-    B_REST = B_LANE, // what origin and direction are more, as doubles
-    B_FIELDS = B_REST + 6
+    B_LOW = B_LANE, // what origin and direction are more, as doubles
+    B_FIELDS = B_LOW + 6
 };
 
 // Of those that wait to go on in bulb/bulb_chebyshev.h: t as two floats.
-enum close_ray_field { C_RAY, C_T, C_REST, C_HAD, C_FIELDS };
+enum close_ray_field { C_RAY, C_T, C_T_LOW, C_HAD, C_FIELDS };
 
 enum { BULB_ROOM = TILE_PIXELS + LANES, CLOSE_ROOM = 2 * TILE_PIXELS + 2 * LANES };
 
@@ -97,15 +97,15 @@ struct worker_scratch {
     float shape;                // the Mandelbulb in work
     int mirrors, shadows;
     struct shadow_candidate
-        *near; // of the packets of shadow rays in work, one per shape and packet
-    struct shape_set camera_list_count; // those that the tile's camera rays may meet
-    int *row_list, row_counts[GROUP];   // of a crowd: of those what each block of a row may meet
-    struct shape_set occluders;         // those that can matter to the light on the group in work
-    struct shape_set candidates[PACKETS_IN_WORK]; // those that a packet may meet
+        *candidates; // of the packets of shadow rays in work, one per shape and packet
+    struct shape_set camera_shapes;   // those that the tile's camera rays may meet
+    int *row_list, row_counts[GROUP]; // of a crowd: of those what each block of a row may meet
+    struct shape_set occluders;       // those that can matter to the light on the group in work
+    struct shape_set listed[PACKETS_IN_WORK]; // those that a packet may meet
     // Of crowds: shapes that a packet of mirror rays may meet, and that are about one of shadow rays.
     int *mirror_list, *active_list;
-    int *ahead, entry_count; // solids that the packet of shadow rays in work may meet
-    // Those that the beam's may, their spheres; −1: more than there is room for.
+    int *entry_list, entries; // solids that the packet of shadow rays in work may meet
+    // Those that the batch's may, their spheres; −1: more than there is room for.
     int batch_count, batch_shape[BATCH_CANDIDATES_ROOM];
     float batch_sphere[4][BATCH_CANDIDATES_ROOM];
     // Of the tree's leaves: what was in a shadow ray's way the last time, of those asked before and in their march; −1:

@@ -16,30 +16,30 @@ _Static_assert((int)REFILLED_PACKETS >= (int)CANDIDATE_SLOTS,
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
 // A list of shapes, and room for a row of lanes behind them (bvh_list).
 #define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
-// nears: of how many packets of shadow rays what they know of every shape.
-#define SCRATCH_SIZE(shapes, nears)                                                                \
+// candidates: of how many packets of shadow rays what they know of every shape.
+#define SCRATCH_SIZE(shapes, candidates)                                                           \
     (WHOLE_LINES(sizeof(struct worker_scratch)) +                                                  \
-     (size_t)(nears) * (size_t)(shapes) * sizeof(struct shadow_candidate) +                        \
+     (size_t)(candidates) * (size_t)(shapes) * sizeof(struct shadow_candidate) +                   \
      SCRATCH_LISTS * LIST_SIZE(shapes))
 
-static inline struct worker_scratch *scratch_at(void *own, int shape_count, int nears) {
+static inline struct worker_scratch *scratch_at(void *memory, int shape_count, int candidates) {
     size_t shapes = (size_t)shape_count;
-    struct worker_scratch *scratch = own;
-    char *behind = (char *)own + WHOLE_LINES(sizeof *scratch);
-    scratch->near = (struct shadow_candidate *)behind;
-    behind += (size_t)nears * shapes * sizeof(struct shadow_candidate);
+    struct worker_scratch *scratch = memory;
+    char *behind = (char *)memory + WHOLE_LINES(sizeof *scratch);
+    scratch->candidates = (struct shadow_candidate *)behind;
+    behind += (size_t)candidates * shapes * sizeof(struct shadow_candidate);
     scratch->mirror_list = (int *)behind;
     behind += LIST_SIZE(shapes);
     scratch->active_list = (int *)behind;
     behind += LIST_SIZE(shapes);
     scratch->row_list = (int *)behind;
     behind += GROUP * LIST_SIZE(shapes);
-    set_list_room(&scratch->camera_list_count, (int *)behind);
+    set_list_room(&scratch->camera_shapes, (int *)behind);
     behind += LIST_SIZE(shapes);
     set_list_room(&scratch->occluders, (int *)behind);
     for (int i = 0; i < PACKETS_IN_WORK; i++) {
         behind += LIST_SIZE(shapes);
-        set_list_room(&scratch->candidates[i], (int *)behind);
+        set_list_room(&scratch->listed[i], (int *)behind);
     }
     reset_scratch(scratch);
     return scratch;

@@ -43,8 +43,8 @@ static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
 // plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is the scene's choice.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
     COUNT(newton, call);
-    vmask own = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
-    return v_select_or_zero(own, h / v_max(slope, v_splat(0x1p-9f)));
+    vmask rounding = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
+    return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
 // The rays are at the distance before + t + last. t and the last step stay apart: their rounded sum would lose
@@ -68,7 +68,7 @@ static inline void march(struct march_state *at, struct vec direction,
     for (int step = at->steps; step < scene->model.march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
         COUNT(march, step);
-        vfloat distance = sdf(world->approach, t, scene, done, NULL);
+        vfloat distance = sdf(world->local_rays, t, scene, done, NULL);
         evals = evals + v_zero_where(done, v_splat(1.0f));
         vmask reached = v_andnot(done, reaches(distance, t, hit_distance));
         last = v_select(reached, distance, last);
@@ -90,11 +90,11 @@ shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *sh
     ACTIVE(v_count(deep));
     COUNT(shape_inside, call);
     vfloat inside = v_splat(-1.0f);
-    sdf(world->approach, t, world->scene, v_not(deep), &inside);
+    sdf(world->local_rays, t, world->scene, v_not(deep), &inside);
     *shape = v_select(deep, inside, *shape);
 }
 
-// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray on its own.
+// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray on its rounding.
 static int fewest(vfloat evals, vmask on) {
     float had[LANES];
     int least = INT_MAX;
@@ -107,7 +107,7 @@ static int fewest(vfloat evals, vmask on) {
 }
 
 // Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a shape, `inside`.
-// Precondition: the hits are the origins of world->approach, and `near` describes their surroundings.
+// Precondition: the hits are the origins of world->local_rays, and `near` describes their surroundings.
 __attribute__((always_inline)) static inline void
 finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
             struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
@@ -130,7 +130,7 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     hit->t = at->before + (at->t + (at->last + more));
     hit->point = at->origin;
     hit->point.lo = vec_along(hit->point.lo, direction, more);
-    approach_moved(more, scene, world->approach);
+    move_local_rays(more, scene, world->local_rays);
 }
 
 // Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a shape, not
@@ -150,8 +150,8 @@ void ray_march(struct point origin, struct vec direction, vmask active,
     vmask deep = v_mask_none(); // a ray that started inside a shape has stepped back out of it
     vfloat inside = v_splat(-1.0f);
     struct hit_surroundings near = {zero, inside, v_mask_none()};
-    approach_origins(origin, scene, world->approach);
-    approach_directions(direction, scene, world->approach);
+    set_local_origins(origin, scene, world->local_rays);
+    set_local_directions(direction, scene, world->local_rays);
     for (;;) {
         vmask settled = at.found;
         march(&at, direction, world);
@@ -166,7 +166,7 @@ void ray_march(struct point origin, struct vec direction, vmask active,
             shape_inside(sunk, at.t, world, &inside);
         deep = v_or(deep, sunk);
         at.origin = point_at(at.origin, direction, at.t, at.last);
-        approach_origins(at.origin, scene, world->approach);
+        set_local_origins(at.origin, scene, world->local_rays);
         near = near_hit(at.found, world);
         vmask off =
             v_and(at.found, v_andnot(v_or(deep, settled), v_cmp_gt(near.distance, off_from)));
@@ -178,8 +178,8 @@ void ray_march(struct point origin, struct vec direction, vmask active,
         vfloat back = v_select_or_zero(off, at.t * v_splat(-0x1p-22f));
         at.origin.lo = vec_along(at.origin.lo, direction, back);
         at.before = at.before + (at.t + (at.last + back));
-        approach_origins(at.origin, scene, world->approach);
-        approach_directions(direction, scene, world->approach);
+        set_local_origins(at.origin, scene, world->local_rays);
+        set_local_directions(direction, scene, world->local_rays);
         at.found = v_andnot(off, at.found);
         at.done = v_andnot(off, at.done);
         at.done = v_or(at.done, v_cmp_ge(at.evals, most));
@@ -207,7 +207,7 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
     for (int step = 0; step < model->march.max_steps; step++) {
         ACTIVE(LANES - v_count(done));
         COUNT(soft_shadow, eval);
-        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         done = v_or(done, reaches(h, t, hit_distance));
         if (v_all(done))
             break;
@@ -216,7 +216,7 @@ static vfloat soft_shadow(vmask active, struct bounds_exit exit,
         vfloat square = h * h, y = square / (v_splat(2.0f) * previous);
         vfloat inside = v_nmadd(y, y, square), beyond = t - y;
         // The term is 0/0 on a ray straight away from a surface (h = 2·previous), and is left out.
-        // In float it is noise wherever inside/h² is of the order of h's own error, 1e-5 at least.
+        // In float it is noise wherever inside/h² is of the order of h's rounding error, 1e-5 at least.
         vmask sound = v_and(v_cmp_gt(inside, square * v_splat(2e-5f)), v_cmp_gt(beyond, zero));
         // Tests strength·√inside/beyond < least without the root, as it is seldom true.
         vfloat scaled = least * beyond;
@@ -249,7 +249,7 @@ static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit
             break;
         ACTIVE(LANES - v_count(done));
         COUNT(hard_shadow, step);
-        vfloat h = sdf(world->approach, t, scene, done, NULL);
+        vfloat h = sdf(world->local_rays, t, scene, done, NULL);
         vmask blocked = v_andnot(done, reaches(h, t, hit_distance));
         lit = v_zero_where(blocked, lit);
         done = v_or(done, blocked);
@@ -266,7 +266,7 @@ vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask ac
     const struct prepared *scene = world->scene;
     if (scene->model.shadows == SHADOWS_NONE)
         return v_splat(1.0f);
-    approach_directions(to_light, scene, world->approach);
+    set_local_directions(to_light, scene, world->local_rays);
     struct bounds_exit exit = bounds_exit_of(point, to_light, &scene->model);
     return scene->model.shadows == SHADOWS_SOFT ? soft_shadow(active, exit, world)
                                                 : hard_shadow(distance, active, exit, world);

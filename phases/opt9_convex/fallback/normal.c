@@ -65,52 +65,50 @@ static struct vec octahedron_gradient(struct vec p) {
 
 // The hit in the frame of one shape, and moved there by `shadow_step` along an axis of the world (a column
 // of the shape's matrix); axis −1: not moved.
-static struct vec moved_in(const struct primitive *placed, const struct local_ray *approach,
-                           float step, int axis) {
+static struct vec moved_in(const struct primitive *s, const struct local_ray *ray, float step,
+                           int axis) {
     COUNT(moved_in, call);
-    struct vec p = approach->origin;
+    struct vec p = ray->origin;
     if (axis < 0)
         return p;
     COUNT(moved_in, moved);
     COUNT(moved_in, scalar);
-    p = (struct vec){p.x + v_splat(step * placed->turn[0][axis]),
-                     p.y + v_splat(step * placed->turn[1][axis]),
-                     p.z + v_splat(step * placed->turn[2][axis])};
-    return placed->repeated ? vec_wrapped(placed, p) : p;
+    p = (struct vec){p.x + v_splat(step * s->turn[0][axis]), p.y + v_splat(step * s->turn[1][axis]),
+                     p.z + v_splat(step * s->turn[2][axis])};
+    return s->repeated ? vec_wrapped(s, p) : p;
 }
 
-static vfloat moved_power(const struct primitive *placed, const struct local_ray *approach,
-                          float step, int axis) {
+static vfloat moved_power(const struct primitive *s, const struct local_ray *ray, float step,
+                          int axis) {
     if (axis < 0)
-        return approach->power;
+        return ray->power;
     COUNT(moved_power, moved);
-    struct vec column = {v_splat(placed->turn[0][axis]), v_splat(placed->turn[1][axis]),
-                         v_splat(placed->turn[2][axis])};
-    return v_madd(v_splat(step),
-                  v_madd(v_splat(2.0f), vec_dot(approach->origin, column), v_splat(step)),
-                  approach->power);
+    struct vec column = {v_splat(s->turn[0][axis]), v_splat(s->turn[1][axis]),
+                         v_splat(s->turn[2][axis])};
+    return v_madd(v_splat(step), v_madd(v_splat(2.0f), vec_dot(ray->origin, column), v_splat(step)),
+                  ray->power);
 }
 
-static vfloat moved_distance(const struct primitive *placed, const struct local_ray *approach,
-                             vmask done, float step, int axis) {
+static vfloat moved_distance(const struct primitive *s, const struct local_ray *ray, vmask done,
+                             float step, int axis) {
     COUNT(moved_distance, call);
-    if (placed->way == EVAL_POWER)
-        return sdf_power(moved_power(placed, approach, step, axis), placed);
-    if (placed->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_POWER)
+        return sdf_power(moved_power(s, ray, step, axis), s);
+    if (s->eval == EVAL_LINEAR) {
         if (axis < 0)
-            return approach->origin.x;
+            return ray->origin.x;
         COUNT(moved_distance, moved);
-        return v_madd(v_splat(placed->normal[axis]), v_splat(step), approach->origin.x);
+        return v_madd(v_splat(s->normal[axis]), v_splat(step), ray->origin.x);
     }
-    return distance_at(moved_in(placed, approach, step, axis), placed, done);
+    return distance_at(moved_in(s, ray, step, axis), s, done);
 }
 
-static struct vec difference(const struct primitive *placed, const struct local_ray *approach,
-                             vmask done, float step) {
+static struct vec difference(const struct primitive *s, const struct local_ray *ray, vmask done,
+                             float step) {
     COUNT(difference, call);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++)
-        f[axis + 1] = moved_distance(placed, approach, done, step, axis);
+        f[axis + 1] = moved_distance(s, ray, done, step, axis);
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
@@ -123,9 +121,9 @@ static struct vec scene_difference(vmask done, float step, const struct trace_co
         f[axis + 1] = v_splat(INFINITY);
         for (int i = 0; i < world->scene->model.shape_count; i++) {
             COUNT(scene_difference, shape);
-            f[axis + 1] = v_min(
-                moved_distance(&world->scene->placed[i], &world->approach[i], done, step, axis),
-                f[axis + 1]);
+            f[axis + 1] = v_min(moved_distance(&world->scene->primitives[i], &world->local_rays[i],
+                                               done, step, axis),
+                                f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
@@ -138,9 +136,9 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
     for (int i = 0; i < scene->model.shape_count; i++) {
         COUNT(near_hit, shape);
-        const struct primitive *placed = &scene->placed[i];
-        vfloat distance = moved_distance(placed, &world->approach[i], v_not(found), 0, -1);
-        shape = v_select(v_cmp_lt(distance, least), v_splat(placed->index),
+        const struct primitive *s = &scene->primitives[i];
+        vfloat distance = moved_distance(s, &world->local_rays[i], v_not(found), 0, -1);
+        shape = v_select(v_cmp_lt(distance, least), v_splat(s->index),
                          shape); // the first of equals
         second = v_min(second, v_max(distance, least));
         least = v_min(distance, least);
@@ -155,31 +153,31 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct trace_context *world) {
     ACTIVE(v_count(found));
     COUNT(gradient_of, call);
-    const struct primitive *placed = &world->scene->placed[shape];
-    const struct local_ray *approach = &world->approach[shape];
+    const struct primitive *s = &world->scene->primitives[shape];
+    const struct local_ray *ray = &world->local_rays[shape];
     vmask near = v_and(found, contact);
-    struct vec p = moved_in(placed, approach, 0, -1);
-    if (placed->way == EVAL_LINEAR) // it has a height alone
+    struct vec p = moved_in(s, ray, 0, -1);
+    if (s->eval == EVAL_LINEAR) // it has a height alone
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
-    if (placed->way != EVAL_LINEAR && v_any(v_andnot(contact, found)))
-        rounded = difference(placed, approach, v_not(found), step);
+    if (s->eval != EVAL_LINEAR && v_any(v_andnot(contact, found)))
+        rounded = difference(s, ray, v_not(found), step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
     ACTIVE(v_count(found)); // what was called has set its own
-    switch (placed->type) {
+    switch (s->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
-    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, placed); break;
-    case SHAPE_TORUS: exact = torus_gradient(p, placed); break;
-    case SHAPE_CONE: exact = cone_gradient(p, placed); break;
+    case SHAPE_ROUNDED_BOX: exact = box_gradient(p, s); break;
+    case SHAPE_TORUS: exact = torus_gradient(p, s); break;
+    case SHAPE_CONE: exact = cone_gradient(p, s); break;
     case SHAPE_OCTAHEDRON: exact = octahedron_gradient(p); break;
-    case SHAPE_PLANE: exact = vec_set(placed->size); break;
+    case SHAPE_PLANE: exact = vec_set(s->size); break;
     default: return rounded;
     }
     COUNT(gradient_of, closed);
     COUNT(gradient_of, scalar);
-    exact = turned_back(placed, exact);
+    exact = turned_back(s, exact);
     exact = vec_scale(exact, v_splat(1.0f) / vec_norm(exact));
     rounded = vec_scale(rounded, v_splat(1.0f / step));
     struct vec apart = vec_along(rounded, exact, v_splat(-1.0f));
@@ -188,7 +186,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
         v_madd(size, v_splat(0x1p-20f / step), v_splat(1e-3f)); // 16 half ulps, and curvature
     vmask edge =
         v_and(v_cmp_gt(vec_dot(apart, apart), noise * noise), v_cmp_lt(noise, v_splat(0.5f)));
-    if (placed->way == EVAL_LINEAR) // its own difference is the closed form
+    if (s->eval == EVAL_LINEAR) // its own difference is the closed form
         edge = v_and(edge, near);
     return vec_select(edge, rounded, exact);
 }

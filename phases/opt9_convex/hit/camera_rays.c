@@ -101,26 +101,27 @@ static inline vdouble v_double_splat(double a) {
 }
 
 // Camera rays. Where the camera is inside of a shape, fallback/march.c has the frame.
-INLINE void meet(int i, struct vec direction, vmask active, const struct local_camera *eyes,
-                 const struct prepared *scene, struct surface_hit *hit) {
-    COUNT(meet, call);
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+INLINE void camera_hit(int i, struct vec direction, vmask active,
+                       const struct local_camera *cameras, const struct prepared *scene,
+                       struct surface_hit *hit) {
+    COUNT(camera_hit, call);
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     vfloat t;
     vmask met;
     struct vec local;
     if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // by hit_bulbs(), hit_repeated()
         return;
     ACTIVE(v_count(active));
-    if (s->way == EVAL_LINEAR) {
-        COUNT(meet, plane);
+    if (s->eval == EVAL_LINEAR) {
+        COUNT(camera_hit, plane);
         vfloat slope = add_dot(s->normal, direction);
-        t = v_splat(eyes[i].height) / (v_splat(0.0f) - slope);
+        t = v_splat(cameras[i].height) / (v_splat(0.0f) - slope);
         met = v_and(active, v_cmp_lt(slope, v_splat(0.0f))); // the camera is above it
         local = hit->local;
     } else {
-        COUNT(meet, solid);
+        COUNT(camera_hit, solid);
         vmask behind;
-        met = enter(vec_set(eyes[i].at), turned(s, direction), s, active, &t, &local, &behind);
+        met = enter(vec_set(cameras[i].at), turned(s, direction), s, active, &t, &local, &behind);
     }
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
 }
@@ -136,13 +137,14 @@ static inline void camera_packet(const struct tile *tile, struct pixel_block blo
     set_camera_ray(tile, d, active, slot, &at->ray);
     no_hit(&at->hit);
     if (!HAS_BVH(job->prepared)) {
-        EACH_IN(scratch->camera_list_count, meet, d, active, job->eyes, job->prepared, &at->hit);
+        EACH_IN(scratch->camera_shapes, camera_hit, d, active, job->cameras, job->prepared,
+                &at->hit);
         return;
     }
     int number = (block.column - tile->left) / BLOCK_WIDTH;
     const int *list = scratch->row_list + number * job->prepared->model.shape_count;
     for (int k = 0; k < scratch->row_counts[number]; k++)
-        meet(list[k], d, active, job->eyes, job->prepared, &at->hit);
+        camera_hit(list[k], d, active, job->cameras, job->prepared, &at->hit);
 }
 
 // Of a crowd: what each of the row's blocks can meet.
@@ -150,28 +152,28 @@ static inline void list_for_row(const struct tile *tile, int row, const struct j
                                 struct worker_scratch *scratch) {
     struct frame *frame = job->frame;
     float per = tile->per_height;
-    struct window window = {
+    struct tile_frustum frustum = {
         (float)(2 * tile->left + 1 - frame->width) * per,
         (float)(2 * tile->right - 1 - frame->width) * per,
         (float)(frame->height + 1 - 2 * int_min(tile->bottom, row + BLOCK_HEIGHT)) * per,
         (float)(frame->height - 1 - 2 * row) * per};
-    bvh_list_in_row(&window, 2 * BLOCK_WIDTH * per, job, scratch);
+    bvh_list_in_row(&frustum, 2 * BLOCK_WIDTH * per, job, scratch);
 }
 
 INLINE void is_single(int i, const struct prepared *scene, bool *some) {
-    *some = *some || !REPEATED(&KNOWN(scene)->placed[i]);
+    *some = *some || !REPEATED(&KNOWN(scene)->primitives[i]);
 }
 
 // What a tile's packets meet where shapes are repeated: first of the others.
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
-                                 const struct worker_scratch *scratch, struct primary_hit *sights) {
-    struct block_grid mesh;
+                                 const struct worker_scratch *scratch, struct primary_hit *hits) {
+    struct block_grid blocks;
     float per_height = tile->per_height;
-    mesh.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
-    mesh.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
-    mesh.left = (float)(2 * tile->left - job->frame->width) * per_height;
-    mesh.top = (float)(job->frame->height - 2 * tile->top) * per_height;
-    mesh.pixel = 2 * per_height;
+    blocks.across = (tile->right - tile->left + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
+    blocks.down = (tile->bottom - tile->top + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT;
+    blocks.left = (float)(2 * tile->left - job->frame->width) * per_height;
+    blocks.top = (float)(job->frame->height - 2 * tile->top) * per_height;
+    blocks.pixel = 2 * per_height;
     COUNT(repeated_tile, call);
     COUNT(repeated_tile, scalar);
     bool others = false; // plain ones that are not repeated
@@ -179,13 +181,13 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
         EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
     struct vec columns[BLOCKS_ACROSS];
     ACTIVE(LANES);
-    for (int i = 0; i < mesh.across; i++)
+    for (int i = 0; i < blocks.across; i++)
         columns[i] = column_of(tile, tile->left + i * BLOCK_WIDTH, job->frame);
-    for (int row = 0; row < mesh.down; row++) {
+    for (int row = 0; row < blocks.down; row++) {
         ACTIVE(LANES);
         vfloat up = row_of_picture(tile, tile->top + row * BLOCK_HEIGHT, job->frame);
-        for (int i = 0; i < mesh.across; i++) {
-            struct primary_hit *at = &sights[row * BLOCKS_ACROSS + i];
+        for (int i = 0; i < blocks.across; i++) {
+            struct primary_hit *at = &hits[row * BLOCKS_ACROSS + i];
             struct pixel_block block = block_at(tile, tile->top + row * BLOCK_HEIGHT, i);
             ACTIVE(block.across * block.down);
             COUNT(repeated_tile, packet);
@@ -193,18 +195,18 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
             at->active = in_picture(block);
             at->only = -1;
             no_hit(&at->hit);
-            EACH_IN(scratch->camera_list_count, meet, at->direction, at->active, job->eyes,
+            EACH_IN(scratch->camera_shapes, camera_hit, at->direction, at->active, job->cameras,
                     job->prepared, &at->hit);
             if (others)
                 primary_normals(at, job->prepared);
         }
     }
-    EACH_IN(scratch->camera_list_count, hit_repeated, &mesh, job, sights);
+    EACH_IN(scratch->camera_shapes, hit_repeated, &blocks, job, hits);
 }
 
-INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *job,
-                          struct worker_scratch *scratch) {
-    const struct primitive *s = &KNOWN(job->prepared)->placed[shape];
+INLINE void march_tile_bulb(int shape, const struct tile *tile, const struct job *job,
+                            struct worker_scratch *scratch) {
+    const struct primitive *s = &KNOWN(job->prepared)->primitives[shape];
     if (s->type != SHAPE_MANDELBULB)
         return;
     struct camera_double eye = exact_eye_of(s, job->view);
@@ -225,21 +227,21 @@ INLINE void look_for_bulb(int shape, const struct tile *tile, const struct job *
 void march_tile_bulbs(const struct tile *tile, const struct job *job,
                       struct worker_scratch *scratch) {
     clear_bulb_hits(scratch, TILE_WIDTH * BULB_TILE_HEIGHT);
-    EACH_IN(scratch->camera_list_count, look_for_bulb, tile, job, scratch);
+    EACH_IN(scratch->camera_shapes, march_tile_bulb, tile, job, scratch);
 }
 
-// A row's packets; how many. sights: where shapes are repeated, what they see.
+// A row's packets; how many. hits: where shapes are repeated, what they see.
 KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
-                             const struct primary_hit *sights, const struct job *job,
+                             const struct primary_hit *hits, const struct job *job,
                              struct worker_scratch *scratch, struct shading_packet *stage) {
     int count = 0;
-    sights += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
+    hits += (row - tile->top) / BLOCK_HEIGHT * BLOCKS_ACROSS;
     if (HAS_BVH(job->prepared))
         list_for_row(tile, row, job, scratch);
     for (; tile->left + count * BLOCK_WIDTH < tile->right; count++, pixel += LANES) {
         struct shading_packet *at = &stage[count];
         if (REPEATS(job->prepared)) {
-            const struct primary_hit *seen = &sights[count];
+            const struct primary_hit *seen = &hits[count];
             set_camera_ray(tile, seen->direction, seen->active, pixel, &at->ray);
             at->hit.found = seen->hit.found;
             at->hit.t = seen->hit.t;

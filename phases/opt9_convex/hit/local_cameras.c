@@ -9,12 +9,12 @@ static double dot(const double a[3], const double b[3]) {
 
 // Whether the camera is outside of the box about the copy whose cell it is in.
 static bool camera_beside_copies(const struct primitive *p, const double from[3], double far,
-                                 struct local_camera *eye) {
+                                 struct local_camera *camera) {
     bool outside = false;
     for (int k = 0; k < 3; k++) {
         double at = dot(p->row[k], from);
         at -= p->wide_cell[k] * floor(at * p->wide_per_cell[k] + 0.5);
-        split(at, &eye->at[k], &eye->rest[k]);
+        split(at, &camera->at[k], &camera->at_low[k]);
         outside = outside || fabs(at) > (double)p->box[k] + far;
     }
     return outside;
@@ -25,32 +25,32 @@ static bool set_each(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
     bool clear = dot(view->position, view->position) < radius * radius;
     for (int i = 0; i < prepared->model.shape_count; i++) {
-        const struct primitive *p = &prepared->placed[i];
-        struct local_camera *eye = &prepared->eyes[i];
+        const struct primitive *p = &prepared->primitives[i];
+        struct local_camera *camera = &prepared->cameras[i];
         double from[3];
         for (int k = 0; k < 3; k++)
             from[k] = view->position[k] - p->centre[k];
         const double *axis[3] = {view->right, view->up, view->forward};
-        if (p->way == EVAL_LINEAR) {
+        if (p->eval == EVAL_LINEAR) {
             double height = dot(p->row[0], from) - p->offset;
-            eye->height = (float)height;
+            camera->height = (float)height;
             for (int k = 0; k < 3; k++)
-                eye->centre[k] = (float)dot(p->row[0], axis[k]);
+                camera->centre[k] = (float)dot(p->row[0], axis[k]);
             clear = clear && height > far;
             continue;
         }
         if (p->repeated) {
-            clear = clear && camera_beside_copies(p, from, far, eye);
+            clear = clear && camera_beside_copies(p, from, far, camera);
             for (int k = 0; k < 3; k++) {
-                eye->centre[k] = (float)-dot(p->row[k], view->position);
+                camera->centre[k] = (float)-dot(p->row[k], view->position);
                 for (int j = 0; j < 3; j++)
-                    eye->axis[j][k] = (float)dot(p->row[k], axis[j]);
+                    camera->axis[j][k] = (float)dot(p->row[k], axis[j]);
             }
             continue;
         }
         for (int k = 0; k < 3; k++) {
-            eye->at[k] = (float)dot(p->row[k], from);
-            eye->centre[k] = (float)-dot(from, axis[k]);
+            camera->at[k] = (float)dot(p->row[k], from);
+            camera->centre[k] = (float)-dot(from, axis[k]);
         }
         // A Mandelbulb's rays are marched wherever they begin (but within it: see below).
         clear = clear &&
@@ -81,5 +81,5 @@ bool set_local_cameras(const struct prepared *prepared, const struct view *view,
 int tile_height(const struct prepared *prepared, int height) {
     if (prepared->known.bulbs)
         return height > 256 ? 128 : 64;
-    return prepared->tree.levels ? 64 : 8;
+    return prepared->bvh.levels ? 64 : 8;
 }

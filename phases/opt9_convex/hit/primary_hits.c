@@ -5,7 +5,7 @@
 
 INLINE void material_of(int i, const struct primary_hit *seen, const struct prepared *scene,
                         struct surface *all) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     vmask same = is_shape(seen->hit.shape, i);
     ACTIVE(v_count(seen->hit.found));
     COUNT(primary_material, shape);
@@ -14,9 +14,9 @@ INLINE void material_of(int i, const struct primary_hit *seen, const struct prep
     all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
 }
 
-INLINE void all_of(int i, const struct primary_hit *seen, const struct prepared *scene,
-                   struct surface *all) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+INLINE void sole_material(int i, const struct primary_hit *seen, const struct prepared *scene,
+                          struct surface *all) {
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     if (i != seen->only && !ONE_MATERIAL)
         return;
     all->color = vec_set(s->color);
@@ -28,11 +28,11 @@ static inline void primary_material(const struct primary_hit *seen, const struct
                                     struct surface *all) {
     COUNT(primary_material, call);
     if (ONE_MATERIAL) {
-        all_of(0, seen, scene, all);
+        sole_material(0, seen, scene, all);
         return;
     }
     if (seen->only >= 0) {
-        EACH_SHAPE(scene, all_of, seen, scene, all);
+        EACH_SHAPE(scene, sole_material, seen, scene, all);
         return;
     }
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};

@@ -7,7 +7,7 @@ INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk 
                             vfloat *hi, vfloat *axis) {
     COUNT(bound_shape_entry, box);
     COUNT(bound_shape_entry, box_scalar);
-    const struct walk *w = &b->walk;
+    const struct cell_walk *w = &b->walk;
     struct vec a = b->along;
     vfloat x = v_nmadd(v_splat(s->size[0] + s->a), a.x, w->x.middle),
            y = v_nmadd(v_splat(s->size[1] + s->a), a.y, w->y.middle),
@@ -36,7 +36,7 @@ INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk 
 
 INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid,
                               const struct bundle_walk *b, struct bundle_bounds *p) {
-    const struct primitive *s = &KNOWN(grid->scene)->placed[i];
+    const struct primitive *s = &KNOWN(grid->scene)->primitives[i];
     if (s->leader != first)
         return;
     COUNT(bound_shape_entry, call);
@@ -84,7 +84,7 @@ static inline struct bundle_bounds empty_bundle_bounds(struct vec o, struct vec 
 
 INLINE void max_bound(int i, int first, const struct prepared *scene, float *most) {
     COUNT(max_bound, call);
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     if (s->leader == first && s->bound > *most)
         *most = s->bound;
 }

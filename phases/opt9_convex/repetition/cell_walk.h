@@ -37,13 +37,13 @@ static inline void next_on_axis(struct cell_axis *a, vmask going, vfloat leaves)
     a->middle = v_madd(a->count, a->step, a->base);
 }
 
-struct walk {
+struct cell_walk {
     struct cell_axis x, y, z;
     vfloat end;
 };
 
 // Into the next cells; those that are not at their end there.
-static inline vmask next_cells(struct walk *w, vmask going) {
+static inline vmask next_cells(struct cell_walk *w, vmask going) {
     ACTIVE(v_count(going));
     COUNT(next_cells, call);
     vfloat leaves = cell_exit(&w->x, &w->y, &w->z);
@@ -54,12 +54,12 @@ static inline vmask next_cells(struct walk *w, vmask going) {
     return going;
 }
 
-static inline vfloat box_entry(const struct walk *w) {
+static inline vfloat box_entry(const struct cell_walk *w) {
     return v_max(w->x.middle - w->x.half, v_max(w->y.middle - w->y.half, w->z.middle - w->z.half));
 }
 
 // Where the rays meet the next box; of `skip` not the first.
-static inline vmask next_box(struct walk *w, vmask going, vmask skip) {
+static inline vmask next_box(struct cell_walk *w, vmask going, vmask skip) {
     COUNT(next_box, call);
     vmask met = v_mask_none();
     while (v_any(going)) {
@@ -90,15 +90,15 @@ struct cell_grid {
     const struct prepared *scene;
     double eye[3], size[3];
     float spread, bounds, slack; // slack: what float may have lost of a place
-    bool alone, first;           // no shape is repeated in another way; nothing was met before
-    struct primary_hit *sights;
+    bool only_grid, first;       // no shape is repeated in another way; nothing was met before
+    struct primary_hit *hits;
     vmask left[BLOCKS]; // rays that have not met a copy
 };
 
 // Bundles on their way.
 struct bundle_walk {
     struct vec direction, along; // of their axes; along: |1/direction|
-    struct walk walk;
+    struct cell_walk walk;
 };
 
 // Bundles beside a copy. Of the shape that all their rays have entered by `hi` (∞: there is none): which, across which
@@ -116,7 +116,7 @@ static inline unsigned shape_bit(int i, int first) {
 }
 
 static inline struct vec local_direction(int first, const struct cell_grid *grid, int block) {
-    return turned(&KNOWN(grid->scene)->placed[first], grid->sights[block].direction);
+    return turned(&KNOWN(grid->scene)->primitives[first], grid->hits[block].direction);
 }
 
 // repetition/bundle_bounds.c

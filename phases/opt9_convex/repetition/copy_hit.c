@@ -1,5 +1,5 @@
 // What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (repetition/repeated_bundles.c): of each shape that is
-// repeated alike, ray by ray, or of one that all of them are proved to meet, at once.
+// repeated alike, ray by ray, or of one that all of them are proved to camera_hit, at once.
 #include "repetition/cell_walk.h"
 
 // A packet beside a copy.
@@ -16,7 +16,7 @@ static inline bool is_mostly_round(const struct primitive *s) {
 
 INLINE void hit_shape_of_copy(int i, int first, const struct prepared *scene, unsigned away,
                               struct copy_packet *b, struct surface_hit *hit) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     if (s->leader != first || (away & shape_bit(i, first)))
         return;
     ACTIVE(v_count(b->active));
@@ -62,7 +62,7 @@ INLINE void hit_shape_of_copy(int i, int first, const struct prepared *scene, un
 }
 
 INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *slabs) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
     *slabs =
         *slabs || (s->leader == first && (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX));
 }
@@ -85,18 +85,18 @@ KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block,
     if (slabs)
         b.per = inverses_of(b.d);
     EACH_ALIKE(grid->scene, hit_shape_of_copy, first, grid->scene, away, &b,
-               &grid->sights[block].hit);
+               &grid->hits[block].hit);
     return b.met;
 }
 
-// A copy that all of a packet's rays meet, on one face or one sphere of it.
+// A copy that all of a packet's rays camera_hit, on one face or one sphere of it.
 INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid,
                              int block, struct vec o, struct vec rest) {
     COUNT(hit_whole_packet, call);
-    const struct primitive *s = &KNOWN(grid->scene)->placed[i];
+    const struct primitive *s = &KNOWN(grid->scene)->primitives[i];
     if (i != shape || s->leader != first)
         return;
-    struct primary_hit *at = &grid->sights[block];
+    struct primary_hit *at = &grid->hits[block];
     struct vec d = local_direction(first, grid, block);
     at->hit.found = at->active;
     at->hit.shape = v_splat(s->index);

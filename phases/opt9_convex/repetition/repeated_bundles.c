@@ -24,15 +24,15 @@ static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfl
 }
 
 static inline struct vec lane_points(const struct cell_grid *grid, struct vec d,
-                                     const struct walk *w, struct vec *rest) {
+                                     const struct cell_walk *w, struct vec *rest) {
     return (struct vec){lane_coordinate(grid, 0, d.x, w->x.count, &rest->x),
                         lane_coordinate(grid, 1, d.y, w->y.count, &rest->y),
                         lane_coordinate(grid, 2, d.z, w->z.count, &rest->z)};
 }
 
-static inline struct walk cell_walk_from(const struct cell_grid *grid, struct vec d,
-                                         const struct primitive *s, vfloat end) {
-    return (struct walk){
+static inline struct cell_walk cell_walk_from(const struct cell_grid *grid, struct vec d,
+                                              const struct primitive *s, vfloat end) {
+    return (struct cell_walk){
         cell_axis_of(v_splat((float)grid->eye[0]), d.x, s->cell[0], s->box_of_grid[0]),
         cell_axis_of(v_splat((float)grid->eye[1]), d.y, s->cell[1], s->box_of_grid[1]),
         cell_axis_of(v_splat((float)grid->eye[2]), d.z, s->cell[2], s->box_of_grid[2]), end};
@@ -43,10 +43,10 @@ INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block)
     ACTIVE(v_count(grid->left[block]));
     COUNT(walk_single_rays, call);
     COUNT(walk_single_rays, scalar);
-    const struct primitive *s = &KNOWN(grid->scene)->placed[first];
-    const struct primary_hit *at = &grid->sights[block];
+    const struct primitive *s = &KNOWN(grid->scene)->primitives[first];
+    const struct primary_hit *at = &grid->hits[block];
     struct vec d = local_direction(first, grid, block);
-    struct walk w = cell_walk_from(grid, d, s, v_min(v_splat(2.0f * grid->bounds), at->hit.t));
+    struct cell_walk w = cell_walk_from(grid, d, s, v_min(v_splat(2.0f * grid->bounds), at->hit.t));
     for (vmask going = grid->left[block]; v_any(going);) {
         vmask met = next_box(&w, going, v_mask_none());
         if (!v_any(met))
@@ -61,7 +61,7 @@ INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block)
 // As next_box() where some ray of them may meet the box.
 static inline vmask bundles_next(struct bundle_walk *b, float spread, vmask going) {
     COUNT(bundles_next, call);
-    struct walk *w = &b->walk;
+    struct cell_walk *w = &b->walk;
     vmask met = v_mask_none();
     while (v_any(going)) {
         ACTIVE(v_count(going));
@@ -85,7 +85,7 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
     bool on = false, whole = shape >= 0;
     int block = bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS + bundle % BLOCKS_ACROSS;
     for (int k = 0; k < BUNDLE_BLOCKS; k++) {
-        const struct primary_hit *at = &grid->sights[block + k * BLOCKS_ACROSS];
+        const struct primary_hit *at = &grid->hits[block + k * BLOCKS_ACROSS];
         whole = whole && !v_any(at->hit.found);
     }
     for (int k = 0; k < BUNDLE_BLOCKS; k++, block += BLOCKS_ACROSS) {
@@ -127,7 +127,7 @@ INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struc
         struct vec more = {v_splat(places[3][lane]), v_splat(places[4][lane]),
                            v_splat(places[5][lane])};
         if (!hit_bundle(first, grid, from + lane, at, more,
-                        grid->alone && needs_no_secondary(&KNOWN(grid->scene)->model)
+                        grid->only_grid && needs_no_secondary(&KNOWN(grid->scene)->model)
                             ? (int)places[6][lane]
                             : -1,
                         (int)places[7][lane], (unsigned)places[8][lane]))
@@ -137,42 +137,43 @@ INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struc
 }
 
 // Whether the shape i is repeated otherwise than `first`.
-INLINE void is_other(int i, int first, const struct prepared *scene, bool *alone) {
-    const struct primitive *s = &KNOWN(scene)->placed[i];
-    *alone = *alone && !(REPEATED(s) && s->leader != first);
+INLINE void is_other(int i, int first, const struct prepared *scene, bool *only) {
+    const struct primitive *s = &KNOWN(scene)->primitives[i];
+    *only = *only && !(REPEATED(s) && s->leader != first);
 }
 
 // What the grid is to the tile; the bundles that have rays.
-INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct block_grid *mesh,
+INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct block_grid *blocks,
                                 const struct job *job) {
-    const struct primitive *s = &KNOWN(job->prepared)->placed[first];
-    const struct local_camera *eye = &job->eyes[first];
+    const struct primitive *s = &KNOWN(job->prepared)->primitives[first];
+    const struct local_camera *camera = &job->cameras[first];
     float bounds = (float)KNOWN(job->prepared)->model.march.bounds_radius * (1 + 1e-4f);
     COUNT(begin_cell_grid, call);
     COUNT(begin_cell_grid, scalar);
     grid->bounds = bounds;
-    grid->alone = true;
-    EACH_SHAPE(job->prepared, is_other, first, job->prepared, &grid->alone);
+    grid->only_grid = true;
+    EACH_SHAPE(job->prepared, is_other, first, job->prepared, &grid->only_grid);
     grid->slack = 2e-6f * bounds;
-    grid->spread = 1.5f * 1.41422f * mesh->pixel + 1e-6f;
+    grid->spread = 1.5f * 1.41422f * blocks->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {
-        grid->eye[k] = (double)eye->at[k] + (double)eye->rest[k];
+        grid->eye[k] = (double)camera->at[k] + (double)camera->at_low[k];
         grid->size[k] = s->wide_cell[k];
     }
     unsigned open = 0;
-    for (int block = mesh->down * BLOCKS_ACROSS; block < BLOCKS; block++) {
+    for (int block = blocks->down * BLOCKS_ACROSS; block < BLOCKS; block++) {
         grid->left[block] = v_mask_none();
-        grid->sights[block].hit.found = v_mask_none();
-        grid->sights[block].active = v_mask_none();
-        grid->sights[block].hit.t = v_splat(0.0f);
+        grid->hits[block].hit.found = v_mask_none();
+        grid->hits[block].active = v_mask_none();
+        grid->hits[block].hit.t = v_splat(0.0f);
     }
     vmask met = v_mask_none();
-    for (int row = 0; row < mesh->down; row++) {
-        for (int block = row * BLOCKS_ACROSS; block < row * BLOCKS_ACROSS + mesh->across; block++) {
-            grid->left[block] = grid->sights[block].active;
-            met = v_or(met, grid->sights[block].hit.found);
+    for (int row = 0; row < blocks->down; row++) {
+        for (int block = row * BLOCKS_ACROSS; block < row * BLOCKS_ACROSS + blocks->across;
+             block++) {
+            grid->left[block] = grid->hits[block].active;
+            met = v_or(met, grid->hits[block].hit.found);
         }
-        open |= ((1u << mesh->across) - 1) << row / BUNDLE_BLOCKS * BLOCKS_ACROSS;
+        open |= ((1u << blocks->across) - 1) << row / BUNDLE_BLOCKS * BLOCKS_ACROSS;
     }
     grid->first = !v_any(met);
     return open;
@@ -189,8 +190,8 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
     for (; open; open &= open - 1) {
         int lane = __builtin_ctz(open), bundle = from + lane;
         const struct primary_hit *at =
-            &grid->sights[bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS +
-                          bundle % BLOCKS_ACROSS];
+            &grid->hits[bundle / BLOCKS_ACROSS * BUNDLE_BLOCKS * BLOCKS_ACROSS +
+                        bundle % BLOCKS_ACROSS];
         vfloat furthest = v_splat(0.0f);
         bool all = true;
         for (int k = 0; k < BUNDLE_BLOCKS && all; k++) {
@@ -215,28 +216,28 @@ static inline float bundle_holds_until(const struct cell_grid *grid, const struc
     for (int k = 0; k < 3; k++)
         if (s->cell[k] > 0) {
             COUNT(bundle_holds_until, axis);
-            float own = 0.5f * s->cell[k] - s->box_of_grid[k] - grid->slack;
-            gap = own < gap ? own : gap;
+            float room = 0.5f * s->cell[k] - s->box_of_grid[k] - grid->slack;
+            gap = room < gap ? room : gap;
         }
     return gap > 0 && grid->spread < 0.05f ? gap / grid->spread : 0.0f;
 }
 
 // The bundles `open` of those from `from` on.
-INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_grid *mesh,
+INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_grid *blocks,
                         const struct job *job, int from, unsigned open) {
     ACTIVE(__builtin_popcount(open));
     COUNT(hit_bundles, call);
     COUNT(hit_bundles, scalar);
-    const struct primitive *s = &KNOWN(job->prepared)->placed[first];
-    const struct local_camera *eye = &job->eyes[first];
+    const struct primitive *s = &KNOWN(job->prepared)->primitives[first];
+    const struct local_camera *camera = &job->cameras[first];
     vfloat number = v_iota() + v_splat((float)from);
     vfloat row = v_floor(number * v_splat(1.0f / BLOCKS_ACROSS)),
            column = number - row * v_splat(BLOCKS_ACROSS);
-    vfloat four = v_splat(4.0f * mesh->pixel);
-    vfloat x = v_madd(column, four, v_splat(mesh->left + 2.0f * mesh->pixel));
-    vfloat y = v_nmadd(row, four, v_splat(mesh->top - 2.0f * mesh->pixel));
-    struct vec d = vec_along(vec_along(vec_set(eye->axis[2]), vec_set(eye->axis[0]), x),
-                             vec_set(eye->axis[1]), y);
+    vfloat four = v_splat(4.0f * blocks->pixel);
+    vfloat x = v_madd(column, four, v_splat(blocks->left + 2.0f * blocks->pixel));
+    vfloat y = v_nmadd(row, four, v_splat(blocks->top - 2.0f * blocks->pixel));
+    struct vec d = vec_along(vec_along(vec_set(camera->axis[2]), vec_set(camera->axis[0]), x),
+                             vec_set(camera->axis[1]), y);
     d = vec_scale(d, v_splat(1.0f) / vec_norm(d));
     struct bundle_walk b = {.direction = d};
     vfloat end = bundle_ends(grid, from, open);
@@ -260,18 +261,18 @@ INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_gr
     }
 }
 
-KERNEL_INLINE void hit_repeated(int first, const struct block_grid *mesh, const struct job *job,
-                                struct primary_hit *sights) {
-    if (KNOWN(job->prepared)->placed[first].leader != first ||
-        !REPEATED(&KNOWN(job->prepared)->placed[first]))
+KERNEL_INLINE void hit_repeated(int first, const struct block_grid *blocks, const struct job *job,
+                                struct primary_hit *hits) {
+    if (KNOWN(job->prepared)->primitives[first].leader != first ||
+        !REPEATED(&KNOWN(job->prepared)->primitives[first]))
         return;
     struct cell_grid grid;
     grid.scene = job->prepared;
-    grid.sights = sights;
-    unsigned open = begin_cell_grid(first, &grid, mesh, job);
+    grid.hits = hits;
+    unsigned open = begin_cell_grid(first, &grid, blocks, job);
     for (int from = 0; from < BUNDLES; from += LANES) {
         unsigned some = open >> from & ((1u << LANES) - 1);
         if (some)
-            hit_bundles(first, &grid, mesh, job, from, some);
+            hit_bundles(first, &grid, blocks, job, from, some);
     }
 }

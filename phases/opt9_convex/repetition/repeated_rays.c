@@ -1,5 +1,5 @@
 // A ray goes from cell to cell of a repeated shape (J. Amanatides and A. Woo, "A fast voxel traversal algorithm for
-// ray tracing", Eurographics 1987), every lane in its own, until it meets the box about the copy there; when all
+// ray tracing", Eurographics 1987), every lane in its self, until it meets the box about the copy there; when all
 // lanes have or are at their end, those are asked by the shape's closed form.
 //
 // Only of shapes that are in their cell and its mirror image (fits_its_cells() in core/primitives.c): there the wrapped distance is the
@@ -27,7 +27,7 @@ static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat f
 }
 
 static inline struct vec in_copy_frame(const struct primitive *s, const struct repeated_query *a,
-                                       struct vec d, const struct walk *w, vfloat from) {
+                                       struct vec d, const struct cell_walk *w, vfloat from) {
     COUNT(in_copy_frame, call);
     vfloat zero = v_splat(0.0f);
     struct vec_double to = {v_double_sum(a->direction.x, zero), v_double_sum(a->direction.y, zero),
@@ -44,9 +44,9 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
     ACTIVE(v_count(among->active));
     COUNT(enter_cells, call);
     struct vec o = among->origin, d = turned(s, among->direction);
-    struct walk w = {cell_axis_of(o.x, d.x, s->cell[0], s->box[0]),
-                     cell_axis_of(o.y, d.y, s->cell[1], s->box[1]),
-                     cell_axis_of(o.z, d.z, s->cell[2], s->box[2]), among->end};
+    struct cell_walk w = {cell_axis_of(o.x, d.x, s->cell[0], s->box[0]),
+                          cell_axis_of(o.y, d.y, s->cell[1], s->box[1]),
+                          cell_axis_of(o.z, d.z, s->cell[2], s->box[2]), among->end};
     vmask found = v_mask_none(), skip = among->leaves;
     *t = v_splat(INFINITY);
     *local = o;
@@ -83,27 +83,27 @@ static inline vmask is_same_point(struct vec a, struct vec b) {
 }
 
 static struct repeated_query repeated_query_of(const struct primitive *s, struct vec *o,
-                                               struct vec direction, vmask own, vmask active,
+                                               struct vec direction, vmask self, vmask active,
                                                vfloat end) {
     struct vec at = vec_wrapped(s, *o), none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    own = v_and(own, is_same_point(at, *o)); // from another cell than its own it may be met
+    self = v_and(self, is_same_point(at, *o)); // from another cell than its self it may be met
     *o = at;
-    return (struct repeated_query){at, none, direction, active, own, end};
+    return (struct repeated_query){at, none, direction, active, self, end};
 }
 
-KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own,
+KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask self,
                               vfloat end, float offset, vfloat *t, struct vec *local) {
     ACTIVE(v_count(ray->active));
     COUNT(hit_cells, call);
     struct vec o = to_local(s, ray->origin), d = turned(s, ray->direction);
-    if (v_any(own)) {
-        COUNT(hit_cells, own);
+    if (v_any(self)) {
+        COUNT(hit_cells, self);
         struct vec n = normal_on(ray->local, s);
         vmask back = v_cmp_lt(vec_dot(n, d), v_splat(0.0f));
-        o = vec_select(own, vec_along(ray->local, n, v_negate_where(back, v_splat(offset))), o);
-        own = v_andnot(back, own); // it was met from within, and so it will be again
+        o = vec_select(self, vec_along(ray->local, n, v_negate_where(back, v_splat(offset))), o);
+        self = v_andnot(back, self); // it was met from within, and so it will be again
     }
-    struct repeated_query among = repeated_query_of(s, &o, ray->direction, own, ray->active, end);
+    struct repeated_query among = repeated_query_of(s, &o, ray->direction, self, ray->active, end);
     vmask within = v_and(v_andnot(among.leaves, ray->active), in_box(s, o));
     if (!s->convex) // a torus may shade itself
         among.leaves = v_mask_none();
@@ -123,10 +123,10 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
                                         const struct limits *limits) {
     ACTIVE(v_count(r->active));
     COUNT(first_entry_in_cells, call);
-    vmask own = is_shape(r->shape, i);
-    struct vec at, o = vec_select(own, r->local, to_local(s, r->point));
+    vmask self = is_shape(r->shape, i);
+    struct vec at, o = vec_select(self, r->local, to_local(s, r->point));
     vfloat t, end = v_min(r->first, bounds_distance(r->point, r->to_light, limits));
-    struct repeated_query among = repeated_query_of(s, &o, r->to_light, own, r->active, end);
+    struct repeated_query among = repeated_query_of(s, &o, r->to_light, self, r->active, end);
     vmask in = enter_cells(s, &among, &t, &at);
     in = v_and(in, v_cmp_lt(t, r->first));
     if (v_any(in)) {
@@ -137,12 +137,12 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
 }
 
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
-                                  struct vec direction, vmask own, vmask active, vfloat reach) {
+                                  struct vec direction, vmask self, vmask active, vfloat reach) {
     ACTIVE(v_count(active));
     COUNT(cells_occlude, call);
     struct vec o = origin, at;
     vfloat t;
-    struct repeated_query among = repeated_query_of(s, &o, direction, own, active, reach);
+    struct repeated_query among = repeated_query_of(s, &o, direction, self, active, reach);
     vmask within = v_and(v_andnot(s->convex ? among.leaves : v_mask_none(), active), in_box(s, o));
     if (!s->convex)
         among.leaves = v_mask_none();

@@ -44,14 +44,14 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
                                 vfloat *t, struct vec *local);
 
 // As hit_from_surface(), first_entry() and what hard shadows ask of a solid.
-KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask own,
+KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask self,
                               vfloat end, float offset, vfloat *t, struct vec *local);
 
 KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct shadow_rays *r,
                                         const struct limits *limits);
 
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
-                                  struct vec direction, vmask own, vmask active, vfloat reach);
+                                  struct vec direction, vmask self, vmask active, vfloat reach);
 
 // The planes through the camera between the tile's columns and rows of blocks, as it sees the picture's plane at
 // distance 1: their places there.
@@ -61,7 +61,7 @@ struct block_grid {
 };
 
 // What a tile's packets meet of all shapes that are repeated as the shape `first` is, if it is the first of them.
-KERNEL_INLINE void hit_repeated(int first, const struct block_grid *mesh, const struct job *job,
-                                struct primary_hit *sights);
+KERNEL_INLINE void hit_repeated(int first, const struct block_grid *blocks, const struct job *job,
+                                struct primary_hit *hits);
 
 #endif

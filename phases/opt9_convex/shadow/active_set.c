@@ -21,50 +21,50 @@ static inline vmask near_stretch(struct vec centre, vfloat radius, const void *w
     return v_cmp_lt(vec_dot(off, off), r * r);
 }
 
-static void list_active(struct shadow_batch *beam, float slack, const struct prepared *scene) {
+static void list_active(struct shadow_batch *batch, float slack, const struct prepared *scene) {
     COUNT(list_active, call);
     COUNT(list_active, scalar);
-    struct active_set *v = &beam->near;
-    const float *place = beam->place;
+    struct active_set *v = &batch->set;
+    const float *origin = batch->origin;
     struct active_set around = *v;
-    around.start = (struct vec){v->start.x + v_splat(place[0]), v->start.y + v_splat(place[1]),
-                                v->start.z + v_splat(place[2])};
+    around.start = (struct vec){v->start.x + v_splat(origin[0]), v->start.y + v_splat(origin[1]),
+                                v->start.z + v_splat(origin[2])};
     around.within = v->within * (1 + 1e-4f) + slack;
-    v->solids = bvh_list(&scene->tree, near_stretch, &around, v->list);
+    v->solids = bvh_list(&scene->bvh, near_stretch, &around, v->list);
     v->count = append_planes(scene, v->list, v->solids);
     for (int k = 0; k < v->count; k++) {
         COUNT(list_active, shape);
-        const struct primitive *s = &scene->placed[v->list[k]];
+        const struct primitive *s = &scene->primitives[v->list[k]];
         v->shapes[k].shape = s;
-        v->shapes[k].bound = s->way == EVAL_LINEAR ? INFINITY : s->bound;
+        v->shapes[k].bound = s->eval == EVAL_LINEAR ? INFINITY : s->bound;
         for (int i = 0; i < 3; i++)
-            v->shapes[k].place[i] = s->position[i] - place[i];
+            v->shapes[k].centre[i] = s->position[i] - origin[i];
     }
 }
 
-void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, vmask last,
+void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vfloat h, vmask last,
                     const struct tile_context *work) {
     ACTIVE(v_count(last));
     COUNT(set_active_set, call);
     COUNT(set_active_set, scalar);
     const struct prepared *scene = work->scene;
-    struct active_set *v = &beam->near;
+    struct active_set *v = &batch->set;
     struct vec p = vec_along(w->from, w->rays.to_light, w->march.t), l = w->rays.to_light;
     int one = __builtin_ctz(v_mask_bits(last));
     float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
-    v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->tree.spacing);
+    v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->bvh.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
     float on =
         float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
     struct vec ahead = vec_along(p, l, v_splat(on));
     v->start = vec_of_lane(&ahead, one);
     v->along = vec_of_lane(&l, one);
-    float most = ACTIVE_LENGTH * scene->tree.spacing, rest = left - on;
+    float most = ACTIVE_LENGTH * scene->bvh.spacing, rest = left - on;
     v->length = float_max(rest < most ? rest : most, 0.0f);
     v->room = v->within - ACTIVE_MARGIN * near;
-    list_active(beam, slack, scene);
-    for (int i = 0; i < beam->count; i++) {
-        struct walk *each = &beam->walk[i];
+    list_active(batch, slack, scene);
+    for (int i = 0; i < batch->count; i++) {
+        struct batch_packet *each = &batch->packet[i];
         ACTIVE(LANES - v_count(each->march.done));
         COUNT(set_active_set, packet);
         struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
@@ -73,33 +73,33 @@ void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, v
 }
 
 static inline struct vec offset_from_candidate(const struct candidate *c, struct vec at) {
-    return (struct vec){at.x - v_splat(c->place[0]), at.y - v_splat(c->place[1]),
-                        at.z - v_splat(c->place[2])};
+    return (struct vec){at.x - v_splat(c->centre[0]), at.y - v_splat(c->centre[1]),
+                        at.z - v_splat(c->centre[2])};
 }
 
 // How far the solid's bounding sphere is, whose centre is `square` away squared, by an approximate root, to 10 bits and less by
 // that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
 // stays above its tangent.
-static inline vfloat sphere_bound(const struct candidate *c, const struct walk *w, struct vec from,
-                                  vfloat square, struct falling_bound *below) {
+static inline vfloat sphere_bound(const struct candidate *c, const struct batch_packet *w,
+                                  struct vec from, vfloat square, struct falling_bound *below) {
     COUNT(sphere_bound, call);
     square = v_max(square, v_splat(1e-30f));
     vfloat guess = root_guess(square);
     vfloat far = square * guess * v_splat(1 - 0x1p-10f) - v_splat(c->bound);
     below->slope = v_msub(vec_dot(from, w->rays.to_light), guess, v_splat(0x1p-10f));
-    below->rest = v_nmadd(below->slope + v_splat(0x1p-18f), w->march.t, far);
+    below->intercept = v_nmadd(below->slope + v_splat(0x1p-18f), w->march.t, far);
     return far;
 }
 
-static inline vfloat idle_or_infinite(const struct walk *w) {
+static inline vfloat idle_or_infinite(const struct batch_packet *w) {
     return v_select(is_idle(w), v_splat(-INFINITY), v_splat(INFINITY));
 }
 
-void set_falling_bounds(struct shadow_batch *beam) {
+void set_falling_bounds(struct shadow_batch *batch) {
     COUNT(set_falling_bounds, call);
-    struct active_set *v = &beam->near;
-    for (int i = 0; i < beam->moving; i++) {
-        struct walk *w = &beam->walk[i];
+    struct active_set *v = &batch->set;
+    for (int i = 0; i < batch->moving; i++) {
+        struct batch_packet *w = &batch->packet[i];
         ACTIVE(LANES - v_count(is_idle(w)));
         COUNT(set_falling_bounds, packet);
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
@@ -122,7 +122,7 @@ void set_falling_bounds(struct shadow_batch *beam) {
 
 // Of rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is noise in the
 // third digit, that of its power is not.
-static vfloat distance_to_own_solid(const struct walk *w, const struct primitive *s) {
+static vfloat distance_to_own_solid(const struct batch_packet *w, const struct primitive *s) {
     COUNT(distance_to_own_solid, call);
     vfloat t = w->march.t;
     if (s->type != SHAPE_SPHERE) {
@@ -134,10 +134,10 @@ static vfloat distance_to_own_solid(const struct walk *w, const struct primitive
     return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
 }
 
-static inline vfloat distance_to(const struct candidate *c, const struct walk *w) {
+static inline vfloat distance_to(const struct candidate *c, const struct batch_packet *w) {
     COUNT(distance_to, call);
     const struct primitive *s = c->shape;
-    if (s->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_LINEAR) {
         COUNT(distance_to, plane);
         return plane_height(s, v_and(w->rays.active, is_shape(w->rays.shape, (int)s->index)), w);
     }
@@ -153,7 +153,7 @@ static inline vfloat distance_to(const struct candidate *c, const struct walk *w
 }
 
 // c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
-static inline void evaluate_candidate(const struct candidate *c, int k, struct walk *w,
+static inline void evaluate_candidate(const struct candidate *c, int k, struct batch_packet *w,
                                       struct falling_bound *below) {
     COUNT(evaluate_candidate, call);
     vfloat h = distance_to(c, w);
@@ -165,7 +165,7 @@ static inline void evaluate_candidate(const struct candidate *c, int k, struct w
 
 // Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
 // root; and what is known of it then.
-static inline bool sphere_too_far(const struct candidate *c, const struct walk *w,
+static inline bool sphere_too_far(const struct candidate *c, const struct batch_packet *w,
                                   struct falling_bound *below) {
     COUNT(sphere_too_far, call);
     struct vec from = offset_from_candidate(c, w->at);
@@ -179,12 +179,12 @@ static inline bool sphere_too_far(const struct candidate *c, const struct walk *
 enum { WAKE_BITS = 64 }; // shapes, of each a bit
 
 static inline vfloat falling_bound_at(const struct falling_bound *below, vfloat t) {
-    return v_madd(below->slope, t, below->rest);
+    return v_madd(below->slope, t, below->intercept);
 }
 
 // Of the shapes from `first` on, WAKE_BITS at most, the bits of those that may be nearer to one of a packet's rays than what is.
 static inline unsigned long long awake_candidates(const struct falling_bound *below, int count,
-                                                  const struct walk *w) {
+                                                  const struct batch_packet *w) {
     COUNT(awake_candidates, call);
     vfloat least = w->least, t = w->march.t;
     unsigned long long awake = 0;
@@ -204,15 +204,15 @@ static inline unsigned long long awake_candidates(const struct falling_bound *be
 // The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes
 // may be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would
 // wait for it, and is foretold by nothing.
-void active_nearest(struct shadow_batch *beam) {
+void active_nearest(struct shadow_batch *batch) {
     COUNT(active_nearest, call);
-    const struct active_set *v = &beam->near;
+    const struct active_set *v = &batch->set;
     const struct candidate *shapes = v->shapes; // what is stored may not change it
     unsigned long long which[BATCH_PACKETS];    // of WAKE_BITS shapes
     int asked[BATCH_PACKETS];
     unsigned walking = 0;
-    for (int i = 0; i < beam->moving; i++) {
-        struct walk *w = &beam->walk[i];
+    for (int i = 0; i < batch->moving; i++) {
+        struct batch_packet *w = &batch->packet[i];
         if (v_all(is_idle(w)))
             continue;
         ACTIVE(LANES - v_count(is_idle(w)));
@@ -230,7 +230,7 @@ void active_nearest(struct shadow_batch *beam) {
         struct falling_bound *below = &v->below[first * BATCH_PACKETS];
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
-            const struct walk *w = &beam->walk[i];
+            const struct batch_packet *w = &batch->packet[i];
             ACTIVE(LANES - v_count(is_idle(w)));
             unsigned once = (unsigned)(asked[i] - first); // more than there are, of another row
             which[i] = awake_candidates(&below[i], int_min(v->count - first, WAKE_BITS), w);
@@ -238,7 +238,7 @@ void active_nearest(struct shadow_batch *beam) {
         }
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
-            const struct walk *w = &beam->walk[i];
+            const struct batch_packet *w = &batch->packet[i];
             ACTIVE(LANES - v_count(is_idle(w)));
             unsigned long long near = 0;
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
@@ -251,7 +251,7 @@ void active_nearest(struct shadow_batch *beam) {
         }
         for (unsigned packets = walking; packets; packets &= packets - 1) {
             int i = __builtin_ctz(packets);
-            struct walk *w = &beam->walk[i];
+            struct batch_packet *w = &batch->packet[i];
             ACTIVE(LANES - v_count(is_idle(w)));
             for (unsigned long long rest = which[i]; rest; rest &= rest - 1) {
                 int k = __builtin_ctzll(rest);

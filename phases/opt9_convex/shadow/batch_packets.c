@@ -7,7 +7,7 @@
 
 // Prepares the cone query of one packet. Returns whether any ray needs one. A ray needs one when it has passed the last
 // blocker found, or when its least term allows a cone of smaller slope q.
-static bool needs_cone_query(const struct walk *w, struct cone_request *asking,
+static bool needs_cone_query(const struct batch_packet *w, struct cone_request *asking,
                              const struct tile_context *work) {
     const struct shadow_march *m = &w->march;
     ACTIVE(LANES - v_count(m->done));
@@ -21,11 +21,11 @@ static bool needs_cone_query(const struct walk *w, struct cone_request *asking,
                   v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(REQUERY_SLOPE))));
     // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the last step
     // began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such bound.
-    bool convex = w->solid >= 0 && work->scene->placed[w->solid].convex;
-    vfloat own = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
-                          v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
-    *asking =
-        (struct cone_request){.rays = &w->rays, .t = m->t, .q = q, .own = own, .asked = asked};
+    bool convex = w->solid >= 0 && work->scene->primitives[w->solid].convex;
+    vfloat excluded = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
+                               v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
+    *asking = (struct cone_request){
+        .rays = &w->rays, .t = m->t, .q = q, .excluded = excluded, .asked = asked};
     return v_any(asked);
 }
 
@@ -34,10 +34,10 @@ static bool needs_cone_query(const struct walk *w, struct cone_request *asking,
 void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work) {
     COUNT(query_ahead, call);
     struct cone_request asking[BATCH_PACKETS];
-    struct walk *of[BATCH_PACKETS];
+    struct batch_packet *of[BATCH_PACKETS];
     int count = 0;
     for (int i = 0; i < packets; i++) {
-        struct walk *w = &batch->walk[i];
+        struct batch_packet *w = &batch->packet[i];
         if (v_all(w->march.done))
             continue;
         of[count] = w;
@@ -47,7 +47,7 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
         return;
     bvh_query_ahead(asking, count, work);
     for (int i = 0; i < count; i++) {
-        struct walk *w = of[i];
+        struct batch_packet *w = of[i];
         const struct cone_request *a = &asking[i];
         ACTIVE(v_count(a->asked));
         COUNT(query_ahead, packet);
@@ -57,7 +57,7 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
     }
 }
 
-void store_lit(const struct walk *w, vmask done, struct worker_scratch *scratch) {
+void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *scratch) {
     ACTIVE(v_count(done));
     COUNT(store_lit, call);
     float ray[LANES], lit[LANES];
@@ -70,35 +70,35 @@ void store_lit(const struct walk *w, vmask done, struct worker_scratch *scratch)
 // One field of all rays of a batch, and room to write a whole register behind the last.
 typedef float rows_of[BATCH_RAYS + LANES];
 
-// The fields that move with a ray stand in three runs in struct walk. Each offset is where a run begins; shadow/shadow_batch.h
+// The fields that move with a ray stand in three runs in struct batch_packet. Each offset is where a run begins; shadow/shadow_batch.h
 // has their lengths.
-enum { MARCH_AT = offsetof(struct walk, march) + offsetof(struct shadow_march, t) };
-enum { RAYS_AT = offsetof(struct walk, rays) + offsetof(struct shadow_rays, point) };
-enum { OWN_AT = offsetof(struct walk, from) };
+enum { MARCH_AT = offsetof(struct batch_packet, march) + offsetof(struct shadow_march, t) };
+enum { RAYS_AT = offsetof(struct batch_packet, rays) + offsetof(struct shadow_rays, point) };
+enum { OWN_AT = offsetof(struct batch_packet, from) };
 
 // `rows` is a constant at each call, so the compiler unrolls the loop.
-static inline void pack_rows(vindex first, const struct walk *w, size_t from, int rows, rows_of *to,
-                             int at) {
+static inline void pack_rows(vindex first, const struct batch_packet *w, size_t from, int rows,
+                             rows_of *to, int at) {
     const vfloat *row = (const vfloat *)((const char *)w + from);
     for (int k = 0; k < rows; k++)
         v_permute_store(first, row[k], &to[k][at]);
 }
 
-static void pack_packet(vmask moved, const struct walk *w, rows_of *to, int at) {
+static void pack_packet(vmask moved, const struct batch_packet *w, rows_of *to, int at) {
     vindex first = v_compress_index(moved);
     pack_rows(first, w, MARCH_AT, MARCH_REALS, to, at);
     pack_rows(first, w, RAYS_AT, RAY_REALS, to + MARCH_REALS, at);
     pack_rows(first, w, OWN_AT, BATCH_REALS, to + MARCH_REALS + RAY_REALS, at);
 }
 
-static inline void load_rows(vmask active, struct walk *w, size_t to, int rows, rows_of *from,
-                             int at) {
+static inline void load_rows(vmask active, struct batch_packet *w, size_t to, int rows,
+                             rows_of *from, int at) {
     vfloat *row = (vfloat *)((char *)w + to);
     for (int k = 0; k < rows; k++)
         row[k] = v_select_or_zero(active, v_load(&from[k][at]));
 }
 
-static void load_packet(vmask active, struct walk *w, rows_of *from, int at) {
+static void load_packet(vmask active, struct batch_packet *w, rows_of *from, int at) {
     load_rows(active, w, MARCH_AT, MARCH_REALS, from, at);
     load_rows(active, w, RAYS_AT, RAY_REALS, from + MARCH_REALS, at);
     load_rows(active, w, OWN_AT, BATCH_REALS, from + MARCH_REALS + RAY_REALS, at);
@@ -107,7 +107,7 @@ static void load_packet(vmask active, struct walk *w, rows_of *from, int at) {
 bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch) {
     int moving = 0, live = 0, packets = 0, at = 0;
     for (int i = 0; i < batch->count; i++) {
-        struct walk *w = &batch->walk[i];
+        struct batch_packet *w = &batch->packet[i];
         vmask ended = v_and(w->rays.active, w->march.done);
         if (v_any(ended))
             store_lit(w, ended, scratch);
@@ -123,7 +123,7 @@ bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch)
     rows_of fields[BATCH_ROWS];
     for (int wait = 0; wait < 2; wait++)
         for (int i = 0; i < batch->count; i++) {
-            struct walk *w = &batch->walk[i];
+            struct batch_packet *w = &batch->packet[i];
             vmask moved = v_and(w->rays.active, wait ? w->waits : v_not(w->waits));
             if (!v_any(moved))
                 continue;
@@ -132,7 +132,7 @@ bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch)
         }
     batch->count = (live + LANES - 1) / LANES;
     for (int i = 0; i < batch->count; i++) {
-        struct walk *w = &batch->walk[i];
+        struct batch_packet *w = &batch->packet[i];
         vmask active = v_mask_first(live - i * LANES); // no field was written past the live rays
         load_packet(active, w, fields, i * LANES);
         w->rays.active = active;

@@ -22,7 +22,7 @@ static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const un
                                 .facing = v_gather(field[S_FACING], at),
                                 .shape = v_gather(field[S_SHAPE], at),
                                 .end = v_splat(0.0f),
-                                .alone = v_splat(INFINITY),
+                                .leap_limit = v_splat(INFINITY),
                                 .on_plane = v_mask_none(),
                                 .meets_one = v_mask_none(),
                                 .meets_many = v_mask_none(),
@@ -33,11 +33,11 @@ static struct shadow_rays load_sorted_packet(float field[][QUEUE_ROOM], const un
 // Makes a new active set, ahead of the ray that is furthest behind. Returns whether any ray is left.
 static bool renew_active_set(struct shadow_batch *batch, const struct tile_context *work) {
     COUNT(renew_active_set, call);
-    const struct walk *last = NULL;
+    const struct batch_packet *last = NULL;
     float rear = INFINITY;
     query_ahead(batch, batch->count, work);
     for (int i = 0; i < batch->count; i++) {
-        struct walk *w = &batch->walk[i];
+        struct batch_packet *w = &batch->packet[i];
         if (v_all(w->march.done))
             continue;
         ACTIVE(LANES - v_count(w->march.done));
@@ -74,7 +74,7 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
     bool moves = false;
     active_nearest(batch);
     for (int i = 0; i < batch->moving; i++) {
-        struct walk *w = &batch->walk[i];
+        struct batch_packet *w = &batch->packet[i];
         struct shadow_march *m = &w->march;
         if (v_all(is_idle(w)))
             continue;
@@ -82,8 +82,8 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
         COUNT(active_step, step);
         moves = true;
         // A ray waits if a shape outside the active set could be nearer.
-        struct vec off = offset_from_stretch(&batch->near, w->at);
-        vfloat room = v_splat(batch->near.within) - w->least;
+        struct vec off = offset_from_stretch(&batch->set, w->at);
+        vfloat room = v_splat(batch->set.within) - w->least;
         w->waits = v_or(w->waits, v_not(v_cmp_ge(room * v_abs(room), vec_dot(off, off))));
         vmask still = is_idle(w), done = m->done;
         step_others(m, still, w->least, strength, hit, false);
@@ -92,10 +92,10 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
     return moves;
 }
 
-static void load_batch_packet(struct walk *w, int first, int end, const struct shadow_batch *batch,
-                              const struct tile_context *work) {
+static void load_batch_packet(struct batch_packet *w, int first, int end,
+                              const struct shadow_batch *batch, const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
-    const float *place = batch->place;
+    const float *origin = batch->origin;
     int left = end - first;
     ACTIVE(left < LANES ? left : LANES);
     COUNT(load_batch_packet, call);
@@ -104,21 +104,22 @@ static void load_batch_packet(struct walk *w, int first, int end, const struct s
         load_sorted_packet(scratch->shadow, scratch->order[0] + first, left < LANES ? left : LANES);
     w->waits = v_mask_none();
     // The ray is queued because its cone of slope lit_slope meets a shape, which is mostly further than this.
-    w->until = v_splat(work->scene->tree.spacing);
+    w->until = v_splat(work->scene->bvh.spacing);
     w->asked = v_splat(KNOWN(work->scene)->lit_slope);
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = scratch->order[0][first + i];
     w->ray = v_load(ray);
     int shape = (int)v_lane0(w->rays.shape);
-    w->solid = work->scene->placed[shape].way == EVAL_LINEAR ? -1 : shape;
+    w->solid = work->scene->primitives[shape].eval == EVAL_LINEAR ? -1 : shape;
     w->local_to = w->rays.to_light;
-    w->from = (struct vec){w->rays.point.x - v_splat(place[0]), w->rays.point.y - v_splat(place[1]),
-                           w->rays.point.z - v_splat(place[2])};
+    w->from =
+        (struct vec){w->rays.point.x - v_splat(origin[0]), w->rays.point.y - v_splat(origin[1]),
+                     w->rays.point.z - v_splat(origin[2])};
 }
 
-static void begin_batch_packet(struct walk *w, const struct tile_context *work) {
-    begin_march(&w->rays, work->scratch->near, &work->scratch->candidates[0], work, &w->march);
+static void begin_batch_packet(struct batch_packet *w, const struct tile_context *work) {
+    begin_march(&w->rays, work->scratch->candidates, &work->scratch->listed[0], work, &w->march);
 }
 
 // Adds the light in the order of the sorted queue: the sum does not depend on how rays moved between packets.
@@ -142,19 +143,19 @@ struct ray_bundle {
     float centre[3], to_light[3], radius, spread;
 };
 
-static struct ray_bundle bundle_of_packets(const struct walk *walk, int packets) {
-    ACTIVE(v_count(walk->rays.active));
+static struct ray_bundle bundle_of_packets(const struct batch_packet *packet, int packets) {
+    ACTIVE(v_count(packet->rays.active));
     COUNT(bundle_of_packets, call);
     COUNT(bundle_of_packets, scalar);
-    struct vec low = walk->rays.point, high = low;
+    struct vec low = packet->rays.point, high = low;
     for (int i = 1; i < packets; i++) {
-        ACTIVE(v_count(walk[i].rays.active));
+        ACTIVE(v_count(packet[i].rays.active));
         COUNT(bundle_of_packets, box);
-        struct vec p = walk[i].rays.point;
+        struct vec p = packet[i].rays.point;
         low = (struct vec){v_min(low.x, p.x), v_min(low.y, p.y), v_min(low.z, p.z)};
         high = (struct vec){v_max(high.x, p.x), v_max(high.y, p.y), v_max(high.z, p.z)};
     }
-    struct vec to = walk->rays.to_light;
+    struct vec to = packet->rays.to_light;
     struct ray_bundle bundle = {{0.5f * (least_lane(low.x) + most_lane(high.x)),
                                  0.5f * (least_lane(low.y) + most_lane(high.y)),
                                  0.5f * (least_lane(low.z) + most_lane(high.z))},
@@ -164,9 +165,9 @@ static struct ray_bundle bundle_of_packets(const struct walk *walk, int packets)
     struct vec c = vec_set(bundle.centre), t = vec_set(bundle.to_light);
     vfloat away = v_splat(0.0f), turned = away;
     for (int i = 0; i < packets; i++) {
-        ACTIVE(v_count(walk[i].rays.active));
+        ACTIVE(v_count(packet[i].rays.active));
         COUNT(bundle_of_packets, packet);
-        struct vec p = walk[i].rays.point, l = walk[i].rays.to_light;
+        struct vec p = packet[i].rays.point, l = packet[i].rays.to_light;
         struct vec v = {p.x - c.x, p.y - c.y, p.z - c.z}, d = {l.x - t.x, l.y - t.y, l.z - t.z};
         away = v_max(away, vec_dot(v, v));
         turned = v_max(turned, vec_dot(d, d));
@@ -183,10 +184,10 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
     const struct model *model = &work->scene->model;
     vfloat strength = v_splat((float)model->shadow_strength),
            hit = v_splat((float)model->march.hit_distance);
-    struct shadow_candidate *second = scratch->near + model->shape_count;
+    struct shadow_candidate *second = scratch->candidates + model->shape_count;
     struct shadow_batch batch; // not zeroed: load_batch_packet sets the packets
     batch.count = batch.moving = 0;
-    batch.near.list = scratch->active_list;
+    batch.set.list = scratch->active_list;
     _Static_assert(2 * sizeof *second >=
                        BATCH_PACKETS * sizeof(struct falling_bound) + sizeof(struct candidate),
                    "room for both");
@@ -194,21 +195,21 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
                        BVH_MIN_SHAPES *
                            (2 * sizeof *second - BATCH_PACKETS * sizeof(struct falling_bound)),
                    "wake() reads three rows behind the last");
-    batch.near.below = (struct falling_bound *)second;
-    batch.near.shapes =
-        (struct candidate *)(batch.near.below + (size_t)model->shape_count * BATCH_PACKETS);
+    batch.set.below = (struct falling_bound *)second;
+    batch.set.shapes =
+        (struct candidate *)(batch.set.below + (size_t)model->shape_count * BATCH_PACKETS);
     for (int k = 0; k < 3; k++)
-        batch.place[k] = scratch->shadow[S_POINT + k][scratch->order[0][first]];
+        batch.origin[k] = scratch->shadow[S_POINT + k][scratch->order[0][first]];
     int at = first;
     do // at least one packet
-        load_batch_packet(&batch.walk[batch.count++], at, end, &batch, work);
+        load_batch_packet(&batch.packet[batch.count++], at, end, &batch, work);
     while ((at += LANES) < end);
-    struct ray_bundle bundle = bundle_of_packets(batch.walk, batch.count);
+    struct ray_bundle bundle = bundle_of_packets(batch.packet, batch.count);
     bvh_list_for_batch(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
     for (int i = 0; i < batch.count; i++) {
-        bundle = bundle_of_packets(&batch.walk[i], 1);
+        bundle = bundle_of_packets(&batch.packet[i], 1);
         bvh_list_for_packet(bundle.centre, bundle.radius, bundle.to_light, bundle.spread, work);
-        begin_batch_packet(&batch.walk[i], work);
+        begin_batch_packet(&batch.packet[i], work);
     }
     leave_own_solid(&batch, strength, hit, work);
     // Limits steps and active sets together. An active set in which no ray can step, as with a place that is NaN, counts
@@ -219,12 +220,12 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
             if (steps % CHECK_INTERVAL == 0)
                 end_and_compact(&batch, work);
     for (int i = 0; i < batch.count; i++)
-        store_lit(&batch.walk[i], batch.walk[i].rays.active, scratch);
+        store_lit(&batch.packet[i], batch.packet[i].rays.active, scratch);
     add_batch_light(first, end, scratch);
 }
 
 void cast_batches(const struct tile_context *work) {
-    work->scratch->ahead = work->scratch->candidates[0].index;
+    work->scratch->entry_list = work->scratch->listed[0].index;
     sort_shadow_rays(work->scratch, work->scene);
     for (int first = 0, end; first < work->scratch->shadows; first = end) {
         end = batch_end(work->scratch, first);

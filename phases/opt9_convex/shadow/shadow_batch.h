@@ -11,16 +11,16 @@
 enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 
 // A packet of them. The rays come apart, so only those in the vicinity are marched; the others wait.
-struct walk {
+struct batch_packet {
     struct shadow_march march;
     struct shadow_rays rays;
-    struct vec from; // where they start, from the beam's place
+    struct vec from; // where they start, from the batch's place
     struct vec
         local_to; // to the light, in the frame of the solid that they are from, once they set out
     vfloat until, asked; // where what is in the way ends, of the cones of slope `asked`
     vfloat ray;          // which of the queue
     vmask waits;
-    struct vec at; // where they are, from the beam's place
+    struct vec at; // where they are, from the batch's place
     vfloat
         least; // the nearest shape's distance there; −∞ of those that stand still: nothing is nearer
     int recent; // which of the vicinity was the nearest to one of them
@@ -32,19 +32,19 @@ enum { RAY_REALS = 11, BATCH_REALS = 9, BATCH_ROWS = MARCH_REALS + RAY_REALS + B
 
 _Static_assert(offsetof(struct shadow_rays, shape) ==
                        offsetof(struct shadow_rays, point) + (RAY_REALS - 1) * sizeof(vfloat) &&
-                   offsetof(struct walk, ray) ==
-                       offsetof(struct walk, from) + (BATCH_REALS - 1) * sizeof(vfloat),
+                   offsetof(struct batch_packet, ray) ==
+                       offsetof(struct batch_packet, from) + (BATCH_REALS - 1) * sizeof(vfloat),
                "one behind the other");
 
 // A shape of a vicinity.
 struct candidate {
     const struct primitive *shape;
-    float place[3], bound; // from the beam's; of the sphere about it, ∞: a plane
+    float centre[3], bound; // from the batch's; of the sphere about it, ∞: a plane
 };
 
 // What the distances of a packet's rays to a shape are never below further on: rest + slope·t.
 struct falling_bound {
-    vfloat rest, slope;
+    vfloat intercept, slope;
 };
 
 // All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
@@ -58,10 +58,10 @@ struct active_set {
 };
 
 struct shadow_batch {
-    struct walk walk[BATCH_PACKETS];
+    struct batch_packet packet[BATCH_PACKETS];
     int count, moving; // packets; the first ones have rays that do not wait
-    float place[3];    // what is near is told from here, so that float has digits for it
-    struct active_set near;
+    float origin[3];   // what is near is told from here, so that float has digits for it
+    struct active_set set;
 };
 
 // From the vicinity's stretch to a place.
@@ -79,27 +79,28 @@ static inline vfloat distance_from_stretch(const struct active_set *v, struct ve
 
 // Ahead of one of the lanes in `last` of a packet, where the nearest shape is no further than h.
 // Sets which of the rays wait.
-void set_active_set(struct shadow_batch *beam, const struct walk *w, vfloat h, vmask last,
+void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vfloat h, vmask last,
                     const struct tile_context *work);
 
 // What the rays can know of each shape from afar.
-void set_falling_bounds(struct shadow_batch *beam);
+void set_falling_bounds(struct shadow_batch *batch);
 
 // Sets `at` and `least` of the packets with rays that do not stand still.
-void active_nearest(struct shadow_batch *beam);
+void active_nearest(struct shadow_batch *batch);
 
 // How high the rays of a packet are over a plane, where they are now; those in `own` are from it.
-static inline vfloat plane_height(const struct primitive *s, vmask own, const struct walk *w) {
+static inline vfloat plane_height(const struct primitive *s, vmask self,
+                                  const struct batch_packet *w) {
     COUNT(plane_height, call);
     return v_madd(w->march.t, vec_dot(vec_set(s->normal), w->rays.to_light),
-                  v_zero_where(own, height_over(s, w->rays.point)));
+                  v_zero_where(self, height_over(s, w->rays.point)));
 }
 
 static inline float most_lane(vfloat x) {
     return -least_lane(v_splat(0.0f) - x);
 }
 
-static inline vmask is_idle(const struct walk *w) {
+static inline vmask is_idle(const struct batch_packet *w) {
     return v_or(w->march.done, w->waits);
 }
 
@@ -117,7 +118,7 @@ int batch_end(const struct worker_scratch *scratch, int first);
 void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work);
 
 // Writes the light that reaches the rays in `done` to the queue.
-void store_lit(const struct walk *w, vmask done, struct worker_scratch *scratch);
+void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *scratch);
 
 // Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait. Rays that have
 // ended are stored and left out. Returns whether any ray has moved.

@@ -1,4 +1,4 @@
-// Which shapes a packet of shadow rays can meet, where its march may begin and end, and what it is blocked by.
+// Which shapes a packet of shadow rays can camera_hit, where its march may begin and end, and what it is blocked by.
 // A cone of slope q about the ray meets a sphere where narrow·t² − 2·lean·t + need = 0, narrow = 1 − q² (`wide`,
 // `narrow_part`), lean = v·l + q·R, need = |v|² − R², v from the ray's origin to the centre; `rest` = lean² − narrow·need.
 #include "bulb/bulb_estimate.h"
@@ -68,12 +68,12 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
     return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
-INLINE void shade_from(int i, const struct light_bundle *ball, const struct tile_context *work) {
+INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
-    const struct primitive *s = &scene->placed[i];
+    const struct primitive *s = &scene->primitives[i];
     float q = scene->model.shadows == SHADOWS_HARD ? HARD_SHADOW_SLOPE : scene->lit_slope;
     q = lit_slope_for(s, q);
-    if (!ball || s->way == EVAL_LINEAR || REPEATED(s) || !bundle_misses(ball, s, q))
+    if (!ball || s->eval == EVAL_LINEAR || REPEATED(s) || !bundle_misses(ball, s, q))
         add_to_set(&work->scratch->occluders, i);
 }
 
@@ -89,28 +89,29 @@ KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
         return;
     }
     clear_set(&work->scratch->occluders);
-    EACH_SHAPE(work->scene, shade_from, known ? &ball : NULL, work);
+    EACH_SHAPE(work->scene, add_occluder, known ? &ball : NULL, work);
 }
 
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
-                                   const struct tile_context *work, struct shadow_candidate *near) {
+                                   const struct tile_context *work,
+                                   struct shadow_candidate *candidate) {
     COUNT(candidate_plane, call);
     COUNT(candidate_plane, scalar);
     float q = KNOWN(work->scene)->lit_slope;
-    vmask own = is_shape(r->shape, i);
-    vfloat height = v_zero_where(own, height_over(s, r->point)),
+    vmask self = is_shape(r->shape, i);
+    vfloat height = v_zero_where(self, height_over(s, r->point)),
            slope = add_dot(s->normal, r->to_light);
-    near->origin.x = height;
-    near->direction.x = slope;
-    vmask clear = v_or(own, plane_clears(height, slope, q, KNOWN(work->scene)));
+    candidate->origin.x = height;
+    candidate->direction.x = slope;
+    vmask clear = v_or(self, plane_clears(height, slope, q, KNOWN(work->scene)));
     r->end = v_select(clear, r->end, v_splat(INFINITY));
-    near->from = height / v_max(v_splat(1.0f) - slope, v_splat(1e-6f));
-    r->alone = v_select(own, r->alone, v_min(r->alone, near->from));
+    candidate->from = height / v_max(v_splat(1.0f) - slope, v_splat(1e-6f));
+    r->leap_limit = v_select(self, r->leap_limit, v_min(r->leap_limit, candidate->from));
     r->meets_many = v_or(r->meets_many, v_not(clear));
     if (v_any(v_andnot(clear, r->active))) {
         COUNT(candidate_plane, met);
         vfloat t = height / (v_splat(0.0f) - slope);
-        vmask met = v_and(v_andnot(own, r->active),
+        vmask met = v_and(v_andnot(self, r->active),
                           v_and(v_cmp_lt(slope, v_splat(0.0f)), v_cmp_lt(t, r->first)));
         r->first = v_select(met, t, r->first);
         r->cosine = v_select(met, v_splat(0.0f) - slope, r->cosine);
@@ -119,10 +120,11 @@ KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shad
 
 KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met) {
     COUNT(first_entry, call);
-    vmask own = is_shape(r->shape, i);
-    struct vec at, o = vec_select(own, r->local, to_local(s, r->point)), d = turned(s, r->to_light);
+    vmask self = is_shape(r->shape, i);
+    struct vec at, o = vec_select(self, r->local, to_local(s, r->point)),
+                   d = turned(s, r->to_light);
     vfloat t;
-    vmask behind, in = enter(o, d, s, v_andnot(own, met), &t, &at, &behind);
+    vmask behind, in = enter(o, d, s, v_andnot(self, met), &t, &at, &behind);
     in = v_and(in, v_cmp_lt(t, r->first));
     if (v_any(in)) {
         COUNT(first_entry, in);
@@ -132,16 +134,16 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
 }
 
 INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
-                            const struct tile_context *work, struct shadow_candidate *near) {
+                            const struct tile_context *work, struct shadow_candidate *candidate) {
     COUNT(candidate_solid, call);
     COUNT(candidate_solid, scalar);
     float q = lit_slope_for(s, KNOWN(work->scene)->lit_slope);
     bool bulb = s->type == SHAPE_MANDELBULB;
     vfloat zero = v_splat(0.0f);
-    vmask own = is_shape(r->shape, i);
+    vmask self = is_shape(r->shape, i);
     struct shadow_cone c = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
-    vmask own_bulge = v_and(own, convex_from(s, r->local, r->facing, KNOWN(work->scene)));
-    vmask met = v_andnot(v_or(cone_misses(c, q), own_bulge), r->active);
+    vmask self_bulge = v_and(self, convex_from(s, r->local, r->facing, KNOWN(work->scene)));
+    vmask met = v_andnot(v_or(cone_misses(c, q), self_bulge), r->active);
     r->end = v_select(met, v_max(cone_exit(c, q), r->end), r->end);
     // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
     vfloat towards = c.along + v_splat(s->bound);
@@ -162,55 +164,55 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
     from = v_select(
         v_and(v_and(r->on_plane, v_cmp_lt(s_slope, v_splat(0.99f))), v_cmp_gt(c.need, zero)), meets,
         from);
-    from = v_zero_where(own, v_max(from, zero));
-    near->from = from;
-    r->alone = v_min(r->alone, from);
+    from = v_zero_where(self, v_max(from, zero));
+    candidate->from = from;
+    r->leap_limit = v_min(r->leap_limit, from);
     if (v_any(met) && !bulb)
         first_entry(s, i, r, met);
 }
 
 // A copy may be the nearest anywhere, and bring the term of any step below 1.
 INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays *r,
-                            const struct tile_context *work, struct shadow_candidate *near) {
-    near->from = r->alone = v_splat(0.0f);
+                            const struct tile_context *work, struct shadow_candidate *candidate) {
+    candidate->from = r->leap_limit = v_splat(0.0f);
     r->end = v_splat(INFINITY);
     first_entry_in_cells(s, i, r, &work->scene->model.march);
 }
 
 KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
-                                     struct shadow_candidate *near,
+                                     struct shadow_candidate *candidate,
                                      const struct tile_context *work) {
     COUNT(set_candidate_ray, call);
     const struct known_scene *scene = KNOWN(work->scene);
-    const struct primitive *s = &scene->placed[i];
-    near->wake_bound = v_splat(-INFINITY);
-    if (s->way == EVAL_LINEAR)
+    const struct primitive *s = &scene->primitives[i];
+    candidate->wake_bound = v_splat(-INFINITY);
+    if (s->eval == EVAL_LINEAR)
         return;
-    if (r->floor) {
+    if (r->from_planes) {
         COUNT(set_candidate_ray, floor);
-        near->origin = to_local(s, r->point);
-        near->direction = turned(s, r->to_light);
-        near->power = false;
+        candidate->origin = to_local(s, r->point);
+        candidate->direction = turned(s, r->to_light);
+        candidate->power = false;
         return;
     }
     COUNT(set_candidate_ray, solid);
-    vmask own = is_shape(r->shape, i);
-    near->origin = vec_select(own, r->local, to_local(s, r->point));
-    near->direction = turned(s, r->to_light);
-    near->power =
-        s->type == SHAPE_SPHERE && v_any(v_and(own, r->active)) && !REPEATED(s) && !scene->bulbs;
-    if (near->power) {
+    vmask self = is_shape(r->shape, i);
+    candidate->origin = vec_select(self, r->local, to_local(s, r->point));
+    candidate->direction = turned(s, r->to_light);
+    candidate->power =
+        s->type == SHAPE_SPHERE && v_any(v_and(self, r->active)) && !REPEATED(s) && !scene->bulbs;
+    if (candidate->power) {
         COUNT(set_candidate_ray, power);
-        near->constant =
-            v_zero_where(own, vec_dot(near->origin, near->origin) - v_splat(s->bound_sq));
-        near->slope = v_splat(2.0f) * vec_dot(near->origin, near->direction);
+        candidate->constant = v_zero_where(self, vec_dot(candidate->origin, candidate->origin) -
+                                                     v_splat(s->bound_sq));
+        candidate->slope = v_splat(2.0f) * vec_dot(candidate->origin, candidate->direction);
     }
 }
 
-// Of rays that all come from one plane, so that no solid is their own.
+// Of rays that all come from one plane, so that no solid is their self.
 INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_rays *r,
                                        const struct known_scene *scene,
-                                       struct shadow_candidate *near) {
+                                       struct shadow_candidate *candidate) {
     COUNT(candidate_solid_from_plane, call);
     COUNT(candidate_solid_from_plane, scalar);
     float q = scene->lit_slope;
@@ -223,8 +225,8 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     vfloat rest = v_msub(lean, lean, narrow_part * c.need);
     vfloat from = c.need / (lean + v_sqrt(v_max(rest, zero)));
     from = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), from, v_splat(INFINITY));
-    near->from = v_max(from, zero);
-    r->alone = v_min(r->alone, near->from);
+    candidate->from = v_max(from, zero);
+    r->leap_limit = v_min(r->leap_limit, candidate->from);
     if (!v_any(met))
         return;
     COUNT(candidate_solid_from_plane, met);
@@ -243,43 +245,43 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
 }
 
 INLINE void mark_rays_from_planes(int i, struct shadow_rays *r, const struct known_scene *scene) {
-    if (scene->placed[i].way == EVAL_LINEAR) {
+    if (scene->primitives[i].eval == EVAL_LINEAR) {
         COUNT(list_candidates, plane);
         r->on_plane = v_or(r->on_plane, is_shape(r->shape, i));
     }
 }
 
 INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
-                          struct shadow_candidate *nears) {
-    const struct primitive *s = &KNOWN(work->scene)->placed[i];
-    if (s->way == EVAL_LINEAR)
-        candidate_plane(s, i, r, work, &nears[i]);
+                          struct shadow_candidate *candidates) {
+    const struct primitive *s = &KNOWN(work->scene)->primitives[i];
+    if (s->eval == EVAL_LINEAR)
+        candidate_plane(s, i, r, work, &candidates[i]);
     else if (REPEATED(s))
-        candidate_cells(s, i, r, work, &nears[i]);
-    else if (r->floor && s->type != SHAPE_MANDELBULB)
-        candidate_solid_from_plane(s, r, KNOWN(work->scene), &nears[i]);
+        candidate_cells(s, i, r, work, &candidates[i]);
+    else if (r->from_planes && s->type != SHAPE_MANDELBULB)
+        candidate_solid_from_plane(s, r, KNOWN(work->scene), &candidates[i]);
     else
-        candidate_solid(s, i, r, work, &nears[i]);
+        candidate_solid(s, i, r, work, &candidates[i]);
 }
 
 INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
-                           struct shadow_candidate *nears, struct shape_set *casters) {
+                           struct shadow_candidate *candidates, struct shape_set *listed) {
     const struct known_scene *scene = KNOWN(work->scene);
-    struct shadow_candidate *near = &nears[i];
+    struct shadow_candidate *candidate = &candidates[i];
     COUNT(list_candidates, shape);
-    if (!scene->bulbs && !v_any(v_and(r->active, v_cmp_lt(near->from, r->end))))
+    if (!scene->bulbs && !v_any(v_and(r->active, v_cmp_lt(candidate->from, r->end))))
         return;
-    add_to_set(casters, i);
-    set_candidate_ray(r, i, near, work);
+    add_to_set(listed, i);
+    set_candidate_ray(r, i, candidate, work);
 }
 
-void list_candidates(struct shadow_rays *restrict r, struct shadow_candidate *restrict nears,
-                     struct shape_set *restrict casters, const struct tile_context *work) {
+void list_candidates(struct shadow_rays *restrict r, struct shadow_candidate *restrict candidates,
+                     struct shape_set *restrict listed, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     COUNT(list_candidates, call);
     EACH_SHAPE(work->scene, mark_rays_from_planes, r, scene);
-    r->floor = !v_any(v_andnot(r->on_plane, r->active));
-    EACH_SHAPE(work->scene, set_candidate, r, work, nears);
-    clear_set(casters);
-    EACH_SHAPE(work->scene, keep_candidate, r, work, nears, casters);
+    r->from_planes = !v_any(v_andnot(r->on_plane, r->active));
+    EACH_SHAPE(work->scene, set_candidate, r, work, candidates);
+    clear_set(listed);
+    EACH_SHAPE(work->scene, keep_candidate, r, work, candidates, listed);
 }

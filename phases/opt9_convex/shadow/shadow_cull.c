@@ -12,10 +12,10 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
     if (!v_any(*clear))
         return;
     const struct known_scene *scene = KNOWN(work->scene);
-    const struct primitive *s = &scene->placed[i];
+    const struct primitive *s = &scene->primitives[i];
     float q = scene->lit_slope;
     vmask here;
-    if (s->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_LINEAR) {
         COUNT(trivially_lit, plane);
         COUNT(trivially_lit, plane_scalar);
         here = v_or(is_shape(shape, i),
@@ -29,7 +29,7 @@ INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struc
         if (s->type != SHAPE_SPHERE && s->type != SHAPE_MANDELBULB && v_any(v_andnot(here, *clear)))
             here = v_or(here, plane_between(to, to_light, s, q));
         if (v_any(v_andnot(here, *clear))) {
-            COUNT(trivially_lit, own);
+            COUNT(trivially_lit, self);
             here = v_or(here, v_and(is_shape(shape, i), convex_from(s, local, facing, scene)));
         }
     }
@@ -77,7 +77,7 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_li
     vfloat t = v_splat((float)KNOWN(scene)->model.march.surface_offset);
     vfloat hit = v_splat((float)march->hit_distance);
     vfloat half = v_splat(0.0f);
-    if (s->way != EVAL_LINEAR) {
+    if (s->eval != EVAL_LINEAR) {
         COUNT(self_shadow, curved);
         half =
             v_splat(0.5f) * curvature(local, normal_on(local, s), turned(s, to_light), facing, s);
@@ -98,33 +98,33 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_li
 // From where a march would begin to the light, or to the bounds.
 struct light_segment {
     struct vec point, start, local, to_light;
-    vfloat shape, way, reach; // reach: a light may be in a shape by less than float tells
+    vfloat shape, path_length, reach; // reach: a light may be in a shape by less than float tells
 };
 
-INLINE void block_by(int i, const struct light_segment *w, const struct tile_context *work,
-                     vmask *open) {
+INLINE void block_light(int i, const struct light_segment *w, const struct tile_context *work,
+                        vmask *open) {
     if (!v_any(*open))
         return;
     const struct known_scene *scene = KNOWN(work->scene);
-    const struct primitive *s = &scene->placed[i];
+    const struct primitive *s = &scene->primitives[i];
     COUNT(reaches_light, shape);
     vfloat zero = v_splat(0.0f), offset = v_splat((float)scene->model.march.surface_offset);
-    vmask own = is_shape(w->shape, i), blocked;
-    if (s->way == EVAL_LINEAR) {
+    vmask self = is_shape(w->shape, i), blocked;
+    if (s->eval == EVAL_LINEAR) {
         COUNT(reaches_light, plane);
         vfloat slope = add_dot(s->normal, w->to_light), height = height_over(s, w->start);
-        blocked = v_andnot(own, v_cmp_lt(v_madd(w->way, slope, height), zero));
-        blocked = v_or(blocked, v_andnot(own, v_cmp_lt(height, zero)));
+        blocked = v_andnot(self, v_cmp_lt(v_madd(w->path_length, slope, height), zero));
+        blocked = v_or(blocked, v_andnot(self, v_cmp_lt(height, zero)));
     } else if (REPEATED(s)) {
         COUNT(reaches_light, repeated);
         struct vec from = vec_along(w->local, turned(s, w->to_light), offset);
-        from = vec_select(own, from, to_local(s, w->start));
-        blocked = cells_occlude(s, from, w->to_light, own, *open, w->reach);
+        from = vec_select(self, from, to_local(s, w->start));
+        blocked = cells_occlude(s, from, w->to_light, self, *open, w->reach);
     } else {
         COUNT(reaches_light, solid);
         struct vec at, d = turned(s, w->to_light),
-                       o = vec_select(own, vec_along(w->local, d, offset), to_local(s, w->start));
-        vmask asked = s->convex ? v_andnot(own, *open) : *open;
+                       o = vec_select(self, vec_along(w->local, d, offset), to_local(s, w->start));
+        vmask asked = s->convex ? v_andnot(self, *open) : *open;
         vfloat t;
         vmask within;
         blocked = enter(o, d, s, asked, &t, &at, &within);
@@ -139,7 +139,7 @@ INLINE void block_by(int i, const struct light_segment *w, const struct tile_con
                 v_or(blocked, v_and(within, v_cmp_lt(distance_at(o, s, v_mask_none()), zero)));
         }
     }
-    *open = v_andnot(v_and(blocked, v_cmp_gt(w->way, zero)), *open);
+    *open = v_andnot(v_and(blocked, v_cmp_gt(w->path_length, zero)), *open);
 }
 
 vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfloat shape,
@@ -155,10 +155,10 @@ vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfl
     vfloat along = vec_dot(start, to_light);
     vfloat leaves =
         v_sqrt(v_max(v_madd(along, along, v_splat(radius * radius) - vec_dot(start, start)), zero));
-    vfloat way = v_min(distance - offset, leaves - along);
-    vfloat reach = v_madd(way, v_splat(1.0f + 0x1p-21f), hit);
-    struct light_segment w = {point, start, local, to_light, shape, way, reach};
+    vfloat path_length = v_min(distance - offset, leaves - along);
+    vfloat reach = v_madd(path_length, v_splat(1.0f + 0x1p-21f), hit);
+    struct light_segment w = {point, start, local, to_light, shape, path_length, reach};
     vmask open = active;
-    EACH_IN(work->scratch->occluders, block_by, &w, work, &open);
+    EACH_IN(work->scratch->occluders, block_light, &w, work, &open);
     return open;
 }

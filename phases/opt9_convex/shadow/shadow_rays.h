@@ -26,10 +26,10 @@ struct shadow_rays {
     vmask active;
     struct vec point, local, to_light;
     vfloat facing, shape;
-    vfloat end;   // behind it no term comes below 1
-    vfloat alone; // before it nothing is nearer than the plane that the ray is from
+    vfloat end;        // behind it no term comes below 1
+    vfloat leap_limit; // before it nothing is nearer than the plane that the ray is from
     vmask on_plane;
-    bool floor;           // all are from one
+    bool from_planes;     // all are from one
     vfloat first, cosine; // the first entry into a solid, of those that can be met; 0: not told
     vfloat sharp;         // see entry_cosine()
     vmask meets_one,
@@ -38,8 +38,8 @@ struct shadow_rays {
 
 // One packet's march.
 struct shadow_march {
-    struct shadow_candidate *nears;
-    const struct shape_set *candidates;
+    struct shadow_candidate *candidates; // one per shape
+    const struct shape_set *listed;      // the shapes that can be the nearest
     vmask done;
     vfloat t, from, previous, end; // lanes that move take MARCH_REALS from here on with them
     vfloat square, divisor;        // least² = square/divisor; no root or quotient until the end
@@ -73,23 +73,24 @@ KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
                                   const struct tile_context *work);
 
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
-                                   const struct tile_context *work, struct shadow_candidate *near);
+                                   const struct tile_context *work,
+                                   struct shadow_candidate *candidate);
 
 // Where the rays `met` enter a solid that they are not from, and at what slant, if it is the first.
 KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_rays *r, vmask met);
 
 // A shape's own view of the rays.
 KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
-                                     struct shadow_candidate *near,
+                                     struct shadow_candidate *candidate,
                                      const struct tile_context *work);
 
 // The shapes that can be the nearest somewhere before the rays' end, with their own view of the rays.
-KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *nears,
-                                   struct shape_set *casters, const struct tile_context *work);
+KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *candidates,
+                                   struct shape_set *listed, const struct tile_context *work);
 
-// Where a march begins, and whether it is told dark at once. Of a crowd no casters are listed.
-KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears,
-                               struct shape_set *casters, const struct tile_context *work,
+// Where a march begins, and whether it is told dark at once. Of a crowd no listed are listed.
+KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *candidates,
+                               struct shape_set *listed, const struct tile_context *work,
                                struct shadow_march *m);
 
 // Marches all shadow rays that wait, and adds their light.

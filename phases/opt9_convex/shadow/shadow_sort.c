@@ -52,9 +52,9 @@ void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *sce
         morton_codes(scratch, count);
     for (int i = 0; i < count; i++) {
         int shape = (int)scratch->shadow[S_SHAPE][i];
-        bool linear = scene->placed[shape].way == EVAL_LINEAR;
-        scratch->code[i] =
-            (unsigned short)(linear ? scratch->code[i] | PLANE_CODE : scene->more[shape].bvh_rank);
+        bool linear = scene->primitives[shape].eval == EVAL_LINEAR;
+        scratch->code[i] = (unsigned short)(linear ? scratch->code[i] | PLANE_CODE
+                                                   : scene->extras[shape].bvh_rank);
         scratch->order[0][i] = (unsigned short)i;
     }
     sort_by(scratch->code, 0, count, scratch->order[0], scratch->order[1]);

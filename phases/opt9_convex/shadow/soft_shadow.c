@@ -9,31 +9,31 @@
 // A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
 // distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
 __attribute__((always_inline)) static inline void
-candidate_distance(int i, struct shadow_candidate *nears, vfloat t, vmask done,
+candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask done,
                    const struct known_scene *scene, vfloat *least) {
-    struct shadow_candidate *near = &nears[i];
-    if (scene->placed[i].way == EVAL_LINEAR) { // cheaper than to ask whether it sleeps
+    struct shadow_candidate *candidate = &candidates[i];
+    if (scene->primitives[i].eval == EVAL_LINEAR) { // cheaper than to ask whether it sleeps
         COUNT(nearest_candidate, plane);
-        *least = v_min(*least, v_madd(t, near->direction.x, near->origin.x));
+        *least = v_min(*least, v_madd(t, candidate->direction.x, candidate->origin.x));
         return;
     }
     COUNT(nearest_candidate, shape);
-    vmask awake = v_cmp_ge_in(v_not(done), *least + t, near->wake_bound);
-    if (!v_any(v_cmp_ge_in(awake, t, near->from)))
+    vmask awake = v_cmp_ge_in(v_not(done), *least + t, candidate->wake_bound);
+    if (!v_any(v_cmp_ge_in(awake, t, candidate->from)))
         return;
     COUNT(nearest_candidate, awake);
-    vfloat h = distance_along(near, t, &scene->placed[i]);
-    near->wake_bound = (h + t) * v_splat(1.0f - 0x1p-18f);
+    vfloat h = distance_along(candidate, t, &scene->primitives[i]);
+    candidate->wake_bound = (h + t) * v_splat(1.0f - 0x1p-18f);
     *least = v_min(*least, h);
 }
 
 __attribute__((always_inline)) static inline vfloat
-nearest_candidate(struct shadow_candidate *nears, const struct shape_set *casters, vfloat t,
+nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *listed, vfloat t,
                   vmask done, const struct prepared *scene) {
     ACTIVE(LANES - v_count(done));
     COUNT(nearest_candidate, call);
     vfloat least = v_splat(INFINITY);
-    EACH_IN(*casters, candidate_distance, nears, t, done, KNOWN(scene), &least);
+    EACH_IN(*listed, candidate_distance, candidates, t, done, KNOWN(scene), &least);
     return least;
 }
 
@@ -46,7 +46,7 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
                                      vfloat hit_distance) {
     COUNT(leap_to_candidate, call);
     vfloat one = v_splat(1.0f), zero = v_splat(0.0f),
-           until = v_min(r->alone, r->end) * v_splat(1.0f - 1e-5f);
+           until = v_min(r->leap_limit, r->end) * v_splat(1.0f - 1e-5f);
     vmask can = v_and(v_and(r->on_plane, r->active), v_cmp_ge(until, start));
     // A march that is within the hit distance at its first step has no term at all.
     can = v_and(can, v_cmp_ge(start * r->facing, hit_distance));
@@ -93,7 +93,7 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
 // hit distance, or on its surface: what lies further on tells nothing.
 INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene,
                         vmask *dark) {
-    const struct primitive *s = &scene->placed[i];
+    const struct primitive *s = &scene->primitives[i];
     COUNT(misses_bulb, call);
     if (s->type != SHAPE_MANDELBULB)
         return;
@@ -103,12 +103,12 @@ INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_s
     *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
 }
 
-KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *nears,
-                               struct shape_set *casters, const struct tile_context *work,
+KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *candidates,
+                               struct shape_set *listed, const struct tile_context *work,
                                struct shadow_march *m) {
     const struct known_model *model = &KNOWN(work->scene)->model;
-    m->nears = nears;
-    m->candidates = casters;
+    m->candidates = candidates;
+    m->listed = listed;
     m->previous = v_splat(1e9f);
     m->from = v_splat(0.0f);
     m->divisor = v_splat(1.0f);
@@ -117,9 +117,9 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *n
     COUNT(begin_march, scalar);
     r->sharp = v_splat(8 * EDGE_FACTOR * (float)work->scene->model.march.hit_distance);
     if (HAS_BVH(work->scene))
-        bvh_first_entry(r, nears, work);
+        bvh_first_entry(r, candidates, work);
     else
-        list_candidates(r, nears, casters, work);
+        list_candidates(r, candidates, listed, work);
     ACTIVE(v_count(r->active)); // what was called has set its own
     m->end = KNOWN(work->scene)->bulbs
                  ? v_splat(INFINITY)
@@ -154,7 +154,7 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *n
     if (march->max_steps >= LEAP_MIN_MAX_STEPS)
         leap_to_candidate(r, m, KNOWN(work->scene), offset, strength, hit);
     m->sole_solid = v_mask_none();
-    if (r->floor && !KNOWN(work->scene)->bulbs &&
+    if (r->from_planes && !KNOWN(work->scene)->bulbs &&
         !KNOWN(work->scene)->repeats) { // copies may come nearer again
         ACTIVE(v_count(r->active));
         COUNT(begin_march, floor);
@@ -182,8 +182,8 @@ static int begin_packet(struct packet_march *c, int slot, int next,
         return next;
     struct shadow_rays r;
     load_shadow_packet(scratch->shadow, next, scratch->shadows, &r);
-    begin_march(&r, scratch->near + slot * KNOWN(work->scene)->model.shape_count,
-                &scratch->candidates[slot], work, &c->march);
+    begin_march(&r, scratch->candidates + slot * KNOWN(work->scene)->model.shape_count,
+                &scratch->listed[slot], work, &c->march);
     c->active = r.active;
     c->steps = work->scene->model.march.max_steps;
     return next + LANES;
@@ -237,7 +237,8 @@ void cast_packets(const struct tile_context *work) {
                 struct shadow_march *m = &c->march;
                 if (c->steps-- > 0 && !v_all(m->done)) {
                     vfloat from = m->from, before = m->previous;
-                    shadow_step(m, nearest_candidate(m->nears, m->candidates, m->t, m->done, scene),
+                    shadow_step(m,
+                                nearest_candidate(m->candidates, m->listed, m->t, m->done, scene),
                                 strength, hit, 0.0f);
                     end_past_minimum(m, from, before, KNOWN(scene)->lit_slope, enough);
                     continue;

@@ -9,19 +9,19 @@
 // Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
 // power is not.
 __attribute__((always_inline)) static inline vfloat
-distance_along(const struct shadow_candidate *near, vfloat t, const struct primitive *s) {
+distance_along(const struct shadow_candidate *candidate, vfloat t, const struct primitive *s) {
     COUNT(distance_along, call);
-    if (s->way == EVAL_LINEAR) {
+    if (s->eval == EVAL_LINEAR) {
         COUNT(distance_along, linear);
-        return v_madd(t, near->direction.x, near->origin.x);
+        return v_madd(t, candidate->direction.x, candidate->origin.x);
     }
-    if (near->power) {
+    if (candidate->power) {
         COUNT(distance_along, power);
-        vfloat power = v_madd(t, t + near->slope, near->constant);
+        vfloat power = v_madd(t, t + candidate->slope, candidate->constant);
         return power / (v_sqrt(v_max(power + v_splat(s->bound_sq), v_splat(0.0f))) + v_splat(s->a));
     }
     COUNT(distance_along, point);
-    struct vec p = vec_along(near->origin, near->direction, t);
+    struct vec p = vec_along(candidate->origin, candidate->direction, t);
     return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, v_mask_none());
 }
 
@@ -92,11 +92,11 @@ static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int 
     r->facing = v_load(&field[S_FACING][first]);
     r->shape = v_load(&field[S_SHAPE][first]);
     r->end = v_splat(0.0f);
-    r->alone = v_splat(INFINITY);
+    r->leap_limit = v_splat(INFINITY);
     r->on_plane = r->meets_one = r->meets_many = v_mask_none();
     r->first = v_splat(INFINITY);
     r->cosine = v_splat(1.0f);
-    r->floor = false;
+    r->from_planes = false;
 }
 
 #endif

@@ -6,16 +6,16 @@ _Static_assert(CHECK_INTERVAL >= 2, "begin_solid_exit: no term behind the second
 
 // One packet on its way out. No other shape's bounding sphere is nearer than `alone` to the solid's position.
 struct solid_exit {
-    struct shadow_candidate near;
+    struct shadow_candidate candidate;
     const struct primitive *solid;
-    vfloat alone;
+    vfloat clearance;
     vmask still, done;
     bool settled; // no term from here on can be the least
 };
 
 // Returns whether the packet starts on a solid and has a ray to march. `begun`: the rays have taken CHECK_INTERVAL steps.
 // On a convex solid, the least term is one of the first two (PROOFS.md, 3.).
-static bool begin_solid_exit(struct walk *w, struct solid_exit *l, bool begun,
+static bool begin_solid_exit(struct batch_packet *w, struct solid_exit *l, bool begun,
                              const struct tile_context *work) {
     COUNT(begin_solid_exit, call);
     const struct prepared *scene = work->scene;
@@ -23,12 +23,12 @@ static bool begin_solid_exit(struct walk *w, struct solid_exit *l, bool begun,
         return false;
     ACTIVE(LANES - v_count(is_idle(w)));
     COUNT(begin_solid_exit, solid);
-    const struct primitive *s = &scene->placed[w->solid];
+    const struct primitive *s = &scene->primitives[w->solid];
     w->local_to = turned(s, w->rays.to_light);
-    set_candidate_ray(&w->rays, w->solid, &l->near, work);
+    set_candidate_ray(&w->rays, w->solid, &l->candidate, work);
     l->solid = s;
-    l->alone = v_splat(scene->more[w->solid].alone * (1 - 1e-5f) -
-                       1e-6f * (float)scene->model.march.bounds_radius);
+    l->clearance = v_splat(scene->extras[w->solid].clearance * (1 - 1e-5f) -
+                           1e-6f * (float)scene->model.march.bounds_radius);
     l->still = is_idle(w);
     l->done = w->march.done;
     l->settled = begun && s->convex && scene->plane_count == 0;
@@ -38,7 +38,7 @@ static bool begin_solid_exit(struct walk *w, struct solid_exit *l, bool begun,
 // Returns the distance to the solid. `square`: the squared distance to its position.
 static inline vfloat distance_of_own_solid(const struct solid_exit *l, vfloat t, vfloat *square) {
     COUNT(distance_of_own_solid, call);
-    const struct shadow_candidate *n = &l->near;
+    const struct shadow_candidate *n = &l->candidate;
     if (n->power) { // a sphere: see distance_along, which takes the root of the same square
         COUNT(distance_of_own_solid, power);
         vfloat power = v_madd(t, t + n->slope, n->constant);
@@ -52,19 +52,19 @@ static inline vfloat distance_of_own_solid(const struct solid_exit *l, vfloat t,
 }
 
 // One step of the rays to which no other shape can be nearer. Returns whether any ray took it.
-static bool solid_exit_step(struct walk *w, struct solid_exit *l, vfloat strength, vfloat hit,
-                            const struct prepared *scene) {
+static bool solid_exit_step(struct batch_packet *w, struct solid_exit *l, vfloat strength,
+                            vfloat hit, const struct prepared *scene) {
     ACTIVE(LANES - v_count(l->still));
     COUNT(solid_exit_step, call);
     struct shadow_march *m = &w->march;
-    vfloat square, h = distance_of_own_solid(l, m->t, &square), room = l->alone - h;
+    vfloat square, h = distance_of_own_solid(l, m->t, &square), room = l->clearance - h;
     vmask sure = v_and(v_cmp_gt(room, v_splat(0.0f)), v_cmp_lt(square, room * room));
     vmask still = v_or(l->still, v_not(sure));
     if (v_all(still))
         return false;
     for (int k = 0; k < scene->plane_count; k++) {
         COUNT(solid_exit_step, plane);
-        h = v_min(h, plane_height(&scene->placed[scene->planes[k]], v_mask_none(), w));
+        h = v_min(h, plane_height(&scene->primitives[scene->planes[k]], v_mask_none(), w));
     }
     step_others(m, still, h, strength, hit, l->settled);
     l->done = v_or(l->done, v_andnot(still, m->done));
@@ -79,18 +79,18 @@ static bool solid_exit_steps(struct shadow_batch *batch, int steps, bool begun, 
     struct solid_exit packets[BATCH_PACKETS];
     unsigned out = 0;
     for (int i = 0; i < batch->moving; i++)
-        out |= (unsigned)begin_solid_exit(&batch->walk[i], &packets[i], begun, work) << i;
+        out |= (unsigned)begin_solid_exit(&batch->packet[i], &packets[i], begun, work) << i;
     unsigned open = out;
     for (; open && steps > 0; steps--)
         for (unsigned rest = open; rest; rest &= rest - 1) {
             int i = __builtin_ctz(rest);
-            if (!solid_exit_step(&batch->walk[i], &packets[i], strength, hit, work->scene))
+            if (!solid_exit_step(&batch->packet[i], &packets[i], strength, hit, work->scene))
                 open &= ~(1u << i);
         }
     for (unsigned rest = out; rest; rest &= rest - 1) {
         int i = __builtin_ctz(rest);
-        batch->walk[i].waits = open >> i & 1 ? packets[i].still : v_mask_all();
-        batch->walk[i].march.done = packets[i].done;
+        batch->packet[i].waits = open >> i & 1 ? packets[i].still : v_mask_all();
+        batch->packet[i].march.done = packets[i].done;
     }
     return open;
 }

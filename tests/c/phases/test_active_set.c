@@ -46,25 +46,25 @@ static double distance_from(const struct meeting *m, double t) {
     return sqrt(square) - (double)bound;
 }
 
-static struct primitive sphere = {.way = EVAL_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
+static struct primitive sphere = {.eval = EVAL_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
 static struct candidate shape = {.shape = &sphere, .bound = 0.002f};
 static struct falling_bound below[4 * BATCH_PACKETS]; // shapes are asked four at a time
 
-// The meetings as rays of a beam, one in each lane, and one shape: lane 0's own.
-static void set_beam(struct shadow_batch *beam, const struct meeting *m) {
-    *beam = (struct shadow_batch){.count = 1, .moving = 1};
-    beam->near.count = beam->near.solids = 1;
-    beam->near.shapes = &shape;
-    beam->near.below = below;
-    struct walk *w = &beam->walk[0];
-    *w = (struct walk){.waits = v_mask_none(), .solid = -1};
+// The meetings as rays of a batch, one in each lane, and one shape: lane 0's own.
+static void set_batch(struct shadow_batch *batch, const struct meeting *m) {
+    *batch = (struct shadow_batch){.count = 1, .moving = 1};
+    batch->set.count = batch->set.solids = 1;
+    batch->set.shapes = &shape;
+    batch->set.below = below;
+    struct batch_packet *w = &batch->packet[0];
+    *w = (struct batch_packet){.waits = v_mask_none(), .solid = -1};
     w->march.done = v_not(v_mask_first(1));
     w->rays.active = v_mask_first(1);
     w->march.t = v_splat(m->t);
     w->rays.to_light = (struct vec){v_splat((float)m->along[0]), v_splat((float)m->along[1]),
                                     v_splat((float)m->along[2])};
     for (int k = 0; k < 3; k++)
-        shape.place[k] = (float)m->centre[k];
+        shape.centre[k] = (float)m->centre[k];
     w->at = vec_along(w->from, w->rays.to_light, w->march.t);
 }
 
@@ -74,7 +74,7 @@ static vfloat known(double distance) {
 }
 
 // At some places further on: with what is as near as the sphere is, it must be awake.
-static void wakes_in_time(const struct meeting *m, struct walk *w, const char *by) {
+static void wakes_in_time(const struct meeting *m, struct batch_packet *w, const char *by) {
     for (int i = 0; i < AFTER; i++) {
         float t = m->t + (float)(i < 16 ? i : 1 << (i - 12)) * 0x1p-11f; // to 1 further on
         w->march.t = v_splat(t);
@@ -86,14 +86,14 @@ static void wakes_in_time(const struct meeting *m, struct walk *w, const char *b
 }
 
 static void check(double least, double most, double beside) {
-    struct shadow_batch beam;
-    struct walk *w = &beam.walk[0];
+    struct shadow_batch batch;
+    struct batch_packet *w = &batch.packet[0];
     for (int i = 0; i < PLACES; i++) {
         struct meeting m = meeting_at(least, most, beside);
-        set_beam(&beam, &m);
-        set_falling_bounds(&beam);
+        set_batch(&batch, &m);
+        set_falling_bounds(&batch);
         wakes_in_time(&m, w, "vicinity_below");
-        set_beam(&beam, &m);
+        set_batch(&batch, &m);
         w->least = known(distance_from(&m, (double)m.t));
         if (sphere_too_far(&shape, w, below))
             fail_msg("too_far: at %a it is as near as what is known", (double)m.t);

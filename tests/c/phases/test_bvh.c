@@ -12,7 +12,7 @@
 
 #include "bvh/bvh.c"
 
-enum { MOST = TREE_WIDTH * TREE_WIDTH * TREE_WIDTH };
+enum { MOST = BVH_WIDTH * BVH_WIDTH * BVH_WIDTH };
 
 static float random_from(float least, float most) { // after xorshift32 (G. Marsaglia, 2003)
     static uint32_t seed = 1;
@@ -61,13 +61,13 @@ static void check(int count, float spread, float size) {
     for (int level = 1; level < tree.levels; level++)
         for (int i = 0; i < tree.level[level - 1].count; i++) {
             const struct sphere_array *s = &tree.level[level];
-            int node = i / TREE_WIDTH;
+            int node = i / BVH_WIDTH;
             float centre[3] = {s->x[node], s->y[node], s->z[node]};
             if (!(reaches(centre, &tree.level[level - 1], i) <= (double)s->radius[node]))
                 fail_msg("%d leaves: entry %d of level %d reaches out of its node", count, i,
                          level - 1);
         }
-    assert_true(tree.level[tree.levels - 1].count <= TREE_WIDTH); // all are below one node
+    assert_true(tree.level[tree.levels - 1].count <= BVH_WIDTH); // all are below one node
     for (int i = 0; i < count; i += 1 + count / 50) {
         double least = INFINITY;
         for (int other = 0; other < count; other++)
