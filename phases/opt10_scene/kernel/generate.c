@@ -89,16 +89,6 @@ static void write_model(FILE *to, const struct known_model *m) {
         m->march.surface_offset);
 }
 
-static void write_each(FILE *to, int count) {
-    fputs("#define UNROLLED 1\n#define EACH_SHAPE(scene, visit, ...) do {", to);
-    for (int i = 0; i < count; i++)
-        fprintf(to, " visit(%d, __VA_ARGS__);", i);
-    fputs(" } while (0)\n#define EACH_IN(set, visit, ...) do {", to);
-    for (int i = 0; i < count; i++)
-        fprintf(to, " if ((set).in >> %d & 1) visit(%d, __VA_ARGS__);", i, i);
-    fputs(" } while (0)\n", to);
-}
-
 // The shininess of all shapes, if it is the same small whole number, else 0.
 static int whole_shininess(const struct prepared *p) {
     float first = p->primitives[0].shininess;
@@ -133,10 +123,7 @@ char *generate_scene(const struct prepared *p) {
         p->model.shape_count, p->model.shape_count);
     fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
             one_material(p));
-    if (p->model.shape_count <= MAX_UNROLLED)
-        write_each(to, p->model.shape_count);
-    else
-        fputs("#define UNROLLED 0\n", to);
+    fprintf(to, "#define UNROLLED %d\n", p->model.shape_count <= MAX_UNROLLED);
     fputs("static const struct primitive scene_shapes[] = {\n", to);
     for (int i = 0; i < p->model.shape_count; i++)
         write_shape(to, &p->primitives[i]);

@@ -1,20 +1,20 @@
-// In a kernel, in place of opt9_convex's core/known_scene.h: what the code knows of its scene when it is compiled. That is all of
-// struct known_scene, and what scene_kernel.h says (kernel/generate.c writes it): the code for each shape stands by itself.
+// In place of core/known_scene.h in a generated kernel: the scene is a constant, so the compiler drops what it
+// lacks. kernel/generate.c writes scene_kernel.h, with struct known_scene scene_known.
 #ifndef OPT9_KNOWN_SCENE_H
 #define OPT9_KNOWN_SCENE_H
 
 #define SCENE_KERNEL 1
-
 #include "core/primitive.h"
 
 #include "scene_kernel.h"
 
 #define KNOWN(scene) (&scene_known)
-// Crowds have no kernel. Code that draws them is not called here, nor is it in here.
+// Scenes with a BVH have no kernel. Code for them is neither called nor compiled here.
 #define HAS_BVH(scene) false
-#define INLINE __attribute__((always_inline)) static inline
+#define INLINE __attribute__((__always_inline__)) static inline
 #define KERNEL_SHARED static
 #define KERNEL_INLINE INLINE
+enum { UNROLLED_SHAPES = UNROLLED ? SHAPES : 0 };
 enum { PACKETS_IN_WORK = 4, REFILL_PACKETS = 1 };
 
 static inline bool axis_is_up(const float a[3]) {
@@ -22,7 +22,13 @@ static inline bool axis_is_up(const float a[3]) {
 }
 
 #if UNROLLED
-// A set of shapes, a bit for each; EACH_SHAPE and EACH_IN are in scene_kernel.h, written out.
+#ifdef __clang__
+#define UNROLL_SHAPES _Pragma("clang loop unroll(full)")
+#else
+#define UNROLL_SHAPES _Pragma("GCC unroll 16")
+#endif
+
+// A set of shapes, a bit for each.
 struct shape_set {
     unsigned in;
 };
@@ -44,9 +50,21 @@ static inline bool is_set_empty(const struct shape_set *set) {
     return set->in == 0;
 }
 
-#define EACH_HIT(m, shape, scene, visit, ...) EACH_SHAPE(scene, visit, __VA_ARGS__)
-#define EACH_ALIKE(scene, visit, first, ...) EACH_SHAPE(scene, visit, first, __VA_ARGS__)
+static inline int set_end(const struct shape_set *set) {
+    (void)set;
+    return SHAPES;
+}
+
+static inline bool set_has(const struct shape_set *set, int k) {
+    return set->in >> k & 1;
+}
+
+static inline int set_shape(const struct shape_set *set, int k) {
+    (void)set;
+    return k;
+}
 #else
+#define UNROLL_SHAPES
 #include "core/shape_sets.h"
 #endif
 

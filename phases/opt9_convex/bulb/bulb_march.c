@@ -353,7 +353,9 @@ INLINE void march_to_bulb(int i, const struct shading_packet *stage, int packets
 
 void hit_bulbs(struct shading_packet *stage, int packets, const struct tile_context *work) {
     clear_bulb_hits(work->scratch, packets * LANES);
-    EACH_SHAPE(work->scene, march_to_bulb, stage, packets, work);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        march_to_bulb(i, stage, packets, work);
     for (int k = 0; k < packets; k++)
         take_bulb_hits(&stage[k], k * LANES, work->scratch);
 }

@@ -41,7 +41,9 @@ nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool l
         h[k] = v_splat(INFINITY);
         done[k] = m[k].done;
     }
-    EACH_SHAPE(scene, near_bulbs, m, done, leaving, KNOWN(scene), h);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
+        near_bulbs(i, m, done, leaving, KNOWN(scene), h);
 }
 
 INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
@@ -73,7 +75,9 @@ static inline vmask is_behind_all(const struct shadow_march *m, float per_streng
     COUNT(is_behind_all, scalar);
     vfloat q = v_sqrt(m->square / m->divisor) * v_splat(per_strength / 0.866f);
     vmask behind = v_not(m->done);
-    EACH_SHAPE(scene, keep_behind, m, q, KNOWN(scene), &behind);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
+        keep_behind(i, m, q, KNOWN(scene), &behind);
     return behind;
 }
 
@@ -220,7 +224,9 @@ static inline vmask plane_is_nearest_for_good(const struct shadow_march *m,
                                               const struct prepared *scene) {
     COUNT(plane_is_nearest_for_good, call);
     vmask over = v_mask_all();
-    EACH_SHAPE(scene, over_bulb, m, KNOWN(scene), &over);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
+        over_bulb(i, m, KNOWN(scene), &over);
     return over;
 }
 

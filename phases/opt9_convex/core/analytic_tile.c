@@ -72,8 +72,11 @@ static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
         int count = bvh_list_along(ray->origin, ray->direction, ray->active, work, list);
         for (int k = 0; k < count; k++)
             mirror_hit(list[k], ray, work->scene, &hit);
-    } else
-        EACH_SHAPE(work->scene, mirror_hit, ray, work->scene, &hit);
+    } else {
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+            mirror_hit(i, ray, work->scene, &hit);
+    }
     return hit;
 }
 
@@ -137,7 +140,9 @@ static void shapes_in(const struct tile_frustum *w, const struct job *job, struc
     float sides[4] = {sqrtf(1 + w->left * w->left), sqrtf(1 + w->right * w->right),
                       sqrtf(1 + w->bottom * w->bottom), sqrtf(1 + w->top * w->top)};
     clear_set(list);
-    EACH_SHAPE(job->prepared, add_if_in_frustum, w, sides, job, list);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(job->prepared)->model.shape_count; i++)
+        add_if_in_frustum(i, w, sides, job, list);
 }
 
 // A row of packets that nothing waits for.

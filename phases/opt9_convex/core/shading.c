@@ -61,7 +61,10 @@ static void surface_at(const struct surface_hit *restrict hit, const struct vec 
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     all->normal = all->color = none;
     all->share = all->shininess = all->shine_from = v_splat(0.0f);
-    EACH_HIT(hit->found, hit->shape, scene, surface_of, hit, scene, all);
+    unsigned left = v_mask_bits(hit->found);
+    UNROLL_SHAPES
+    for (int k = 0; hits_left(left, k); k++)
+        surface_of(next_hit_shape(&left, hit->shape, k), hit, scene, all);
     vmask away = v_cmp_gt(vec_dot(all->normal, *direction), v_splat(0.0f));
     all->normal =
         (struct vec){v_negate_where(away, all->normal.x), v_negate_where(away, all->normal.y),
@@ -211,8 +214,11 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
             queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
         if (v_any(grazes)) {
-            EACH_HIT(grazes, at->hit.shape, work->scene, graze, grazes, &at->hit, at->to_light,
-                     at->facing, work->scene, &at->light);
+            unsigned left = v_mask_bits(grazes);
+            UNROLL_SHAPES
+            for (int k = 0; hits_left(left, k); k++)
+                graze(next_hit_shape(&left, at->hit.shape, k), grazes, &at->hit, at->to_light,
+                      at->facing, work->scene, &at->light);
         }
     }
     at->color.x = at->color.x + v_select_or_zero(open, at->light.x);

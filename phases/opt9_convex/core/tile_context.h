@@ -195,4 +195,18 @@ static inline float lane_of(vfloat a, int lane) {
     return lanes[lane];
 }
 
+// A loop over the shapes that the lanes of a mask hit. `left`: bits of the lanes whose shape is still to come. An
+// unrolled loop takes every shape in turn, whether a lane hit it or not.
+static inline bool hits_left(unsigned left, int k) {
+    return UNROLLED_SHAPES ? k < UNROLLED_SHAPES : left != 0;
+}
+
+static inline int next_hit_shape(unsigned *left, vfloat shape, int k) {
+    if (UNROLLED_SHAPES)
+        return k;
+    int i = (int)lane_of(shape, __builtin_ctz(*left));
+    *left &= ~v_mask_bits(is_shape(shape, i));
+    return i;
+}
+
 #endif

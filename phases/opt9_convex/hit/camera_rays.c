@@ -137,8 +137,11 @@ static inline void camera_packet(const struct tile *tile, struct pixel_block blo
     set_camera_ray(tile, d, active, slot, &at->ray);
     no_hit(&at->hit);
     if (!HAS_BVH(job->prepared)) {
-        EACH_IN(scratch->camera_shapes, camera_hit, d, active, job->cameras, job->prepared,
-                &at->hit);
+        UNROLL_SHAPES
+        for (int k = 0; k < set_end(&scratch->camera_shapes); k++)
+            if (set_has(&scratch->camera_shapes, k))
+                camera_hit(set_shape(&scratch->camera_shapes, k), d, active, job->cameras,
+                           job->prepared, &at->hit);
         return;
     }
     int number = (block.column - tile->left) / BLOCK_WIDTH;
@@ -177,8 +180,11 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
     COUNT(repeated_tile, call);
     COUNT(repeated_tile, scalar);
     bool others = false; // plain ones that are not repeated
-    if (needs_no_secondary(&KNOWN(job->prepared)->model))
-        EACH_SHAPE(job->prepared, is_single, job->prepared, &others);
+    if (needs_no_secondary(&KNOWN(job->prepared)->model)) {
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(job->prepared)->model.shape_count; i++)
+            is_single(i, job->prepared, &others);
+    }
     struct vec columns[BLOCKS_ACROSS];
     ACTIVE(LANES);
     for (int i = 0; i < blocks.across; i++)
@@ -195,13 +201,19 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
             at->active = in_picture(block);
             at->only = -1;
             no_hit(&at->hit);
-            EACH_IN(scratch->camera_shapes, camera_hit, at->direction, at->active, job->cameras,
-                    job->prepared, &at->hit);
+            UNROLL_SHAPES
+            for (int k = 0; k < set_end(&scratch->camera_shapes); k++)
+                if (set_has(&scratch->camera_shapes, k))
+                    camera_hit(set_shape(&scratch->camera_shapes, k), at->direction, at->active,
+                               job->cameras, job->prepared, &at->hit);
             if (others)
                 primary_normals(at, job->prepared);
         }
     }
-    EACH_IN(scratch->camera_shapes, hit_repeated, &blocks, job, hits);
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&scratch->camera_shapes); k++)
+        if (set_has(&scratch->camera_shapes, k))
+            hit_repeated(set_shape(&scratch->camera_shapes, k), &blocks, job, hits);
 }
 
 INLINE void march_tile_bulb(int shape, const struct tile *tile, const struct job *job,
@@ -227,7 +239,10 @@ INLINE void march_tile_bulb(int shape, const struct tile *tile, const struct job
 void march_tile_bulbs(const struct tile *tile, const struct job *job,
                       struct worker_scratch *scratch) {
     clear_bulb_hits(scratch, TILE_WIDTH * BULB_TILE_HEIGHT);
-    EACH_IN(scratch->camera_shapes, march_tile_bulb, tile, job, scratch);
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&scratch->camera_shapes); k++)
+        if (set_has(&scratch->camera_shapes, k))
+            march_tile_bulb(set_shape(&scratch->camera_shapes, k), tile, job, scratch);
 }
 
 // A row's packets; how many. hits: where shapes are repeated, what they see.

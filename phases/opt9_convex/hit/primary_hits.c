@@ -32,13 +32,18 @@ static inline void primary_material(const struct primary_hit *seen, const struct
         return;
     }
     if (seen->only >= 0) {
-        EACH_SHAPE(scene, sole_material, seen, scene, all);
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
+            sole_material(i, seen, scene, all);
         return;
     }
     struct vec none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     all->color = none;
     all->shininess = all->shine_from = v_splat(0.0f);
-    EACH_HIT(seen->hit.found, seen->hit.shape, scene, material_of, seen, scene, all);
+    unsigned left = v_mask_bits(seen->hit.found);
+    UNROLL_SHAPES
+    for (int k = 0; hits_left(left, k); k++)
+        material_of(next_hit_shape(&left, seen->hit.shape, k), seen, scene, all);
 }
 
 KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,

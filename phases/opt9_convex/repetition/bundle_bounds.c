@@ -93,8 +93,12 @@ KERNEL_INLINE void bound_copy_entry(int first, const struct cell_grid *grid,
                                     const struct bundle_walk *b, struct vec o,
                                     struct bundle_bounds *bounds) {
     float bound = 0;
-    EACH_ALIKE(grid->scene, max_bound, first, grid->scene, &bound);
+    UNROLL_SHAPES
+    for (int i = grid_begin(first); grid_more(i); i = grid_next(grid->scene, i))
+        max_bound(i, first, grid->scene, &bound);
     struct bundle_bounds p = empty_bundle_bounds(o, b->direction, bound, grid);
-    EACH_ALIKE(grid->scene, bound_shape_entry, first, grid, b, &p);
+    UNROLL_SHAPES
+    for (int i = grid_begin(first); grid_more(i); i = grid_next(grid->scene, i))
+        bound_shape_entry(i, first, grid, b, &p);
     *bounds = p;
 }

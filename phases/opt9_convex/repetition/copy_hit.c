@@ -81,11 +81,14 @@ KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block,
     b.met = v_mask_none();
     b.per = b.d;
     bool slabs = false;
-    EACH_ALIKE(grid->scene, mark_slabs, first, grid->scene, &slabs);
+    UNROLL_SHAPES
+    for (int i = grid_begin(first); grid_more(i); i = grid_next(grid->scene, i))
+        mark_slabs(i, first, grid->scene, &slabs);
     if (slabs)
         b.per = inverses_of(b.d);
-    EACH_ALIKE(grid->scene, hit_shape_of_copy, first, grid->scene, away, &b,
-               &grid->hits[block].hit);
+    UNROLL_SHAPES
+    for (int i = grid_begin(first); grid_more(i); i = grid_next(grid->scene, i))
+        hit_shape_of_copy(i, first, grid->scene, away, &b, &grid->hits[block].hit);
     return b.met;
 }
 
@@ -125,5 +128,7 @@ INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct
 
 KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,
                                    int block, struct vec o, struct vec rest) {
-    EACH_ALIKE(grid->scene, hit_whole_packet, first, shape, axis, grid, block, o, rest);
+    UNROLL_SHAPES
+    for (int i = grid_begin(first); grid_more(i); i = grid_next(grid->scene, i))
+        hit_whole_packet(i, first, shape, axis, grid, block, o, rest);
 }

@@ -152,7 +152,9 @@ INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct 
     COUNT(begin_cell_grid, scalar);
     grid->bounds = bounds;
     grid->only_grid = true;
-    EACH_SHAPE(job->prepared, is_other, first, job->prepared, &grid->only_grid);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(job->prepared)->model.shape_count; i++)
+        is_other(i, first, job->prepared, &grid->only_grid);
     grid->slack = 2e-6f * bounds;
     grid->spread = 1.5f * 1.41422f * blocks->pixel + 1e-6f;
     for (int k = 0; k < 3; k++) {

@@ -14,6 +14,21 @@ struct shadow_rays;
 
 #define REPEATS(scene) (KNOWN(scene)->repeats)
 
+// A loop over the shapes that share the grid of cells of the shape `first`. An unrolled loop takes every shape in
+// turn, and the loop's body leaves out those of another grid.
+static inline int grid_begin(int first) {
+    return UNROLLED_SHAPES ? 0 : first;
+}
+
+static inline bool grid_more(int i) {
+    return UNROLLED_SHAPES ? i < UNROLLED_SHAPES : i >= 0;
+}
+
+static inline int grid_next(const struct prepared *scene, int i) {
+    (void)scene; // not in a kernel
+    return UNROLLED_SHAPES ? i + 1 : KNOWN(scene)->primitives[i].next_same_grid;
+}
+
 // Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
 static inline bool needs_no_secondary(const struct known_model *model) {
     return model->shadows == SHADOWS_NONE &&

@@ -89,7 +89,9 @@ KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
         return;
     }
     clear_set(&work->scratch->occluders);
-    EACH_SHAPE(work->scene, add_occluder, known ? &ball : NULL, work);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        add_occluder(i, known ? &ball : NULL, work);
 }
 
 KERNEL_INLINE void candidate_plane(const struct primitive *s, int i, struct shadow_rays *r,
@@ -279,9 +281,15 @@ void list_candidates(struct shadow_rays *restrict r, struct shadow_candidate *re
                      struct shape_set *restrict listed, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     COUNT(list_candidates, call);
-    EACH_SHAPE(work->scene, mark_rays_from_planes, r, scene);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        mark_rays_from_planes(i, r, scene);
     r->from_planes = !v_any(v_andnot(r->on_plane, r->active));
-    EACH_SHAPE(work->scene, set_candidate, r, work, candidates);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        set_candidate(i, r, work, candidates);
     clear_set(listed);
-    EACH_SHAPE(work->scene, keep_candidate, r, work, candidates, listed);
+    UNROLL_SHAPES
+    for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+        keep_candidate(i, r, work, candidates, listed);
 }

@@ -41,8 +41,11 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
     ACTIVE(v_count(active));
     COUNT(trivially_lit, call);
     vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // there may be a copy anywhere
-    EACH_IN(work->scratch->occluders, shape_trivially_lit, *point, *local, *to_light, facing, shape,
-            work, &clear);
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&work->scratch->occluders); k++)
+        if (set_has(&work->scratch->occluders, k))
+            shape_trivially_lit(set_shape(&work->scratch->occluders, k), *point, *local, *to_light,
+                                facing, shape, work, &clear);
     return clear;
 }
 
@@ -159,6 +162,9 @@ vmask reaches_light(struct vec point, struct vec local, struct vec to_light, vfl
     vfloat reach = v_madd(path_length, v_splat(1.0f + 0x1p-21f), hit);
     struct light_segment w = {point, start, local, to_light, shape, path_length, reach};
     vmask open = active;
-    EACH_IN(work->scratch->occluders, block_light, &w, work, &open);
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(&work->scratch->occluders); k++)
+        if (set_has(&work->scratch->occluders, k))
+            block_light(set_shape(&work->scratch->occluders, k), &w, work, &open);
     return open;
 }

@@ -33,7 +33,10 @@ nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *l
     ACTIVE(LANES - v_count(done));
     COUNT(nearest_candidate, call);
     vfloat least = v_splat(INFINITY);
-    EACH_IN(*listed, candidate_distance, candidates, t, done, KNOWN(scene), &least);
+    UNROLL_SHAPES
+    for (int k = 0; k < set_end(listed); k++)
+        if (set_has(listed, k))
+            candidate_distance(set_shape(listed, k), candidates, t, done, KNOWN(scene), &least);
     return least;
 }
 
@@ -145,8 +148,11 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
         march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
     dark = v_and(
         dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
-    if (KNOWN(work->scene)->bulbs)
-        EACH_SHAPE(work->scene, misses_bulb, r, KNOWN(work->scene), &dark);
+    if (KNOWN(work->scene)->bulbs) {
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
+            misses_bulb(i, r, KNOWN(work->scene), &dark);
+    }
     m->done = v_or(dark, v_not(r->active));
     m->square = v_zero_where(dark, v_splat(1.0f));
     vfloat strength = v_splat((float)model->shadow_strength);
