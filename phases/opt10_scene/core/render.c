@@ -63,7 +63,7 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
 // A kernel's tiles may need more of a worker's own memory than the general code's.
 static struct workers *start_team(struct phase_state *kept, const struct model *model,
                                   int threads) {
-    size_t size = kept->sixteen ? lanes16_own_size(model) : lanes8_own_size(model);
+    size_t size = kept->sixteen ? lanes16_scratch_size(model) : lanes8_scratch_size(model);
     if (kept->loaded.kernel && kept->loaded.kernel->scratch_size > size)
         size = kept->loaded.kernel->scratch_size;
     return workers_start(threads, size);

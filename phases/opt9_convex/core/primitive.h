@@ -135,7 +135,7 @@ struct job {
 };
 
 #define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
+    size_t width##_scratch_size(const struct model *model);                                        \
     int width##_tiles(const struct job *job);                                                      \
     void width##_tile(const struct job *job, int tile, void *memory);                              \
     bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \

@@ -33,8 +33,8 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     kept->sixteen = variant_here().lanes == 16;
     if (reserve_prepared(&kept->prepared, model->shape_count)) {
         prepare_shapes(&kept->prepared, model);
-        kept->workers = workers_start(threads, kept->sixteen ? lanes16_own_size(model)
-                                                             : lanes8_own_size(model));
+        kept->workers = workers_start(threads, kept->sixteen ? lanes16_scratch_size(model)
+                                                             : lanes8_scratch_size(model));
     }
     if (!kept->workers) {
         free_prepared(&kept->prepared);
