@@ -1,4 +1,5 @@
-// See bvh/bvh.h. Halved along the longest axis, at whole nodes, until a node is left.
+// Builds the BVH top-down: the leaves are halved along their longest axis, at whole nodes, until one node is
+// left.
 #include "bvh/bvh.h"
 
 #include <math.h>
@@ -34,7 +35,7 @@ void bvh_free(struct bvh *tree) {
     *tree = (struct bvh){0};
 }
 
-// The shape's number decides between equals, so that the order is the same everywhere.
+// Equal keys are ordered by shape, so that the order is the same on every machine.
 static int by_key(const void *a, const void *b) {
     const struct bvh_leaf *left = a, *right = b;
     if (left->key != right->key)
@@ -59,7 +60,7 @@ static int longest_axis(const struct bvh_leaf *leaves, int count) {
     return axis;
 }
 
-// `part`: how many leaves an entry of the level holds that is being divided into entries.
+// Sorts the leaves into entries of `part` leaves each, and these into the entries of the level below.
 static void split_leaves(struct bvh_leaf *leaves, int count, int part) {
     if (count <= part) {
         if (part > BVH_WIDTH)
@@ -82,7 +83,7 @@ static void set_sphere(struct sphere_array *to, int i, const float *centre, floa
     to->radius[i] = radius;
 }
 
-// A sphere about the box of a node's spheres; 1e-5: what is rounded must not cut them.
+// Sets the sphere about the bounding box of a node's spheres. The factor 1 + 1e-5 covers rounding.
 static void enclosing_sphere(const struct sphere_array *below, int node, float centre[3],
                              float *about) {
     int first = node * BVH_WIDTH, end = first + BVH_WIDTH;
@@ -143,7 +144,7 @@ float bvh_gap(const struct bvh *tree, int i) {
     float from[3] = {leaves->x[i], leaves->y[i], leaves->z[i]}, least = INFINITY;
     int nodes = nodes_for(leaves->count);
     for (int k = 0; k < nodes && least > 0; k++) {
-        int node = (i / BVH_WIDTH + k) % nodes; // its own first
+        int node = (i / BVH_WIDTH + k) % nodes; // leaf i's own node first
         if (tree->levels > 1 && distance_to(&tree->level[1], node, from) >= least)
             continue;
         int end = (node + 1) * BVH_WIDTH < leaves->count ? (node + 1) * BVH_WIDTH : leaves->count;

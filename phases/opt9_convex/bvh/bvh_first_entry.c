@@ -1,9 +1,10 @@
-// Of shadow rays in a scene with a BVH: the first entry into a solid, the end, and how far rays can leap.
+// What a march of shadow rays needs from the BVH before it starts: end, first entry and leap limit.
 #include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
 #include "shadow/shadow_cone.h"
 
-// How far the face is the nearest of the solid's: a ray from its surface at o, in its frame.
+// Returns the t up to which the face at o is the nearest of solid s. o, d: the rays in its frame, o on its
+// surface.
 static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec d) {
     COUNT(flat_distance, call);
     vfloat zero = v_splat(0.0f), tiny = v_splat(1e-20f), never = v_splat(INFINITY);
@@ -22,7 +23,7 @@ static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec 
     vfloat off_x = x - v_splat(s->size[0]), off_y = y - v_splat(s->size[1]),
            off_z = z - v_splat(s->size[2]);
     vfloat most = v_max(off_x, v_max(off_y, off_z));
-    // It is left where it is gone towards, or behind the other side.
+    // The ray passes the neighbouring face, or the one opposite.
     vfloat a =
         v_select(v_signbit(dx), x + v_splat(s->size[0]), zero - off_x) / v_max(v_abs(dx), tiny);
     vfloat b =
@@ -35,7 +36,8 @@ static vfloat flat_distance(const struct primitive *s, struct vec o, struct vec 
     return v_min(a, v_min(b, c));
 }
 
-// Which rays are from such a face; their `alone` is then until when nothing else is nearer to them.
+// Returns the rays that start on a flat face of a box or octahedron. There h is facing·t, as over a plane,
+// while that face is nearest. Sets their leap limit.
 static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scene) {
     COUNT(leaves_flat_face, call);
     float shapes[LANES];
@@ -53,7 +55,7 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
         COUNT(leaves_flat_face, solid);
         COUNT(leaves_flat_face, scalar);
         vfloat until = flat_distance(s, r->local, turned(s, r->to_light));
-        // Until then |p − position| + h is no more than |o| + t + facing·t.
+        // Until then |p − position| + h ≤ |o| + t + facing·t.
         float clearance = scene->extras[i].clearance * (1 - 1e-5f) -
                           1e-6f * (float)scene->model.march.bounds_radius;
         vfloat room = v_splat(clearance) - vec_norm(r->local);
@@ -64,28 +66,29 @@ static vmask leaves_flat_face(struct shadow_rays *r, const struct prepared *scen
     return flat;
 }
 
-// Behind the sphere about all solids no term comes below 1.
+// Ends the rays behind the sphere that holds all solids: no later term is below 1.
 static void end_behind_bvh(struct shadow_rays *r, const struct prepared *scene) {
     COUNT(end_behind_bvh, call);
     COUNT(end_behind_bvh, scalar);
     const struct bvh *tree = &scene->bvh;
     float q = scene->known.lit_slope;
-    vfloat wide = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
+    vfloat a = v_splat(float_max(1.0f - q * q, 1e-6f)), zero = v_splat(0.0f);
     struct vec v = {v_splat(tree->centre[0]) - r->point.x, v_splat(tree->centre[1]) - r->point.y,
                     v_splat(tree->centre[2]) - r->point.z};
-    vfloat lean = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
-    vfloat need = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
-    vfloat square = v_msub(lean, lean, wide * need);
-    vmask met = v_or(v_cmp_lt(need, zero), v_and(v_cmp_gt(lean, zero), v_cmp_ge(square, zero)));
-    vfloat leaves = (lean + v_sqrt(v_max(square, zero))) / wide;
-    if (!(q < 1.0f)) { // as in candidate_solid()
+    vfloat b = vec_dot(v, r->to_light) + v_splat(q * tree->radius);
+    vfloat c = vec_dot(v, v) - v_splat(tree->radius * tree->radius * (1 + 1e-5f));
+    vfloat discriminant = v_msub(b, b, a * c);
+    vmask met = v_or(v_cmp_lt(c, zero), v_and(v_cmp_gt(b, zero), v_cmp_ge(discriminant, zero)));
+    vfloat leaves = (b + v_sqrt(v_max(discriminant, zero))) / a;
+    if (!(q < 1.0f)) { // as in cone_exit()
         met = v_mask_all();
         leaves = v_splat(INFINITY);
     }
     r->end = v_select(met, v_max(leaves, r->end), r->end);
 }
 
-// Rays from planes, and where something else can be as near to them as their plane: not before `alone`.
+// Lowers the leap limit of rays from planes: the first t at which another shape can be as near as their
+// plane.
 struct leap_query {
     struct shadow_rays *rays;
     vmask able;
@@ -98,14 +101,15 @@ static inline vfloat earliest_approach(const float centre[3], float radius,
     COUNT(earliest_approach, scalar);
     struct vec v = {v_splat(centre[0]) - r->point.x, v_splat(centre[1]) - r->point.y,
                     v_splat(centre[2]) - r->point.z};
-    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), c = r->facing;
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
-    vfloat lean = v_madd(c, v_splat(radius), vec_dot(v, r->to_light)),
-           narrow = v_nmadd(c, c, v_splat(1.0f));
-    vfloat rest = v_msub(lean, lean, narrow * need);
-    vfloat meets = need / (lean + v_sqrt(v_max(rest, zero)));
-    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
-    return v_select(v_cmp_gt(need, zero), meets, zero);
+    vfloat zero = v_splat(0.0f), square = vec_dot(v, v), facing = r->facing;
+    vfloat c = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vfloat b = v_madd(facing, v_splat(radius), vec_dot(v, r->to_light)),
+           a = v_nmadd(facing, facing, v_splat(1.0f));
+    vfloat discriminant = v_msub(b, b, a * c);
+    vfloat meets = c / (b + v_sqrt(v_max(discriminant, zero)));
+    meets =
+        v_select(v_and(v_cmp_gt(b, zero), v_cmp_ge(discriminant, zero)), meets, v_splat(INFINITY));
+    return v_select(v_cmp_gt(c, zero), meets, zero);
 }
 
 static inline bool sphere_limits_leap(const float centre[3], float radius, void *with) {
@@ -123,7 +127,8 @@ static inline void limit_leap(int shape, void *with) {
     r->leap_limit = v_min(r->leap_limit, earliest_approach(s->position, s->bound, r));
 }
 
-// Which of the rays meet the solid's bounding sphere sooner than what they enter first; none of those that are from it.
+// Returns the rays that meet the bounding sphere of solid i before their first entry. Rays that start on it
+// are left out.
 static inline vmask may_enter_sphere(const struct primitive *s, int i,
                                      const struct shadow_rays *r) {
     COUNT(may_enter_sphere, call);
@@ -131,11 +136,11 @@ static inline vmask may_enter_sphere(const struct primitive *s, int i,
     struct vec v = {v_splat(s->position[0]) - r->point.x, v_splat(s->position[1]) - r->point.y,
                     v_splat(s->position[2]) - r->point.z};
     vfloat along = vec_dot(v, r->to_light), square = vec_dot(v, v);
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
-    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
+    vfloat c = v_msub(square, v_splat(1 - 2e-6f), v_splat(s->bound * s->bound * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, c));
     ahead = v_and(ahead,
                   v_cmp_lt(along - v_splat(s->bound * (1 + 1e-4f)), r->first * v_splat(1 + 1e-5f)));
-    vmask may = v_or(ahead, v_cmp_lt(need, v_splat(0.0f)));
+    vmask may = v_or(ahead, v_cmp_lt(c, v_splat(0.0f)));
     return v_andnot(is_shape(r->shape, i), v_and(r->active, may));
 }
 
@@ -162,13 +167,13 @@ void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
         first_entry(&scene->primitives[i], i, r, may);
     }
     ACTIVE(v_count(r->active));
-    // A cone's slope must be below 1 for its end to be told (earliest).
+    // earliest_approach() needs a slope below 1.
     struct leap_query l = {
         r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
     vmask flat = leaves_flat_face(r, scene);
     ACTIVE(v_count(r->active)); // what was called has set its self
     r->leap_limit = v_select(v_or(l.able, flat), r->leap_limit, v_splat(0.0f));
-    r->on_plane = v_or(r->on_plane, flat); // as if they were
+    r->on_plane = v_or(r->on_plane, flat); // they leap as rays from a plane do
     if (v_any(l.able))
         bvh_visit(&scene->bvh, sphere_limits_leap, limit_leap, &l);
 }

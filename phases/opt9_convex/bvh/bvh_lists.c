@@ -1,5 +1,4 @@
-// See bvh/bvh_lists.h. What is asked is the same as of a small scene, first of the spheres about nodes: what those rule out
-// they rule out for all in them.
+// Lists of shapes from the BVH. The tests are those of a scene without a BVH, first on the spheres of nodes.
 #include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
 #include "hit/tile_frustum.h"
@@ -76,7 +75,7 @@ void bvh_list_in_frustum(const struct tile_frustum *w, const struct job *job,
     scratch->camera_shapes.count = list_marked(scratch, scene, list);
 }
 
-// The blocks in the lanes. No camera ray is off by as much as the sphere is wider, nor is what is asked of it then.
+// One lane per block. The margin of the sphere is larger than the rounding of a camera ray.
 void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch) {
     _Static_assert((int)GROUP <= (int)LANES, "a lane for each");
@@ -100,7 +99,7 @@ void bvh_list_in_row(const struct tile_frustum *row, float across, const struct 
         if (s->eval != EVAL_LINEAR) {
             COUNT(bvh_list_in_row, solid);
             float r = s->bound * (1 + 1e-5f) + 1e-6f * (fabsf(c[0]) + fabsf(c[1]) + fabsf(c[2]));
-            // Both at once, if the compiler will: gcc 12 asks one after the other.
+            // `|` asks for both comparisons without a branch; gcc 12 still branches.
             if ((row->bottom * c[2] - c[1] > r * bottom) | (c[1] - row->top * c[2] > r * top))
                 continue;
             COUNT(bvh_list_in_row, blocks);
@@ -115,13 +114,13 @@ void bvh_list_in_row(const struct tile_frustum *row, float across, const struct 
     }
 }
 
-// Cones of slope q about rays from a ball; q = ∞: all there is.
+// A cone about a bundle of rays that start in a ball. q = ∞: all of space.
 struct bundle_cone {
     struct vec centre, to_light;
-    vfloat radius, reach, q, narrow;
+    vfloat radius, reach, q, a; // a: 1 − q²
 };
 
-// From a slope of 1 on cones meet what is behind them, too: nothing is left out.
+// A cone of slope 1 or more also meets shapes behind its rays: nothing is left out then.
 static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to_light,
                                                 float radius, vfloat reach, float q) {
     bool wide = !(q < 1);
@@ -135,14 +134,15 @@ static inline struct bundle_cone bundle_cone_of(struct vec centre, struct vec to
 
 static inline vmask sphere_in_bundle_cone(struct vec centre, vfloat radius, const void *with) {
     COUNT(sphere_in_bundle_cone, call);
-    const struct bundle_cone *b = with;
-    struct vec v = {centre.x - b->centre.x, centre.y - b->centre.y, centre.z - b->centre.z};
-    vfloat r = radius_with_rounding(radius, v, b->reach) + b->radius;
-    vfloat lean = v_madd(b->q, r, vec_dot(v, b->to_light));
-    vfloat need = v_nmadd(r, r, vec_dot(v, v));
-    vmask misses = v_or(v_cmp_lt(lean, v_splat(0.0f)),
-                        v_cmp_lt(lean * lean * v_splat(1 + 1e-4f), b->narrow * need));
-    return v_not(v_and(v_cmp_gt(need, v_splat(0.0f)), misses));
+    const struct bundle_cone *cone = with;
+    struct vec v = {centre.x - cone->centre.x, centre.y - cone->centre.y,
+                    centre.z - cone->centre.z};
+    vfloat r = radius_with_rounding(radius, v, cone->reach) + cone->radius;
+    vfloat b = v_madd(cone->q, r, vec_dot(v, cone->to_light));
+    vfloat c = v_nmadd(r, r, vec_dot(v, v));
+    vmask misses =
+        v_or(v_cmp_lt(b, v_splat(0.0f)), v_cmp_lt(b * b * v_splat(1 + 1e-4f), cone->a * c));
+    return v_not(v_and(v_cmp_gt(c, v_splat(0.0f)), misses));
 }
 
 static struct bundle_cone bundle_cone_from(const float centre[3], float radius,
@@ -218,13 +218,13 @@ struct ray_bundle {
 static inline bool sphere_met_by_ray(const float centre[3], float radius, void *with) {
     COUNT(sphere_met_by_ray, call);
     COUNT(sphere_met_by_ray, scalar);
-    const struct ray_bundle *b = with;
-    struct vec v = {v_splat(centre[0]) - b->origin.x, v_splat(centre[1]) - b->origin.y,
-                    v_splat(centre[2]) - b->origin.z};
-    vfloat along = vec_dot(v, b->direction), square = vec_dot(v, v);
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
-    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, need));
-    return v_any(v_and(b->active, v_or(ahead, v_cmp_lt(need, v_splat(0.0f)))));
+    const struct ray_bundle *rays = with;
+    struct vec v = {v_splat(centre[0]) - rays->origin.x, v_splat(centre[1]) - rays->origin.y,
+                    v_splat(centre[2]) - rays->origin.z};
+    vfloat along = vec_dot(v, rays->direction), square = vec_dot(v, v);
+    vfloat c = v_msub(square, v_splat(1 - 2e-6f), v_splat(radius * radius * (1 + 1e-5f)));
+    vmask ahead = v_and(v_cmp_gt(along, v_splat(0.0f)), v_cmp_ge(along * along, c));
+    return v_any(v_and(rays->active, v_or(ahead, v_cmp_lt(c, v_splat(0.0f)))));
 }
 
 static inline void mark_leaf(int shape, void *with) {

@@ -1,5 +1,5 @@
-// Scenes of more shapes than can be asked one by one: which of them matter, from the tree of their bounding spheres.
-// The lists for camera and mirror rays are by ascending number, so that of equals the first wins, as in a small scene.
+// Queries of the BVH: lists of shapes for tiles, packets and batches, and cone queries. Lists for camera and
+// mirror rays ascend, so that the first of equal hits wins, as without a BVH.
 #ifndef OPT9_BVH_LISTS_H
 #define OPT9_BVH_LISTS_H
 
@@ -14,49 +14,53 @@ struct tile_frustum;
 
 struct job;
 
-// To desk->listed: those that lie across the frustum, and planes seen through it.
+// Sets scratch->camera_shapes: solids whose bounding sphere meets the frustum, and planes that it sees.
 void bvh_list_in_frustum(const struct tile_frustum *frustum, const struct job *job,
                          struct worker_scratch *scratch);
 
-// Of those the ones that each block of a row can meet, planes all of them: desk->cut, as many as desk->cuts says. `row`:
-// its frustum; `across`: how wide that of a block is.
+// Sets scratch->row_list and row_counts: of camera_shapes, those that each block of a row may hit; all
+// planes. row: the row's frustum; across: a block's width in it.
 void bvh_list_in_row(const struct tile_frustum *row, float across, const struct job *job,
                      struct worker_scratch *scratch);
 
-// To desk->shading: those that a cone of slope q about a ray can meet, which starts in the ball and goes to_light but for
-// `spread`.
+// Sets scratch->occluders for a bundle of shadow rays: they start in a ball, and their directions differ from
+// to_light by less than the widening in q. Lists solids that a cone of slope q about such a ray can meet, and
+// all planes.
 void bvh_list_towards_light(const float centre[3], float radius, const float to_light[3], float q,
                             const struct tile_context *work);
 
-// The same solids of all rays of a batch: desk->about, if there is room; then desk->ahead of a packet's, without the tree.
+// The same for a batch: sets scratch->batch_count, batch_shape and batch_sphere. Then, for one of its
+// packets, scratch->entry_list and entries, from the batch's list if that has room, else from the BVH.
 void bvh_list_for_batch(const float centre[3], float radius, const float to_light[3], float q,
                         const struct tile_context *work);
 
 void bvh_list_for_packet(const float centre[3], float radius, const float to_light[3], float q,
                          const struct tile_context *work);
 
-// Those whose bounding spheres any of the rays starts in or meets; how many. `list` has room for LANES more than the scene has
-// shapes (bvh_list).
+// Lists the shapes whose bounding spheres the rays start in or meet, and all planes. Returns their number.
+// `list` has room for LANES more than the scene has shapes.
 int bvh_list_along(struct vec origin, struct vec direction, vmask active,
                    const struct tile_context *work, int *list);
 
-// What trivially_lit() tells of a small scene, ray by ray.
+// As trivially_lit(), with a cone query for each ray in place of scratch->occluders.
 vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light, vfloat facing,
                         vfloat shape, vmask active, const struct tile_context *work);
 
-// Sets the rays' end, their first entry into one of the solids in desk->ahead, and how far planes' rays can leap.
+// Sets the rays' end, their first entry into a solid of scratch->entry_list, and the leap limit of rays from
+// planes.
 void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work);
 
-// Of a packet's rays `asked`: does anything but `own` come nearer than q·t, from t to the end? `until` is set to where what is
-// in the way ends, in those lanes alone; less than 0 where nothing is. Of BATCH_PACKETS packets at most.
+// A cone query for the rays `asked` of a packet: does any shape but `excluded` come nearer than q·t', for t'
+// from t on? Sets `until` in those lanes: where the blocker found ends, below 0 if there is none.
 struct cone_request {
     const struct shadow_rays *rays;
     vfloat t, q, until;
-    vfloat excluded; // a solid that comes no nearer than that any more, −1: none is known
+    vfloat excluded; // a solid known to stay at q·t or further, −1: none
     vmask asked;
 };
 
+// Runs the cone queries of BATCH_PACKETS packets at most.
 void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_context *work);
 
 #endif

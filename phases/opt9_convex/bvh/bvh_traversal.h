@@ -1,4 +1,4 @@
-// What a crowd's tree is asked by: the spheres of a node in the lanes, or rays in the lanes, sphere by sphere.
+// Traversals of the BVH: bvh_list() with spheres in the lanes, bvh_visit() with rays in the lanes.
 #ifndef OPT9_BVH_TRAVERSAL_H
 #define OPT9_BVH_TRAVERSAL_H
 
@@ -16,7 +16,7 @@ static inline struct vec vec_of_lane(const struct vec *v, int lane) {
                         v_splat(lane_of(v->z, lane))};
 }
 
-// A node that waits to be looked into, in one word: its level in the low bits, so that a shift takes it apart.
+// A node on the traversal stack, in one word with its level in the low bits.
 enum { LEVEL_BITS = 2 };
 
 _Static_assert(BVH_LEVELS <= 1 << LEVEL_BITS, "room for a level");
@@ -37,21 +37,21 @@ static inline int node_index(int waiting) {
     return waiting >> LEVEL_BITS;
 }
 
-// Those of a row of entries, from `first` on, wait to be looked into; returns how many.
+// Pushes the entries of `those`, from entry `first` on. Returns their number. LANES words are written.
 static inline int push_nodes(vmask those, int level, int first, int waiting[LANES]) {
     v_compress_store_lanes(those, pack_node(level - 1, first), LEVEL_BITS, waiting);
     return __builtin_popcount(v_mask_bits(those));
 }
 
-// Which of as many spheres as there are lanes matter.
+// Returns which spheres, one per lane, may matter.
 typedef vmask sphere_test(struct vec centre, vfloat radius, const void *with);
 
-enum { NODES = BVH_WIDTH * BVH_WIDTH }; // of the level that has the most
+enum { NODES = BVH_WIDTH * BVH_WIDTH }; // at most in a level
 
 _Static_assert(BVH_LEVELS == 3, "room for the nodes of a level");
 
-// Those go to `list`, in no order, without a branch on which they are; how many. Up to LANES behind the
-// last are overwritten. Level by level: no node's test waits for that of another.
+// Lists the leaves that pass the test, in no particular order. Returns their number; up to LANES words behind
+// the last are overwritten. Level by level and branch-free, so that no node's test waits for another's.
 __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree, sphere_test *test,
                                                           const void *with, int *list) {
     COUNT(bvh_list, call);
@@ -83,7 +83,7 @@ __attribute__((always_inline)) static inline int bvh_list(const struct bvh *tree
     return listed;
 }
 
-// The same with rays in the lanes, sphere by sphere.
+// The same with rays in the lanes, one sphere at a time.
 typedef bool ray_test(const float centre[3], float radius, void *with);
 
 typedef void leaf_visit(int shape, void *with);
@@ -107,7 +107,7 @@ __attribute__((always_inline)) static inline void bvh_visit(const struct bvh *tr
     }
 }
 
-// How much a sphere must be larger for what is rounded in a difference of places.
+// Returns the radius of a sphere with a margin for the rounding of v, a difference of points of size `reach`.
 static inline vfloat radius_with_rounding(vfloat radius, struct vec v, vfloat reach) {
     vfloat size = v_abs(v.x) + v_abs(v.y) + v_abs(v.z) + reach;
     return v_madd(v_splat(1e-6f), size, radius * v_splat(1 + 1e-5f));

@@ -1,49 +1,51 @@
-// Whether anything comes into cones about rays: the spheres of a node in the lanes for all rays, then the rays.
+// Cone queries on the BVH: does any sphere come into the cone about a shadow ray? A node is tested against
+// the cone about all rays at once; only the leaves that it meets are tested ray by ray.
 #include "bvh/bvh_lists.h"
 #include "bvh/bvh_traversal.h"
 #include "shadow/shadow_batch.h"
 #include "shadow/shadow_cone.h"
 
-// A ray of which it is asked whether anything ahead of t comes nearer than q·t, the spheres in the lanes.
+// The cones of a packet's rays. Query: does a sphere beyond t come nearer than q·t?
 struct ray_cone {
     struct vec point, to_light;
-    vfloat q, narrow, ahead; // narrow: 1 − q²; ahead: narrow·t
+    vfloat q, a, ahead; // a: 1 − q²; ahead: a·t
 };
 
-// The quadratic of a cone with a sphere: narrow·t² − 2·lean·t + need = 0, `rest` a quarter of its discriminant. That is
-// rounded by 8·2⁻²⁴·|v|², and its margin 2e-6·narrow·|v|²: where narrow is less than a quarter (q above 0.87) a sphere that the
-// cone no more than grazes may be told to be beside it. The term that it would have brought is next to 1.
-static inline vmask cone_meets_sphere(const struct ray_cone *c, struct vec centre, vfloat radius,
-                                      vfloat *lean, vfloat *rest) {
+// Tests which cones meet a sphere beyond t, and sets b and the discriminant (a quarter) of a·t² − 2·b·t + c =
+// 0. Its rounding is 8·2⁻²⁴·|v|², its margin 2e-6·a·|v|². For a < 1/4 (q > 0.87) a sphere that the cone only
+// grazes may be missed; its term would be next to 1.
+static inline vmask cone_meets_sphere(const struct ray_cone *cone, struct vec centre, vfloat radius,
+                                      vfloat *b, vfloat *discriminant) {
     COUNT(cone_meets_sphere, call);
     vfloat zero = v_splat(0.0f);
-    struct vec v = {centre.x - c->point.x, centre.y - c->point.y, centre.z - c->point.z};
+    struct vec v = {centre.x - cone->point.x, centre.y - cone->point.y, centre.z - cone->point.z};
     vfloat square = vec_dot(v, v);
-    vfloat need = v_msub(square, v_splat(1 - 2e-6f), radius * radius * v_splat(1 + 1e-5f));
-    *lean = v_madd(c->q, radius, vec_dot(v, c->to_light));
-    *rest = v_msub(*lean, *lean, c->narrow * need);
-    vmask comes = v_or(v_cmp_lt(need, zero), v_cmp_gt(*lean, zero));
-    // It is left at (lean + √rest)/narrow, and not before `ahead` if √rest ≥ over; no rest below 0 is as much as that square.
-    vfloat over = v_max(c->ahead - *lean, zero);
-    return v_and(comes, v_cmp_ge(*rest, over * over));
+    vfloat c = v_msub(square, v_splat(1 - 2e-6f), radius * radius * v_splat(1 + 1e-5f));
+    *b = v_madd(cone->q, radius, vec_dot(v, cone->to_light));
+    *discriminant = v_msub(*b, *b, cone->a * c);
+    vmask comes = v_or(v_cmp_lt(c, zero), v_cmp_gt(*b, zero));
+    // The cone leaves the sphere at (b + √discriminant)/a. That is not before t if √discriminant ≥ over; a
+    // negative discriminant fails.
+    vfloat over = v_max(cone->ahead - *b, zero);
+    return v_and(comes, v_cmp_ge(*discriminant, over * over));
 }
 
-// A packet's rays of which it is asked.
+// A packet's rays in a query.
 struct packet_cones {
     struct ray_cone rays;
-    vfloat t, excluded; // own: a shape that they do not meet
-    vfloat until;       // where what they meet ends, if anything
-    vmask open, now;    // not asked yet; in the sheaf that is asked, with nothing met so far
+    vfloat t, excluded; // excluded: a shape that is not tested
+    vfloat until;       // where the blocker found ends, below 0: none
+    vmask open, now;    // open: not in a bundle yet; now: in the current bundle, no blocker found
 };
 
-// Rays from near the first one's place: how far they are from it at most, how much they turn from its direction, the widest
-// cone and the least t.
+// A bundle of rays that start within `radius` of `centre`: largest difference of directions, widest cone and
+// least t.
 struct query_bundle {
     struct vec centre, to_light;
     float radius, spread, q, from;
 };
 
-// Takes the first ray that is open and those open near to it: they are `now`, and open no longer.
+// Makes a bundle of the first open ray and all open rays within `near` of it. They become `now`.
 static struct query_bundle query_bundle_of(struct packet_cones *cones, int count, float near) {
     int chosen = 0;
     while (!v_any(cones[chosen].open))
@@ -58,7 +60,7 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
            from = v_splat(INFINITY);
     for (int i = 0; i < count; i++) {
         struct packet_cones *c = &cones[i];
-        c->now = v_mask_none(); // of the sheaf before
+        c->now = v_mask_none(); // of the previous bundle
         if (!v_any(c->open))
             continue;
         ACTIVE(v_count(c->open));
@@ -84,7 +86,8 @@ static struct query_bundle query_bundle_of(struct packet_cones *cones, int count
                                  least_lane(from)};
 }
 
-// Which of the rays `now` meet a leaf, and where they leave it. Whether any does, and whether any does not.
+// Tests a leaf against the rays `now`, and sets `until` of those that it blocks. Returns whether it blocks
+// any; *left: whether any ray `now` remains.
 static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cones *cones, int count,
                             bool *left) {
     COUNT(cones_meet_leaf, call);
@@ -97,16 +100,16 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
             continue;
         ACTIVE(v_count(c->now));
         COUNT(cones_meet_leaf, packet);
-        vfloat lean, rest;
+        vfloat b, discriminant;
         vmask meets = v_and(v_andnot(is_shape(c->excluded, tree->shape[leaf]), c->now),
                             cone_meets_sphere(&c->rays,
                                               (struct vec){v_splat(s->x[leaf]), v_splat(s->y[leaf]),
                                                            v_splat(s->z[leaf])},
-                                              v_splat(s->radius[leaf]), &lean, &rest));
+                                              v_splat(s->radius[leaf]), &b, &discriminant));
         if (v_any(meets)) {
             ACTIVE(v_count(meets));
             COUNT(cones_meet_leaf, met);
-            vfloat leaves = (lean + v_sqrt(v_max(rest, v_splat(0.0f)))) / c->rays.narrow;
+            vfloat leaves = (b + v_sqrt(v_max(discriminant, v_splat(0.0f)))) / c->rays.a;
             c->until = v_select(meets, leaves, c->until);
             c->now = v_andnot(meets, c->now);
             met = true;
@@ -116,9 +119,8 @@ static bool cones_meet_leaf(const struct bvh *tree, int leaf, struct packet_cone
     return met;
 }
 
-// The spheres of a node in the lanes, asked for a cone about all rays, and what that meets with the rays in the lanes. Ends
-// when each ray has something in its way: not all that is. What is furthest is asked first: what is in the way there is so for
-// long.
+// Traverses the BVH with the cone about all rays of a bundle, and tests the leaves that it meets ray by ray.
+// Ends when each ray has a blocker. The furthest child is visited first: its blocker is passed last.
 static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *about, vfloat wider,
                               struct packet_cones *cones, int packets, int *leaf) {
     COUNT(cone_query_bundle, call);
@@ -132,16 +134,16 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
             ACTIVE(int_min(LANES, end - first));
             COUNT(cone_query_bundle, spheres);
             struct vec centre = {v_load(s->x + first), v_load(s->y + first), v_load(s->z + first)};
-            vfloat lean, rest;
-            vmask meets = v_and(
-                cone_meets_sphere(about, centre, v_load(s->radius + first) + wider, &lean, &rest),
-                v_mask_first(end - first));
+            vfloat b, discriminant;
+            vmask meets = v_and(cone_meets_sphere(about, centre, v_load(s->radius + first) + wider,
+                                                  &b, &discriminant),
+                                v_mask_first(end - first));
             unsigned which = v_mask_bits(meets);
             if (!which)
                 continue;
             if (level > 0) {
                 COUNT(cone_query_bundle, nodes);
-                vfloat order = v_select(meets, v_splat(0.0f) - lean, v_splat(INFINITY));
+                vfloat order = v_select(meets, v_splat(0.0f) - b, v_splat(INFINITY));
                 unsigned last = v_mask_bits(v_cmp_ge(v_splat(least_lane(order)), order)) & which;
                 last &= 0u - last;
                 count += push_nodes(v_andnot(v_mask_of_bits(last), meets), level, first,
@@ -160,8 +162,8 @@ static void cone_query_bundle(const struct bvh *tree, const struct ray_cone *abo
     }
 }
 
-// Of each ray that is open, for its own cone: where something that it meets is left; `until` stays where nothing is met. Asked
-// for all at once that are near to each other.
+// Finds a blocker for each open ray; `until` is unchanged where there is none. Starts with the leaf that
+// blocked the last query, then takes bundles of neighbouring rays.
 static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, int count,
                             int *leaf) {
     COUNT(cone_query_rays, call);
@@ -178,20 +180,20 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
             cones[i].open = cones[i].now;
     }
     while (left) {
-        struct query_bundle sheaf = query_bundle_of(cones, count, tree->spacing);
-        float q = sheaf.q + sheaf.spread;
-        if (!(q < 0.995f)) { // too wide to tell anything: all but the first are put back
+        struct query_bundle bundle = query_bundle_of(cones, count, tree->spacing);
+        float q = bundle.q + bundle.spread;
+        if (!(q < 0.995f)) { // too wide for a test: the bundle shrinks to one ray
             COUNT(cone_query_rays, again);
             for (int i = 0; i < count; i++)
                 cones[i].open = v_or(cones[i].open, cones[i].now);
-            sheaf = query_bundle_of(cones, count, 0.0f);
-            q = sheaf.q + sheaf.spread;
+            bundle = query_bundle_of(cones, count, 0.0f);
+            q = bundle.q + bundle.spread;
         }
         COUNT(cone_query_rays, asked);
-        float narrow = 1 - q * q;
-        struct ray_cone about = {sheaf.centre, sheaf.to_light, v_splat(q), v_splat(narrow),
-                                 v_splat(narrow * sheaf.from)};
-        cone_query_bundle(tree, &about, v_splat(sheaf.radius), cones, count, leaf);
+        float a = 1 - q * q;
+        struct ray_cone about = {bundle.centre, bundle.to_light, v_splat(q), v_splat(a),
+                                 v_splat(a * bundle.from)};
+        cone_query_bundle(tree, &about, v_splat(bundle.radius), cones, count, leaf);
         left = false;
         for (int i = 0; i < count; i++)
             left |= v_any(cones[i].open);
@@ -203,25 +205,25 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
     const struct prepared *scene = work->scene;
     struct packet_cones cones[BATCH_PACKETS];
     for (int i = 0; i < count; i++) {
-        struct cone_request *a = &asking[i];
-        ACTIVE(v_count(a->asked));
+        struct cone_request *request = &asking[i];
+        ACTIVE(v_count(request->asked));
         COUNT(bvh_query_ahead, packet);
-        vfloat q = v_min(a->q, v_splat(0.99f));
+        vfloat q = v_min(request->q, v_splat(0.99f));
         vmask blocked = v_mask_none();
         for (int k = 0; k < scene->plane_count; k++) {
             const struct primitive *s = &scene->primitives[scene->planes[k]];
             COUNT(bvh_query_ahead, plane);
-            vfloat slope = vec_dot(vec_set(s->normal), a->rays->to_light);
+            vfloat slope = vec_dot(vec_set(s->normal), request->rays->to_light);
             blocked = v_or(blocked, v_cmp_lt(slope, q));
         }
-        vfloat narrow = v_nmadd(q, q, v_splat(1.0f));
-        cones[i] =
-            (struct packet_cones){{a->rays->point, a->rays->to_light, q, narrow, narrow * a->t},
-                                  a->t,
-                                  a->excluded,
-                                  v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
-                                  v_andnot(blocked, a->asked),
-                                  v_mask_none()};
+        vfloat a = v_nmadd(q, q, v_splat(1.0f));
+        cones[i] = (struct packet_cones){
+            {request->rays->point, request->rays->to_light, q, a, a * request->t},
+            request->t,
+            request->excluded,
+            v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
+            v_andnot(blocked, request->asked),
+            v_mask_none()};
     }
     cone_query_rays(&scene->bvh, cones, count, &work->scratch->far);
     for (int i = 0; i < count; i++)
@@ -245,7 +247,7 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
     }
     float id[LANES];
     v_store(shape, id);
-    for (unsigned rest = v_mask_bits(clear); rest;) { // once for each shape that they are on
+    for (unsigned rest = v_mask_bits(clear); rest;) { // once for each shape that rays start on
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(v_mask_of_bits(rest), is_shape(shape, i));
         COUNT(bvh_trivially_lit, shape);

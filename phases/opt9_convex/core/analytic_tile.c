@@ -1,6 +1,5 @@
-// Tiles of a scene of solids and planes: camera and mirror rays by closed forms, from lists of the shapes that
-// a tile can see; what light a ray brings is added to its pixel, so that mirror and shadow rays can wait until
-// there are enough of them to fill all lanes.
+// A tile by closed forms. Camera and mirror rays are intersected with the shapes that the tile can see. Mirror and
+// shadow rays wait in queues until they fill all lanes; each adds its light to its pixel.
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
 #include "core/sdf.h"
@@ -11,13 +10,14 @@
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_rays.h"
 
-// Mirror rays start off a surface by surface_offset: in a crevice, inside of another solid. Like a march they
-// then hit it at once, at the distance that they are at, which is negative.
+// Returns which mirror rays hit the solid s; o, d: the rays in its frame; self: rays that start on s. A mirror ray starts
+// surface_offset off its surface, in a crevice inside another solid. Like a march it then hits that solid at once, at
+// its negative distance.
 INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
                               vmask self, vfloat *t, struct vec *local) {
     COUNT(hit_from_surface, call);
     if (s->convex)
-        active = v_andnot(self, active); // what it leaves, it does not meet again
+        active = v_andnot(self, active); // a ray cannot hit the convex solid that it leaves
     vmask within, met = enter(o, d, s, active, t, local, &within);
     if (!s->convex) {
         COUNT(hit_from_surface, torus);
@@ -33,6 +33,7 @@ INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive
     return v_or(met, inside);
 }
 
+// Intersects mirror rays with shape i.
 INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepared *scene,
                        struct surface_hit *hit) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
@@ -40,7 +41,7 @@ INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepare
     vmask self = is_shape(ray->leaves, i), met;
     vfloat t;
     struct vec local = hit->local;
-    if (s->type == SHAPE_MANDELBULB) // by hit_bulbs()
+    if (s->type == SHAPE_MANDELBULB) // left to hit_bulbs()
         return;
     COUNT(closest_mirror_hit, shape);
     if (s->eval == EVAL_LINEAR) {
@@ -62,6 +63,7 @@ INLINE void mirror_hit(int i, const struct packet_ray *ray, const struct prepare
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
 }
 
+// Returns the nearest hits of a packet of mirror rays, except on Mandelbulbs.
 static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
                                              const struct tile_context *work) {
     COUNT(closest_mirror_hit, call);
@@ -80,7 +82,7 @@ static struct surface_hit closest_mirror_hit(const struct packet_ray *ray,
     return hit;
 }
 
-// The last of the rays that wait first: what they see may make more of them.
+// Empties the queue of mirror rays, from its end: the hits may queue more of them.
 static void follow_mirrors(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     float (*field)[QUEUE_ROOM] = scratch->mirror;
@@ -112,18 +114,18 @@ static void follow_mirrors(const struct tile_context *work) {
     }
 }
 
-// Whether a shape lies across the frustum, at least with its bounding sphere.
+// Adds shape i to the list if its bounding sphere meets the tile's frustum; planes by a bound, repeated shapes always.
 INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *sides,
                               const struct job *job, struct shape_set *list) {
     const struct primitive *s = &KNOWN(job->prepared)->primitives[i];
     const float *c = job->cameras[i].centre;
-    if (s->eval == EVAL_LINEAR) { // centre: its normal
+    if (s->eval == EVAL_LINEAR) { // c: its normal
         COUNT(shapes_in, plane);
         if (plane_in_frustum(w, c))
             add_to_set(list, i);
         return;
     }
-    if (REPEATED(s)) { // there may be a copy anywhere
+    if (REPEATED(s)) { // a copy may be anywhere
         add_to_set(list, i);
         return;
     }
@@ -145,7 +147,7 @@ static void shapes_in(const struct tile_frustum *w, const struct job *job, struc
         add_if_in_frustum(i, w, sides, job, list);
 }
 
-// A row of packets that nothing waits for.
+// Shades and stores a row of packets in a scene without secondary rays.
 static void shade_primary_row(const struct tile *tile, int row, const struct primary_hit *hits,
                               int pixel, struct frame *frame, const struct tile_context *work) {
     COUNT(shade_primary_row, call);
@@ -156,7 +158,7 @@ static void shade_primary_row(const struct tile *tile, int row, const struct pri
         set_camera_ray(tile, hits[i].direction, hits[i].active, pixel, &at.ray);
         shade_primary_hit(&hits[i], &at, work);
         if (all) {
-            struct surface_hit hit = at.hit; // a copy: `at` stays in registers
+            struct surface_hit hit = at.hit; // a copy, so that `at` stays in registers
             struct vec n = hits[i].hit.local;
             vmask away = v_cmp_gt(vec_dot(n, hits[i].direction), v_splat(0.0f));
             ACTIVE(v_count(hits[i].active));
@@ -210,7 +212,7 @@ static inline void set_tile(const struct job *job, int number, struct tile *tile
                           (float)(view->tan_half_fov / frame->height)};
 }
 
-// To desk->listed: what the tile's camera rays may meet.
+// Sets scratch->camera_shapes: the shapes that the tile's camera rays may hit.
 static inline void list_for_tile(const struct tile *tile, const struct job *job,
                                  struct worker_scratch *scratch) {
     const struct frame *frame = job->frame;
@@ -250,7 +252,7 @@ static inline void store_tile(const struct tile *tile, struct frame *frame,
 }
 
 void draw_analytic_tile(const struct job *job, int number, struct worker_scratch *scratch) {
-    ACTIVE(LANES); // not what the tile before has left
+    ACTIVE(LANES); // the previous tile may have left another value
     COUNT(draw_analytic_tile, call);
     COUNT(draw_analytic_tile, scalar);
     COUNT(draw_analytic_tile, eye);

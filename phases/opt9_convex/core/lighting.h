@@ -1,5 +1,5 @@
-// Light at a packet's hits (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975), as in fallback/shade.c):
-// of any rays, and of camera rays for which the way from the camera to the light is known.
+// Light at a packet's hits (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)), as in
+// fallback/shade.c: for any rays, and a shorter form for camera rays.
 #ifndef OPT9_LIGHTING_H
 #define OPT9_LIGHTING_H
 
@@ -8,7 +8,7 @@
 #include "core/tile_context.h"
 #include "simd/pow.h"
 
-// a to the power of the shininess. One that is known and whole: products in place of a logarithm and an exponential.
+// Returns a to the power of the shininess. A whole number that is known needs only products.
 static inline vfloat phong_power(vfloat a, vfloat shininess) {
     if (!WHOLE_SHININESS)
         return v_pow(a, shininess);
@@ -19,7 +19,8 @@ static inline vfloat phong_power(vfloat a, vfloat shininess) {
     return power;
 }
 
-// shine: the cosine between the way back and the light's mirror image.
+// Sets at->light. shine: cosine between the direction back to the ray's origin and the mirrored light. reach: the
+// ray's weight over the distance to the light.
 INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine,
                       vfloat reach, const struct tile_context *work) {
     COUNT(add_phong, call);
@@ -38,7 +39,8 @@ INLINE void add_phong(struct shading_packet *at, const struct surface *surface, 
                              v_splat(e[2]) * v_madd(base.z, at->facing, specular) * reach};
 }
 
-// axis: the plane's normal, which a kernel knows, where all hits are on it.
+// Sets colour (ambient), lit, facing, to_light and light of a packet. axis: the normal if all hits are on one plane
+// (a kernel knows it), else NULL.
 INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface,
                            const float *axis, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
@@ -67,7 +69,7 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
     add_phong(at, surface, shine, weight * per, work);
 }
 
-// As light_surfaces(), of camera rays: the way to the light is told from the camera's, not of unit length.
+// As light_surfaces() for camera rays: the vector to the light is derived from light_from_eye and kept unnormalised.
 INLINE void primary_light(struct shading_packet *at, const struct surface *surface,
                           const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
@@ -87,7 +89,7 @@ INLINE void primary_light(struct shading_packet *at, const struct surface *surfa
                     v_nmadd(d.z, t, v_splat(lamp[2]))};
     vfloat square = vec_dot(l, l), per = v_splat(1.0f) / v_sqrt(square), along = vec_dot(n, l);
     vfloat down = vec_dot(n, d), shine = v_nmadd(along + along, down, vec_dot(l, d));
-    along = v_negate_where(v_cmp_gt(down, zero), along); // n may be that of the other side
+    along = v_negate_where(v_cmp_gt(down, zero), along); // n may point away from the ray
     at->facing = along * per;
     at->lit = v_and(at->hit.found, v_and(v_cmp_gt(along, zero), v_cmp_gt(square, zero)));
     add_phong(at, surface, shine * per, weight * per, work);

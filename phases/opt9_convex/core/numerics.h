@@ -1,28 +1,28 @@
-// What this phase computes with besides common/simd: a reduction, approximate roots and quotients, with their costs.
+// A reduction, and approximate roots and quotients, with their costs.
 #ifndef OPT9_NUMERICS_H
 #define OPT9_NUMERICS_H
 
 #include "simd/simd.h"
 
-// The least of all lanes.
+// Returns the minimum of all lanes.
 static inline float least_lane(vfloat a) {
     COUNT(least_lane, call);
     return v_reduce_min(a);
 }
 
-// 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
+// Returns 1/√a to 14 bits (16 lanes) or 11 (8), for normal a > 0.
 static inline vfloat root_guess(vfloat a) {
     COUNT(root_guess, call);
     return v_rsqrt_approx(a);
 }
 
-// 1/√a to 14 bits and better, for normal a > 0: the approximation and one Newton step.
+// Returns 1/√a to more than 14 bits, for normal a > 0: the approximation and one Newton step.
 static inline vfloat rough_inverse_root(vfloat a) {
     COUNT(rough_inverse_root, call);
     return v_rsqrt_newton(a);
 }
 
-// 1/√a for normal a > 0, to an ulp or two.
+// Returns 1/√a for normal a > 0, to an ulp or two.
 static inline vfloat inverse_root(vfloat a) {
     COUNT(inverse_root, call);
 #if LANES == 16
@@ -35,8 +35,8 @@ static inline vfloat inverse_root(vfloat a) {
 }
 
 #if LANES == 16
-// 2·times/(√a·b) for normal a > 0 and b. The errors of both approximations are corrected together.
-// 1/(√a·b) alone may be below what is normal.
+// Returns 2·times/(√a·b) for normal a > 0 and b. One Newton step corrects both approximations. Multiplied by `times`
+// first, because 1/(√a·b) alone may be denormal.
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
     COUNT(twice_over_root, call);
     COUNT(twice_over_root, sixteen);
@@ -57,7 +57,7 @@ static inline struct rooted rooted(vfloat a) {
     return (struct rooted){r, h, v_nmadd(h, r, v_splat(1.0f))};
 }
 
-// 2·b·√a to an ulp or two. A sum stands for a product where both will do: Zen has units for either.
+// Returns 2·b·√a to an ulp or two. Sums replace products where both would do: Zen has separate units for them.
 static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
     COUNT(twice_root_times, call);
     COUNT(twice_root_times, sixteen);
@@ -65,7 +65,7 @@ static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
     return v_madd(part, a->off, part + part);
 }
 
-// b/a to an ulp or two; 1/a itself may be below what is normal.
+// Returns b/a to an ulp or two. 1/a itself may be denormal.
 static inline vfloat divided_by(vfloat b, const struct rooted *a) {
     COUNT(divided_by, call);
     COUNT(divided_by, sixteen);
@@ -73,7 +73,7 @@ static inline vfloat divided_by(vfloat b, const struct rooted *a) {
     return v_madd(part, a->off, part);
 }
 #else
-// 2·times/(√a·b) for normal a > 0 and b: one Newton step each.
+// Returns 2·times/(√a·b) for normal a > 0 and b: one Newton step each.
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
     COUNT(twice_over_root, call);
     COUNT(twice_over_root, eight);
@@ -82,7 +82,7 @@ static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
     return (times + times) * rough_inverse_root(a) * per;
 }
 
-// √a of a normal a > 0 and its inverse, to a few ulp. No third value as with 16 lanes: there are 16 registers.
+// √a of a normal a > 0 and its inverse, to a few ulp. Two values only: AVX2 has 16 registers.
 struct rooted {
     vfloat inverse, root;
 };
@@ -94,14 +94,14 @@ static inline struct rooted rooted(vfloat a) {
     return (struct rooted){r, a * r};
 }
 
-// 2·b·√a
+// Returns 2·b·√a.
 static inline vfloat twice_root_times(const struct rooted *a, vfloat b) {
     COUNT(twice_root_times, call);
     COUNT(twice_root_times, eight);
     return (b + b) * a->root;
 }
 
-// b/a; 1/a itself may be below what is normal.
+// Returns b/a. 1/a itself may be denormal.
 static inline vfloat divided_by(vfloat b, const struct rooted *a) {
     COUNT(divided_by, call);
     COUNT(divided_by, eight);

@@ -1,5 +1,5 @@
-// What core/primitives.c works out once, and what core/render.c calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
+// The prepared scene (core/primitives.c) and one frame's job (core/render.c). No vectors here: the files that are
+// built for 8 and for 16 lanes share this header with the files that are built once.
 #ifndef OPT9_PRIMITIVE_H
 #define OPT9_PRIMITIVE_H
 
@@ -11,60 +11,61 @@
 
 struct frame;
 
-// As an unevaluated sum of two floats.
+// Splits a into an unevaluated sum of two floats.
 static inline void split(double a, float *hi, float *lo) {
     *hi = (float)a;
     *lo = (float)(a - *hi);
 }
 
-// What is evaluated along a ray: the shape's distance at a point of its frame; for a plane that is
-// not repeated, a line in t; for a sphere wider than the bounds, its power, a polynomial in t.
+// How a shape's distance is evaluated along a ray. POINT: at a point in the shape's frame. LINEAR: a plane that is
+// not repeated, whose distance is linear in t. POWER: a sphere wider than the bounds, by its power, quadratic in t.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
-// A shape as the march wants it: what is evaluated, and nothing else.
+// A shape in the form that the renderer evaluates. Lengths are in scene units.
 struct primitive {
     enum eval_kind eval;
     enum shape_type type;
     bool turned, repeated;
-    float index; // in the scene
+    float index; // the shape's number in the scene
     float position[3];
-    float turn[3][3]; // rows: the three rotations as one matrix
+    float turn[3][3]; // the rotation from world to local axes, by rows
     float cell[3], per_cell[3];
-    float normal[3];              // plane: in the world's axes
+    float normal[3];              // plane: its normal in world axes
     float a, b, c;                // sizes: see prepare_shape() in core/primitives.c
     float slope[2], per_slope_sq; // cone: from the bottom rim to the top rim, 1/|slope|²
     float size[3];                // box: half size; plane: normal
     float bailout;
     int iterations;
-    float bound, bound_sq; // of a sphere about its position that holds the shape; ∞: there is none
+    float bound, bound_sq; // radius of the bounding sphere about `position`; infinite for a plane
     bool convex;
     float box
-        [3]; // repeated: half of a box that holds it, and the rounding of a walk through its cells
-    // Repeated: the next shape that is so in the same frame, −1: none; whether there is one before; of the first of
-    // them half of a box about all.
+        [3]; // repeated: half of a box that holds the shape, and the rounding of a walk through its cells
+    // Repeated shapes with the same frame and cells share a grid. `leader` is the first of them (the shape itself if
+    // it is not repeated), next_same_grid the next one (−1: none). The leader's box_of_grid holds them all.
     int next_same_grid;
-    bool follows_same_grid;
-    int leader; // the first of them; of every other shape itself
-    float box_of_grid[3];
-    // Its material; share: of what a mirror shows. Where the light's mirror image is at a cosine below
-    // shine_from, its highlight is less than 1e-9 of the light.
+    bool follows_same_grid; // the shape is not the leader of its grid
+    int leader;
+    float box_of_grid[3]; // half size
+    // Material. share: the weight of the mirror ray. Below the cosine shine_from, the highlight is less than 1e-9 of
+    // the light.
     float color[3], share, shininess, shine_from;
-    // For the ray's origin, which is moved into the shape's frame in double and then rounded once:
-    // position, rows of the shape's matrix (linear plane: its normal in the world's axes), cells.
+    // Position, rotation (linear plane: row[0] is its normal in world axes) and cells in double. A ray's origin is
+    // moved into the shape's frame with these and rounded once.
     double centre[3], row[3][3], offset, wide_cell[3], wide_per_cell[3];
 };
 
-// What only code for every scene reads of a shape.
+// Numbers of a shape that generated kernels do not have.
 struct primitive_extra {
-    float position_lo[3]; // what `position` lacks
+    float position_lo[3]; // position − (float)position
     double radius_sq;     // EVAL_POWER
-    // Of a crowd's solid: no other's bounding sphere is nearer to its position, and its place in the tree.
+    // With a BVH: the distance from the solid's position to the nearest other bounding sphere, and the solid's index
+    // among the leaves.
     float clearance;
     int bvh_rank;
 };
 
-// A scene as code that is compiled for it knows it, by constants. A type of its own: what may differ between runs of the
-// same code (max_steps, hit_distance) is not in it, and to read that through KNOWN is an error of the compiler's.
+// The part of a scene that a generated kernel has as constants (opt10_scene). A type of its own: what may vary between
+// runs of one kernel (max_steps, hit_distance) is no member, so reading it through KNOWN() does not compile.
 struct known_limits {
     double bounds_radius, normal_step, surface_offset;
     int max_bounces;
@@ -82,9 +83,9 @@ struct known_model {
 struct known_scene {
     struct known_model model;
     const struct primitive *primitives; // one per shape
-    bool repeats;                       // a shape is repeated
-    int plane;                          // the first that there is, −1: none
-    int bulbs;                          // how many of them are Mandelbulbs
+    bool repeats;                       // some shape is repeated
+    int plane;                          // index of the first linear plane, −1: none
+    int bulbs;                          // number of Mandelbulbs
     float lit_slope;                    // see lit_slope() in core/primitives.c
 };
 
@@ -93,35 +94,37 @@ struct prepared {
     struct known_scene known;
     struct primitive *primitives;   // one per shape, known.primitives
     struct primitive_extra *extras; // one per shape
-    struct local_camera *cameras;   // one per shape; of the frame being rendered
-    bool analytic;                  // core/analytic_tile.c can have it
-    struct bvh bvh;                 // of the solids, if they are a crowd
-    struct bvh_leaf *leaves;        // what it is made of
+    struct local_camera *cameras;   // one per shape, set for each frame
+    bool analytic;                  // core/analytic_tile.c can draw the scene
+    struct bvh bvh;                 // of the solids; no levels: the scene has none
+    struct bvh_leaf *leaves;        // of the BVH
     int *planes, plane_count;
 };
 
-// A scene of this many shapes is a crowd, of two nodes of the tree or more, where build_bvh() in core/primitives.c allows it.
+// Scenes with fewer shapes get no BVH (build_bvh() in core/primitives.c): two nodes are the least that can save a test.
 enum { BVH_MIN_SHAPES = 2 * BVH_WIDTH };
 
-// Room for so many shapes, in what is zeroed; false: memory is short. To be freed in any case.
+// Allocates the arrays for shape_count shapes. Precondition: *prepared is zeroed. Returns false if memory is short; the
+// caller frees `prepared` in either case.
 bool reserve_prepared(struct prepared *prepared, int shape_count);
 void free_prepared(struct prepared *prepared);
-// All but `cameras`, in arrays that are there.
+// Sets everything but `cameras`. Precondition: reserve_prepared() returned true.
 void prepare_shapes(struct prepared *prepared, const struct model *model);
-// A frame's cameras (hit/local_cameras.c). Whether it can be had without marching camera rays. sixteen: lanes, not eight.
+// Sets prepared->cameras for a frame (hit/local_cameras.c). Returns whether closed forms can draw the frame; if not,
+// fallback/ marches it. sixteen: 16 lanes, else 8.
 bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen);
-// Of the tiles of a frame that is so high.
+// Returns the height in pixels of the analytic tiles of a frame of this height.
 int tile_height(const struct prepared *prepared, int height);
 
 // The camera as a shape sees it.
 struct local_camera {
-    float at[3];     // in the shape's frame, of a repeated one in the cell about 0
-    float at_low[3]; // of a repeated one: what `at` lacks
-    float height;    // above a plane
-    // The shape's position to the right, above and ahead of the camera; a plane's normal there; of a repeated one the
-    // world's origin from the camera in the shape's frame.
+    float at[3];     // the camera in the shape's frame; repeated: wrapped into the cell about 0
+    float at_low[3]; // repeated: the low part of `at`
+    float height;    // plane: of the camera above it
+    // Solid: its position in camera axes (right, up, forward). Plane: its normal in camera axes. Repeated: the world's
+    // origin minus the camera, in the shape's axes.
     float centre[3];
-    float axis[3][3]; // of a repeated one: the camera's right, up and forward in its frame
+    float axis[3][3]; // repeated: the camera's right, up and forward in the shape's axes
 };
 
 // One frame's work for all workers.
@@ -130,10 +133,12 @@ struct job {
     const struct view *view;
     struct frame *frame;
     const struct local_camera *cameras; // one per shape
-    int tile_height;                    // of core/analytic_tile.c's
-    bool analytic; // every ray by core/analytic_tile.c, none by fallback/march.c
+    int tile_height;                    // of analytic tiles, in pixels
+    bool analytic;                      // draw by core/analytic_tile.c, else by fallback/march.c
 };
 
+// The entry points of core/tile.c for each lane width: bytes of a worker's memory, number of tiles, one tile, and
+// distances for tests.
 #define KERNEL(width)                                                                              \
     size_t width##_scratch_size(const struct model *model);                                        \
     int width##_tiles(const struct job *job);                                                      \

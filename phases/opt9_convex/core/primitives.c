@@ -1,13 +1,13 @@
-// A scene's shapes as the kernels want them (core/primitive.h), worked out once: their places, sizes and bounds, what can be had by
-// closed forms, which are repeated alike, the tree of a crowd. No lanes in here.
+// Prepares a scene's shapes once (core/primitive.h): frames, sizes, bounds, whether closed forms can draw the scene,
+// which repeated shapes share a grid, and the BVH. No vectors here.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/primitive.h"
 
-// Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
-// then (x,z), then (x,y).
+// Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on (y,z), (x,z)
+// and (x,y).
 static void rotation_matrix(const double *degrees, double m[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
@@ -26,7 +26,7 @@ static void to_floats(const double from[3], float to[3]) {
         to[i] = (float)from[i];
 }
 
-// See struct primitive. A plane that is not repeated has one row.
+// Sets row, centre, offset and normal (see struct primitive). A linear plane has one row.
 static void prepare_rows(struct primitive *p, const struct shape *shape, double turn[3][3],
                          struct primitive_extra *extra) {
     bool linear = p->eval == EVAL_LINEAR;
@@ -48,9 +48,8 @@ static void prepare_rows(struct primitive *p, const struct shape *shape, double 
     }
 }
 
-// Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
-// power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
-// cheaper, and from many radii away more exact. 1e15: its square is a float.
+// Returns how the shape is evaluated. A sphere wider than the bounds is seen from within its radius, where the power is
+// more exact than a point. A smaller sphere is cheaper as a point, and more exact from afar. 1e15: its square is a float.
 static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
                                    const struct limits *limits) {
     if (repeated)
@@ -89,7 +88,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
     case SHAPE_TORUS:
         p.a = (float)shape->torus.major_radius;
         p.b = (float)shape->torus.minor_radius;
-        // How near is there: some 4 ulps of its size, which is all that floats can tell.
+        // Hit distance of its march: about 4 ulps of its size.
         p.c = (float)ldexp(5e-7, ilogb(shape->torus.major_radius + shape->torus.minor_radius));
         break;
     case SHAPE_CONE: {
@@ -116,7 +115,7 @@ static struct primitive prepare_shape(int index, const struct shape *shape,
     return p;
 }
 
-// A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
+// Returns the radius of the bounding sphere about the shape's position. The factor 1 + 1e-5 covers rounding.
 static double bounding_radius(const struct shape *shape) {
     const double *half = shape->box.half_size;
     switch (shape->type) {
@@ -137,9 +136,9 @@ static double bounding_radius(const struct shape *shape) {
     }
 }
 
-// A repeated shape whose copies have a closed form together: it is in its cell, and the cell's mirror image along every
-// axis that it is repeated on, or its wrapped distance would jump at a wall. A ray goes through no more cells than
-// MAX_CELLS, and float counts them.
+// Returns whether closed forms can draw the copies of a repeated shape, and sets its box. It must lie in its cell and
+// be its own mirror image on the axes that repeat, or the wrapped distance jumps at a wall (PROOFS.md, 12.). A ray may
+// pass MAX_CELLS cells at most, because floats count them.
 enum { MAX_CELLS = 4096 };
 
 static bool fits_its_cells(const struct shape *shape, struct primitive *p,
@@ -190,8 +189,8 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
 }
 
-// The least slope q such that a ray with h(t) ≥ q·t all along has no term of the soft shadow's estimator below
-// 1, whatever its steps (PROOFS.md, 1.): strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) ≥ 1. Both rise with q.
+// Returns the lit slope: the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps. Solves
+// strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 by bisection (PROOFS.md, 1.). Both terms rise with q.
 static float lit_slope(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
@@ -202,8 +201,8 @@ static float lit_slope(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
-// No crowd with a Mandelbulb, whose shadow streams ask every shape. Nor where a low step cap may end a soft shadow: the
-// rays of a crowd's packet wait for each other, and their steps are not counted ray by ray.
+// Builds the BVH, or leaves it without levels. None with a Mandelbulb, whose shadow rays test every shape. None if
+// max_steps is below BVH_MIN_MAX_STEPS: batches of shadow rays do not count the steps of each ray.
 enum { BVH_MIN_MAX_STEPS = 256 };
 
 static void build_bvh(struct prepared *prepared) {
@@ -229,7 +228,7 @@ static void build_bvh(struct prepared *prepared) {
     }
 }
 
-// Of a repeated shape the others behind it that are repeated so in the same frame.
+// Links the repeated shapes after `first` that have its frame and its cells.
 static void link_same_grid(struct primitive *primitives, int first, int count) {
     struct primitive *s = &primitives[first], *last = s;
     memcpy(s->box_of_grid, s->box, sizeof s->box);
@@ -248,7 +247,7 @@ static void link_same_grid(struct primitive *primitives, int first, int count) {
     }
 }
 
-// All but what the shapes say.
+// Returns the known scene, but for the members that depend on its shapes.
 static struct known_scene known_of(const struct model *model) {
     const struct features *features = &model->features;
     const double *background = model->background;
@@ -288,7 +287,7 @@ void prepare_shapes(struct prepared *prepared, const struct model *model) {
         if ((p->repeated &&
              (known->bulbs || !fits_its_cells(&model->shapes[i], p, &model->march))) ||
             p->eval == EVAL_POWER ||
-            // of two Mandelbulbs each one's estimate is a part of the other's steps
+            // With two Mandelbulbs, each one's estimate changes the steps towards the other.
             (p->type == SHAPE_MANDELBULB && (model->march.hit_distance > 0.01 ||
                                              model->shadows == SHADOWS_HARD || known->bulbs > 1)))
             prepared->analytic = false;

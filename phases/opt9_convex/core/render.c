@@ -9,11 +9,11 @@
 #include "phase.h"
 #include "workers/workers.h"
 
-// What a tile reads is `prepared`; the team stands behind it.
+// The memory behind a struct prepared: the caller's pointer is to its first member.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // lanes, not eight
+    bool sixteen; // 16 lanes, else 8
 };
 
 const char *phase_unsupported(const struct scene *scene) {
@@ -51,7 +51,7 @@ void phase_release(struct prepared *prepared) {
     free(kept);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// Aligned away from what the caller writes on its stack, because all workers read it.
 struct frame_job {
     alignas(WORKERS_APART) struct job job;
     bool sixteen;

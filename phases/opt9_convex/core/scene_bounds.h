@@ -1,4 +1,4 @@
-// Whether a hit is within the scene's bounds: behind them a ray meets nothing.
+// Whether hits are within the scene's bounds. A ray beyond the bounds hits nothing.
 #ifndef OPT9_SCENE_BOUNDS_H
 #define OPT9_SCENE_BOUNDS_H
 
@@ -8,9 +8,9 @@ static double dot3(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Near the bounds in double: |origin + t·direction|² and radius² agree in more digits than float has. So does a
-// plane's t, which is one of them. parts: origin, direction, t, shape.
-// Where there is one caller gcc inlines it, as it should: else 1.6 % more instructions a frame of scene0's kernel.
+// Returns which of the `asked` hits are within the bounds, in doubles. Near the bounds, |origin + t·direction|² and
+// radius² agree in all digits of a float, and a plane's t has to be recomputed. parts: origin, direction, t, shape.
+// Keep one caller per translation unit: inlined, it saves 1.6 % of the instructions of scene0's kernel.
 static vmask in_bounds_nearly(const vfloat parts[8], vmask asked, const struct known_scene *scene) {
     double radius = scene->model.march.bounds_radius;
     float lanes[8][LANES];
@@ -35,6 +35,7 @@ static vmask in_bounds_nearly(const vfloat parts[8], vmask asked, const struct k
     return v_mask_of_bits(in);
 }
 
+// Returns the lanes whose hit is within the bounds, or that have no hit.
 static inline vmask in_bounds(const struct shading_packet *at, const struct known_scene *scene) {
     double radius = scene->model.march.bounds_radius;
     float bound = (float)(radius * radius);
@@ -43,7 +44,7 @@ static inline vmask in_bounds(const struct shading_packet *at, const struct know
     if (!v_any(asked))
         return v_mask_all();
     asked = v_and(asked, v_cmp_lt(square, v_splat(bound * (1 + 0x1p-16f))));
-    // A copy, so that what it is of stays in registers.
+    // A copy, so that *at stays in registers.
     const vfloat parts[8] = {at->ray.origin.x,    at->ray.origin.y,    at->ray.origin.z,
                              at->ray.direction.x, at->ray.direction.y, at->ray.direction.z,
                              at->hit.t,           at->hit.shape};

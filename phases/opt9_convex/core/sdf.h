@@ -3,10 +3,10 @@
 // P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
 // "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
 //
-// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated
-// in world coordinates: each ray holds, for each shape, its origin and direction in that shape's
-// own frame, and the march evaluates origin + t·direction there, rounded once at the size of the
-// shape. Branches that differ between lanes are evaluated for all and chosen by mask.
+// In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated in world
+// coordinates. Each ray has an origin and a direction in the frame of each shape, and the march evaluates
+// origin + t·direction there, rounded once at the size of the shape. Branches that differ between lanes are evaluated
+// for all lanes and selected by mask.
 #ifndef OPT9_SDF_H
 #define OPT9_SDF_H
 
@@ -21,20 +21,21 @@ struct local_ray {
     vfloat power, slope;
 };
 
-// With a direction that the kernel may know. What is 0 times it would add no more than a sign to a 0.
+// Returns a·v. A kernel may know that a is (0, 1, 0); products with 0 could change the sign of a zero only.
 static inline vfloat add_dot(const float a[3], struct vec v) {
     if (axis_is_up(a))
         return v.y;
     return vec_dot(vec_set(a), v);
 }
 
-// v mirrored at a plane through 0 with unit normal a.
+// Returns v mirrored at the plane through 0 with unit normal a.
 INLINE struct vec reflected_at(const float a[3], struct vec v) {
     if (axis_is_up(a))
         return (struct vec){v.x, v_splat(0.0f) - v.y, v.z};
     return vec_reflect(v, vec_set(a));
 }
 
+// Returns v turned into the shape's frame.
 INLINE struct vec turned(const struct primitive *s, struct vec v) {
     COUNT(turned, call);
     if (!s->turned)
@@ -44,7 +45,7 @@ INLINE struct vec turned(const struct primitive *s, struct vec v) {
                         vec_dot(vec_set(s->turn[2]), v)};
 }
 
-// Back from the shape's frame: the matrix is orthogonal, so its transpose.
+// Returns v turned back to world axes, by the transpose.
 INLINE struct vec turned_back(const struct primitive *s, struct vec v) {
     COUNT(turned_back, call);
     if (!s->turned)
@@ -55,11 +56,13 @@ INLINE struct vec turned_back(const struct primitive *s, struct vec v) {
     return vec_along(out, vec_set(s->turn[2]), v.z);
 }
 
+// Returns the point p in the shape's frame, in float.
 INLINE struct vec to_local(const struct primitive *s, struct vec p) {
     return turned(s, (struct vec){p.x - v_splat(s->position[0]), p.y - v_splat(s->position[1]),
                                   p.z - v_splat(s->position[2])});
 }
 
+// Returns the height of p over a linear plane.
 INLINE vfloat height_over(const struct primitive *s, struct vec p) {
     return add_dot(s->normal, p) - v_splat(s->c);
 }
@@ -80,8 +83,8 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
     return v_double_madd(turns, -cell, x);
 }
 
-// One coordinate in the shape's frame. It cancels: a place 5 from a turned box has a face's distance
-// to 5e-7 by a product of floats, which is the hit distance; and in the 10,000th cell to 4e-3.
+// Returns one coordinate of a point in the shape's frame, computed in double. In float it would cancel: 5 units from a
+// turned box it errs by 5e-7, and in the 10,000th cell by 4e-3.
 static inline vfloat coordinate(const struct primitive *s, struct vec_double from, int axis) {
     COUNT(coordinate, call);
     vdouble x = v_double_sub(v_double_dot(from, s->row[axis]), s->offset);
@@ -92,6 +95,7 @@ static inline vfloat coordinate(const struct primitive *s, struct vec_double fro
     return v_double_to_float(x);
 }
 
+// Returns |from|² − square, computed in double.
 static inline vfloat power_at(struct vec_double from, double square) {
     COUNT(power_at, call);
     struct vec_double p = from;
@@ -142,7 +146,7 @@ static inline void set_local_directions(struct vec direction, const struct prepa
     }
 }
 
-// The origins moved by a little along the rays.
+// Moves the origins along the rays by a short distance.
 static inline void move_local_rays(vfloat by, const struct prepared *scene,
                                    struct local_ray *local_rays) {
     COUNT(move_local_rays, call);
@@ -167,7 +171,7 @@ static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {
     return vec_norm(p) - v_splat(s->a);
 }
 
-// |p| − a from |p|² − a². The difference of two numbers of a planet's size would be lost.
+// Returns |p| − a from the power |p|² − a². For a large sphere the difference itself would cancel.
 static inline vfloat sdf_power(vfloat power, const struct primitive *s) {
     COUNT(sdf_power, call);
     return power / (v_sqrt(v_max(power + v_splat(s->b), v_splat(0.0f))) + v_splat(s->a));
@@ -236,13 +240,12 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     return v_select(edges, edge, face);
 }
 
-// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep what they
-// have (the paper's Fig. 5).
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their values (the paper's
+// Fig. 5).
 static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
     COUNT(sdf_mandelbulb, call);
     vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
-    // |w|² becomes |p|^16, which overflows from |p| = 256 on; from 32 on the estimate is r·ln(r)/3
-    // to a float's precision, after the one iteration that escapes.
+    // |p|^16 overflows from |p| = 256 on. From 32 on, the estimate equals r·ln(r)/3 to a float's precision.
     vmask far = v_cmp_gt(m, v_splat(1024.0f)), escaped = v_or(done, far);
     for (int i = 0; i < s->iterations; i++) {
         ACTIVE(LANES - v_count(escaped));
@@ -259,7 +262,7 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
         z = v_madd(k2_sin4, sin4, p.z - k2); // p.z − k2·cos8
         y = v_madd(k1, k1, v_nmadd(v_splat(16.0f) * y2 * k3, k4 * k4, p.y));
         vfloat slope = v_madd(v_splat(8.0f) * (m * m * m * v_sqrt(m)), dz,
-                              v_splat(1.0f)); // last: its root can wait
+                              v_splat(1.0f)); // its root can wait until now
         vfloat grown = v_madd(x, x, v_madd(y, y, z * z));
         m = v_select(escaped, m, grown);
         dz = v_select(escaped, dz, slope);
@@ -281,7 +284,7 @@ static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vma
     return v_select_or_zero(v_cmp_gt(m, v_splat(0.0f)), distance); // √m·ln m → 0 at the centre
 }
 
-// At a point of the shape's own frame, wrapped if it is repeated.
+// Returns the distance at a point in the shape's frame, already wrapped if the shape is repeated.
 __attribute__((always_inline)) static inline vfloat
 distance_at(struct vec p, const struct primitive *s, vmask done) {
     switch (s->type) {
@@ -296,7 +299,7 @@ distance_at(struct vec p, const struct primitive *s, vmask done) {
     }
 }
 
-// Distance to one shape at distance t along the rays.
+// Returns the distance to one shape at distance t along the rays.
 __attribute__((always_inline)) static inline vfloat
 distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s, vmask done) {
     COUNT(distance_to_shape, call);
@@ -315,8 +318,8 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s
     return distance_at(p, s, done);
 }
 
-// Distance to the nearest shape, and if asked which one it is (the first of equals). Lanes of `done`
-// may hold anything. Inlined by force: the march keeps its state in registers.
+// Returns the distance to the nearest shape, and sets its index if `nearest` is not NULL (the first of equals). Lanes
+// of `done` may hold anything. Always inlined, so that the march keeps its state in registers.
 __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *local_rays,
                                                         vfloat t, const struct prepared *scene,
                                                         vmask done, vfloat *nearest) {

@@ -1,5 +1,5 @@
-// What a group's hits look like: normals in closed form, light (core/lighting.h), and what has to wait for a shadow or a mirror
-// ray. Where nothing ever waits: hit/primary_hits.c.
+// Shades a group of packets: normals in closed form, light (core/lighting.h), and the queues of shadow and mirror rays.
+// Scenes without secondary rays: hit/primary_hits.c.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
 #include "core/lighting.h"
@@ -8,13 +8,13 @@
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_rays.h"
 
-// Forward differences of the estimate, the only normal it has.
+// Returns the normals of a Mandelbulb: forward differences of its estimate.
 static struct vec bulb_normal(struct vec p, vmask found, const struct primitive *s, float step) {
     ACTIVE(v_count(found));
     COUNT(bulb_normal, call);
     COUNT(bulb_normal, scalar);
     vmask done = v_not(found);
-    // Along the world's axes, as in every phase: columns of the shape's matrix.
+    // Differences along the world's axes, as in every phase: columns of the shape's matrix.
     struct vec at[4] = {p};
     for (int k = 0; k < 3; k++)
         at[k + 1] =
@@ -24,9 +24,10 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
     vfloat f[4];
     for (int k = 0; k < 4; k++)
         b[k] = bulb_begin(at[k], done);
-    bulbs_end(s, 0, false, LANES < 16, true, 4, b, at, f); // 11 bits are too few, 14 are not
+    bulbs_end(s, 0, false, LANES < 16, true, 4, b, at,
+              f); // 11 bits (8 lanes) are too few, 14 (16 lanes) suffice
     struct vec n = {f[1] - f[0], f[2] - f[0], f[3] - f[0]};
-    // About its centre the estimate is 0 everywhere, and of many iterations no number at times: any direction will do.
+    // Near its centre the estimate is 0, or NaN after many iterations: any direction will do there.
     vfloat size = vec_norm(n);
     vmask some = v_cmp_gt(size, v_splat(0.0f));
     n = (struct vec){v_select_or_zero(some, n.x), v_select(some, n.y, v_splat(1.0f)),
@@ -34,6 +35,7 @@ static struct vec bulb_normal(struct vec p, vmask found, const struct primitive 
     return vec_scale(n, v_splat(1.0f) / v_select(some, size, v_splat(1.0f)));
 }
 
+// Sets the surface of the lanes that hit shape i.
 INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepared *scene,
                        struct surface *all) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
@@ -54,7 +56,7 @@ INLINE void surface_of(int i, const struct surface_hit *hit, const struct prepar
     all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
 }
 
-// Once for each shape that the packet hit.
+// Sets the surfaces of a packet's hits. Normals point towards the rays' origins.
 static void surface_at(const struct surface_hit *restrict hit, const struct vec *restrict direction,
                        const struct prepared *scene, struct surface *restrict all) {
     COUNT(surface_at, call);
@@ -71,6 +73,7 @@ static void surface_at(const struct surface_hit *restrict hit, const struct vec 
                      v_negate_where(away, all->normal.z)};
 }
 
+// Queues the shadow rays of the lanes in m. A full queue is emptied first.
 static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, struct vec to_light,
                          vfloat facing, struct vec light, vfloat pixel,
                          const struct tile_context *work) {
@@ -89,6 +92,7 @@ static void queue_shadow(vmask m, struct vec p, const struct surface_hit *hit, s
     scratch->shadows += v_count(m);
 }
 
+// Queues the mirror rays of the lanes in m, with this weight.
 static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, struct vec n,
                          vfloat weight, const struct surface_hit *hit,
                          const struct tile_context *work) {
@@ -109,6 +113,7 @@ static void queue_mirror(vmask m, const struct packet_ray *ray, struct vec p, st
     scratch->mirrors += v_count(m);
 }
 
+// Multiplies the light of rays that graze the shape i by its self-shadow.
 INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec to_light,
                   vfloat facing, const struct prepared *scene, struct vec *light) {
     vmask same = v_and(grazes, is_shape(hit->shape, i));
@@ -121,7 +126,7 @@ INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec
     *light = vec_select(same, vec_scale(*light, lit), *light);
 }
 
-// Whether the packet's hits are all on the scene's first plane, from above: most packets' are.
+// Returns whether all hits of the packet are on the scene's first plane, from above. This is the most frequent case.
 INLINE bool all_on_plane(const struct shading_packet *at, const struct known_scene *scene) {
     COUNT(all_on_plane, call);
     if (scene->plane < 0)
@@ -157,7 +162,7 @@ static inline void find_surfaces(struct shading_packet *at, const struct prepare
         surface_at(&at->hit, &ray->direction, scene, &at->surface);
 }
 
-// Twice, so that a generated kernel knows the plane's material in the first.
+// Lights the packet. Two calls, so that a kernel knows the plane's material in the first.
 static inline void light_stage(struct shading_packet *at, const struct tile_context *work) {
     COUNT(light_stage, call);
     const struct known_scene *scene = KNOWN(work->scene);
@@ -168,20 +173,21 @@ static inline void light_stage(struct shading_packet *at, const struct tile_cont
         light_surfaces(at, &at->surface, NULL, work);
 }
 
-// In a tree of all levels a group's list of what may shade it is so long that each ray is better asked by itself: 4,096
-// scattered shapes 535 to 382 ms with it, 469 without; 256 shapes 131, 122 and 103.
+// Returns whether each shadow ray queries the BVH by itself (bvh_trivially_lit) in place of testing a list for the group.
+// With three levels that list is so long that testing it costs more than the queries.
 static inline bool queries_rays_singly(const struct prepared *scene) {
     return HAS_BVH(scene) && scene->model.shadows == SHADOWS_SOFT &&
            scene->bvh.levels == BVH_LEVELS;
 }
 
+// Sets at->open: which rays reach the light without a march.
 static inline void cull_shadows(struct shading_packet *at, const struct tile_context *work) {
     COUNT(cull_shadows, call);
     const struct known_model *model = &KNOWN(work->scene)->model;
     at->open = at->lit;
     if (!v_any(at->lit))
         return;
-    // HAS_BVH once more: without optimization too, a kernel must not refer to what is called here.
+    // HAS_BVH is repeated here because a kernel without optimization would refer to bvh_trivially_lit().
     if (HAS_BVH(work->scene) && queries_rays_singly(work->scene))
         at->open = bvh_trivially_lit(at->point, at->hit.local, at->to_light, at->facing,
                                      at->hit.shape, at->lit, work);
@@ -199,7 +205,7 @@ static inline void cull_shadows(struct shading_packet *at, const struct tile_con
     }
 }
 
-// What reaches the pixels at once; what a shadow or a mirror ray will bring waits.
+// Adds the light that needs no march, and queues shadow and mirror rays for the rest.
 static inline void queue_or_add(struct shading_packet *at, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat zero = v_splat(0.0f);
@@ -208,10 +214,10 @@ static inline void queue_or_add(struct shading_packet *at, const struct tile_con
     COUNT(queue_or_add, call);
     if (model->shadows == SHADOWS_SOFT) {
         COUNT(queue_or_add, soft);
-        vmask asked = v_andnot(open, at->lit);
+        vmask doubtful = v_andnot(open, at->lit);
         vmask grazes = v_and(open, v_cmp_lt(at->facing, v_splat(KNOWN(work->scene)->lit_slope)));
-        if (v_any(asked))
-            queue_shadow(asked, at->point, &at->hit, at->to_light, at->facing, at->light,
+        if (v_any(doubtful))
+            queue_shadow(doubtful, at->point, &at->hit, at->to_light, at->facing, at->light,
                          at->ray.pixel, work);
         if (v_any(grazes)) {
             unsigned left = v_mask_bits(grazes);

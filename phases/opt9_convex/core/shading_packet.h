@@ -1,4 +1,4 @@
-// A packet of rays on its way to a colour.
+// A packet of camera or mirror rays: the rays, their hits, surfaces and light.
 #ifndef OPT9_SHADING_PACKET_H
 #define OPT9_SHADING_PACKET_H
 
@@ -7,17 +7,20 @@
 
 struct tile_context;
 
+// The nearest hits of a packet so far.
 struct surface_hit {
     vmask found;
-    vfloat t, shape;
-    struct vec local; // in the shape's frame; not for planes
+    vfloat t, shape;  // infinite and −1 where nothing is hit
+    struct vec local; // the point in the shape's frame; not set for planes
 };
 
+// share: the weight of the mirror ray. shine_from: see struct primitive.
 struct surface {
     struct vec normal, color;
     vfloat share, shininess, shine_from;
 };
 
+// Replaces the hits of the lanes in `met` by hits on s at distance t.
 INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primitive *s,
                      struct surface_hit *hit) {
     if (!v_any(met))
@@ -28,8 +31,7 @@ INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primiti
     hit->local = vec_select(met, local, hit->local);
 }
 
-// Part by part, as rays and hits are below: a mask that was just written, copied as a part of a whole register, is waited
-// for.
+// Sets no hit in any lane. Member by member: copying a struct whose mask was just written stalls on store forwarding.
 static inline void no_hit(struct surface_hit *hit) {
     hit->found = v_mask_none();
     hit->t = v_splat(INFINITY);
@@ -39,34 +41,36 @@ static inline void no_hit(struct surface_hit *hit) {
 
 struct packet_ray {
     struct vec origin, direction;
-    vfloat weight, pixel, bounce, leaves; // leaves: the shape it is from, −1: none
+    vfloat weight, pixel, bounce;
+    vfloat leaves; // the shape on which the ray starts, −1: none
     vmask active;
     struct vec
-        local; // where repeated shapes are: the point it is from, in the frame of what it leaves
+        local; // scenes with repeated shapes: the start in the frame of the shape that it leaves
 };
 
-// A group of them takes each step together: each packet's steps wait
-// for each other, those of different packets do not.
+// A packet from its rays to its colour. A group of packets takes each stage together, because the operations of one
+// packet depend on each other and those of different packets do not.
 struct shading_packet {
     struct packet_ray ray;
     struct surface_hit hit;
     struct vec point, color, to_light, light;
     struct surface surface;
     vfloat weight, facing;
-    vmask lit, open;
-    bool flat; // all its hits are on the scene's first plane
-    // So that no field is read of one packet a multiple of 4 KiB behind where another's was written just before.
+    vmask lit, open; // lit: facing the light. open: reached by it without a march
+    bool flat;       // all its hits are on the scene's first plane
+    // Avoids 4 KiB aliasing between the fields of two packets.
     vfloat apart[16];
 };
 
+// Returns the background's colour, times weight.
 static inline struct vec background(vfloat weight, const struct known_model *model) {
     const double *b = model->background;
     return (struct vec){weight * v_splat((float)b[0]), weight * v_splat((float)b[1]),
                         weight * v_splat((float)b[2])};
 }
 
-// A packet of camera rays: what it has met so far. Where `only` is not −1, all of it is on that shape. Where nothing waits for
-// it (needs_no_secondary()), hit.local is the normal in the world's axes, on one side or the other.
+// A packet of camera rays and its nearest hits so far. only: the shape that all its rays hit, −1: not known. In scenes
+// without secondary rays (needs_no_secondary()), hit.local is the normal in world axes, of either sign.
 struct primary_hit {
     struct vec direction;
     vmask active;
@@ -74,14 +78,14 @@ struct primary_hit {
     int only;
 };
 
-// Of hits on what is not repeated: their normals, as a sight has them.
+// Sets hit.local to the normals of hits on shapes that are not repeated.
 KERNEL_SHARED void primary_normals(struct primary_hit *seen, const struct prepared *scene);
 
-// Its colour, where nothing waits for it.
+// Sets at->color from the hits. Precondition: needs_no_secondary().
 KERNEL_SHARED void shade_primary_hit(const struct primary_hit *seen, struct shading_packet *at,
                                      const struct tile_context *work);
 
-// Sets the colours of packets whose hits are known; what waits for a shadow or a mirror ray is queued.
+// Sets the colours of packets whose hits are known. Light that depends on a march, and mirror rays, are queued.
 KERNEL_SHARED void shade_packets(struct shading_packet *stage, int count,
                                  const struct tile_context *work);
 

@@ -1,4 +1,4 @@
-// Blocks of a tile into the picture: in floats, or as displayed.
+// Stores the pixels of a tile: linear colours, other channels, or 8-bit colours as displayed.
 #include "core/tile.h"
 #include "phase.h"
 #include "simd/rgb.h"
@@ -64,26 +64,24 @@ KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, c
         (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
 }
 
-// Whether a row of the picture is whole cache lines, as sixteen of its pixels then are: what is stored of such a
-// picture goes past the caches, for it is read when all is done. What is on its way then is there before another
-// thread reads it: a worker leaves the frame under a lock (team_run), and x86's instructions with LOCK wait for such
-// stores (Intel's manual, volume 3, "Buffering of Write Combining Memory Locations"; AMD's, volume 2). A thread reads
-// its own in any case. A fence a tile took all of the gain.
+// Returns whether rows of the picture are whole cache lines. If so, stores bypass the caches, because the picture is
+// read only after the frame. Other threads see these stores in time: workers_run() ends with a lock, and x86
+// instructions with LOCK wait for write-combining buffers (Intel SDM vol. 3, "Buffering of Write Combining Memory
+// Locations"; AMD APM vol. 2). A fence per tile would cost all of the gain.
 static bool past_caches(const struct frame *frame) {
     return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
 }
 
-// Of a tile of whole blocks, a row of the picture at once in place of pieces of one.
+// Returns whether the tile is made of whole blocks, so that store_rows() can store whole rows of it.
 KERNEL_SHARED bool is_whole_lines(int left, int right, int top, int bottom) {
     return (right - left) % 16 == 0 && (bottom - top) % BLOCK_HEIGHT == 0;
 }
 
-// Where a tile's row begins among the lanes of its blocks.
+// Returns where a tile's pixel row begins among the lanes of its blocks.
 static inline const float *row_from(const float *color, int row, int across) {
     return color + row / BLOCK_HEIGHT * across * BLOCK_HEIGHT + row % BLOCK_HEIGHT * BLOCK_WIDTH;
 }
 
-// Samples of a tile's rows, in a row each.
 static inline void display_rows(struct frame *frame, int left, int right, int top, int bottom,
                                 const float *color) {
     float line[3 * TILE_WIDTH];
@@ -135,7 +133,7 @@ KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int
         display_background(frame, left, right, top, bottom, model);
         return;
     }
-    enum { REGISTERS = 3 }; // have whole pixels
+    enum { REGISTERS = 3 }; // registers that hold a whole number of pixels
     const bool past = past_caches(frame);
     vfloat part[REGISTERS];
     float color[REGISTERS * LANES];

@@ -1,5 +1,5 @@
-// The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
-// of a block lies outside the picture is masked, so any size will do.
+// The entry points for one lane width, and the tiles of frames that are marched: blocks of 4 × LANES/4 pixels, one ray
+// through the middle of each. Lanes outside the picture are masked.
 #include <stdlib.h>
 
 #include "core/tile.h"
@@ -93,12 +93,12 @@ static void draw_tile(const struct job *job, int tile, struct local_ray *local_r
     }
 }
 
-// As many as a Mandelbulb's streams have, if there is one.
+// Returns the number of packets of shadow rays that have candidates.
 static int candidate_slots(const struct model *model) {
     return model->features.count[SHAPE_MANDELBULB] ? REFILLED_PACKETS : CANDIDATE_SLOTS;
 }
 
-// A worker's own is either: approaches to march with, or a desk and what it points to.
+// Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for marched ones.
 size_t VARIANT(scratch_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
     size_t scratch = SCRATCH_SIZE(shapes, candidate_slots(model));

@@ -5,25 +5,28 @@
 #include "core/shading_packet.h"
 #include "core/tile_context.h"
 
+// Neighbouring pixels, one per lane.
 struct pixel_block {
     int column, row;  // of lane 0; lane i is i % 4 to the right and i / 4 below
-    int across, down; // what of it is in the picture
+    int across, down; // its size within the picture
 };
 
-// What the tile's blocks have in common.
+// A tile, in pixels, and what the camera rays of its blocks share.
 struct tile {
     int left, right, top, bottom;
     struct vec eye, ahead, across, up;
-    vfloat below, beside; // of the lanes in their block, in pixels
-    float per_height;
+    vfloat below, beside; // of each lane in its block, in pixels
+    float per_height;     // half a pixel in the picture's plane at distance 1
 };
 
+// Returns block i of the row of blocks that begins at pixel row `row`.
 static inline struct pixel_block block_at(const struct tile *tile, int row, int i) {
     int column = tile->left + i * BLOCK_WIDTH;
     return (struct pixel_block){column, row, int_min(BLOCK_WIDTH, tile->right - column),
                                 int_min(BLOCK_HEIGHT, tile->bottom - row)};
 }
 
+// Sets a packet of camera rays. slot: of its first lane in worker_scratch.color.
 static inline void set_camera_ray(const struct tile *tile, struct vec direction, vmask active,
                                   int slot, struct packet_ray *ray) {
     COUNT(set_camera_ray, call);
@@ -38,7 +41,8 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
     ray->local = (struct vec){zero, zero, zero};
 }
 
-// core/store_pixels.c
+// core/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape, normal and
+// evaluations; a block from worker_scratch.color; whole rows of a tile, if is_whole_lines(); a tile of background.
 KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
                                struct pixel_block block, vfloat values);
 KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
@@ -52,7 +56,8 @@ KERNEL_SHARED void store_rows(struct frame *frame, int left, int right, int top,
 KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int top, int bottom,
                                    const struct known_model *model);
 
-// hit/camera_rays.c
+// hit/camera_rays.c: the hits of a whole tile in a scene with repeated shapes; the hits of a tile on Mandelbulbs, to
+// worker_scratch.met; and a row of packets with their hits, whose number is returned.
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
                                  const struct worker_scratch *scratch, struct primary_hit *hits);
 KERNEL_SHARED void march_tile_bulbs(const struct tile *tile, const struct job *job,

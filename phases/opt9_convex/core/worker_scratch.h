@@ -1,25 +1,25 @@
-// A worker's own memory, laid out: its desk, and what that points to.
+// The layout of a worker's memory: struct worker_scratch, and behind it the arrays that it points to.
 #ifndef OPT9_WORKER_SCRATCH_H
 #define OPT9_WORKER_SCRATCH_H
 
 #include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
 
-// Packets whose shadow rays know something of every shape: those in work; of a crowd one, and behind it its vicinity, which
-// takes the room of two.
+// CANDIDATE_SLOTS: packets of shadow rays with a candidate for every shape. With a BVH: one packet, and the active set
+// in the room of two.
 enum {
     CANDIDATE_SLOTS = PACKETS_IN_WORK > 3 ? PACKETS_IN_WORK : 3,
     SCRATCH_LISTS = 4 + GROUP + PACKETS_IN_WORK
 };
 _Static_assert((int)REFILLED_PACKETS >= (int)CANDIDATE_SLOTS,
-               "a kernel's desk has room for a Mandelbulb's streams");
+               "a kernel's scratch memory has room for the packets of a Mandelbulb");
 #define WHOLE_LINES(size) (((size) + 63) / 64 * 64)
-// A list of shapes, and room for a row of lanes behind them (bvh_list).
+// Bytes of a list of shapes, with room for LANES more (bvh_list).
 #define LIST_SIZE(shapes) WHOLE_LINES(((size_t)(shapes) + LANES) * sizeof(int))
-// candidates: of how many packets of shadow rays what they know of every shape.
-#define SCRATCH_SIZE(shapes, candidates)                                                           \
+// Bytes of a worker's memory. slots: packets of shadow rays that have candidates.
+#define SCRATCH_SIZE(shapes, slots)                                                                \
     (WHOLE_LINES(sizeof(struct worker_scratch)) +                                                  \
-     (size_t)(candidates) * (size_t)(shapes) * sizeof(struct shadow_candidate) +                   \
+     (size_t)(slots) * (size_t)(shapes) * sizeof(struct shadow_candidate) +                        \
      SCRATCH_LISTS * LIST_SIZE(shapes))
 
 static inline struct worker_scratch *scratch_at(void *memory, int shape_count, int candidates) {

@@ -18,11 +18,11 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
     vfloat per = v_splat(1.0f) / (v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
     vfloat square = v_max(v_madd(d.x, d.x, d.z * d.z), v_splat(1e-12f));
-    vfloat lean = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
-    vfloat inside = v_nmadd(square, far - v_splat(outer_sq), lean * lean);
+    vfloat b = v_madd(c.x, d.x, c.z * d.z), far = v_madd(c.x, c.x, c.z * c.z);
+    vfloat inside = v_nmadd(square, far - v_splat(outer_sq), b * b);
     vfloat half = v_sqrt(v_max(inside, zero)), per_square = v_splat(1.0f) / square;
-    vfloat at = v_max(v_max(*t, zero - middle - width), (zero - lean - half) * per_square);
-    vfloat out = v_min(width - middle, (half - lean) * per_square);
+    vfloat at = v_max(v_max(*t, zero - middle - width), (zero - b - half) * per_square);
+    vfloat out = v_min(width - middle, (half - b) * per_square);
     near = v_and(near, v_and(v_cmp_ge(inside, zero), v_cmp_ge(out, at)));
     vmask going = near, found = v_mask_none();
     if (!v_any(going))

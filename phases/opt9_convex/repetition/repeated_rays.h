@@ -50,8 +50,8 @@ static inline vfloat bounds_distance(struct vec origin, struct vec direction,
     COUNT(bounds_distance, scalar);
     float radius = (float)limits->bounds_radius * (1.0f + 1e-4f);
     vfloat along = vec_dot(origin, direction),
-           rest = v_splat(radius * radius) - vec_dot(origin, origin);
-    return v_sqrt(v_max(v_madd(along, along, rest), v_splat(0.0f))) - along;
+           inside = v_splat(radius * radius) - vec_dot(origin, origin);
+    return v_sqrt(v_max(v_madd(along, along, inside), v_splat(0.0f))) - along;
 }
 
 // As enter(): where they enter a copy ahead of them, and the point there in that one's frame.

@@ -1,18 +1,20 @@
-// See shadow/shadow_batch.h. Which shapes are about a stretch of the way ahead of the rays, and which of them is the nearest.
+// The active set of a batch: all shapes near a segment ahead of the rays, and the nearest of them to each
+// ray.
 #include "bvh/bvh_traversal.h"
 #include "shadow/shadow_batch.h"
 
-// Radius of a vicinity at least, in radii of the nodes above the shapes, and beside the distance that the nearest shape is
-// no further than. (Others: docs/what-did-not-pay.md.)
+// The radius of an active set is at least ACTIVE_RADIUS·bvh.spacing and ACTIVE_GROWTH times the bound of the
+// nearest distance. (Other values: docs/what-did-not-pay.md.)
 #define ACTIVE_RADIUS 0.4f
 #define ACTIVE_GROWTH 1.2f
-// How much of that distance a ray leaves to the vicinity's edge, at least: it has room for a step.
+// A ray in the set is at least this share of that bound inside its edge: room for a step.
 #define ACTIVE_MARGIN 0.4f
-// How far ahead of the ray behind all others it starts, as a share of what leaves that one a step: all of them go on.
+// The set starts ahead of the last ray, by this share of the room that ray has left.
 #define ACTIVE_AHEAD 0.6f
-// How long its stretch is, in the same radii: rays that go the same way stay in it for several steps.
+// Length of the segment over bvh.spacing. Rays in one direction stay near it for several steps.
 #define ACTIVE_LENGTH 0.7f
 
+// Tests which spheres come within `within` of the segment.
 static inline vmask near_stretch(struct vec centre, vfloat radius, const void *with) {
     COUNT(near_stretch, call);
     const struct active_set *v = with;
@@ -54,8 +56,8 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
     float near = lane_of(h, one), left = lane_of(w->march.end - w->march.t, one);
     v->within = float_max(ACTIVE_GROWTH * near, ACTIVE_RADIUS * scene->bvh.spacing);
     float slack = 1e-6f * (float)scene->model.march.bounds_radius;
-    float on =
-        float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack, 0.0f); // it must not wait itself
+    float on = float_max(ACTIVE_AHEAD * (v->within - near) - 2 * slack,
+                         0.0f); // so that the last ray itself can step
     struct vec ahead = vec_along(p, l, v_splat(on));
     v->start = vec_of_lane(&ahead, one);
     v->along = vec_of_lane(&l, one);
@@ -77,9 +79,9 @@ static inline struct vec offset_from_candidate(const struct candidate *c, struct
                         at.z - v_splat(c->centre[2])};
 }
 
-// How far the solid's bounding sphere is, whose centre is `square` away squared, by an approximate root, to 10 bits and less by
-// that much; and what it is not below further on: a distance to what is convex is a convex function along a ray, so that it
-// stays above its tangent.
+// Returns the distance to a bounding sphere whose centre is √square away, rounded down by 2^-10 for the
+// approximate root. Sets the falling bound: a distance to a convex set is convex along a ray, so it stays
+// above its tangent.
 static inline vfloat sphere_bound(const struct candidate *c, const struct batch_packet *w,
                                   struct vec from, vfloat square, struct falling_bound *below) {
     COUNT(sphere_bound, call);
@@ -120,8 +122,8 @@ void set_falling_bounds(struct shadow_batch *batch) {
     }
 }
 
-// Of rays that are from the solid, as exactly as its own frame allows: near to it a sphere's distance in float is noise in the
-// third digit, that of its power is not.
+// Returns the distance to the rays' own solid, in its own frame. Near it a sphere's distance in float errs in
+// the third digit; its power does not.
 static vfloat distance_to_own_solid(const struct batch_packet *w, const struct primitive *s) {
     COUNT(distance_to_own_solid, call);
     vfloat t = w->march.t;
@@ -145,51 +147,52 @@ static inline vfloat distance_to(const struct candidate *c, const struct batch_p
         return distance_to_own_solid(w, s);
     COUNT(distance_to, solid);
     struct vec p = turned(s, offset_from_candidate(c, w->at));
-    // Spheres (of no size but their radius) and boxes (of radius 0) by one formula: a branch on which it is is foretold by
-    // nothing.
+    // Spheres (size 0) and boxes (radius 0) by one formula: a branch on the type would be unpredictable.
     if (s->type == SHAPE_SPHERE || s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX)
         return sdf_rounded_box(p, s);
     return distance_at(p, s, v_mask_none());
 }
 
-// c: shape k of the vicinity. Its distance falls no faster than t grows; 2^-18: of rounding.
+// Evaluates shape k of the active set. Its falling bound has slope −1; the factor 1 − 2^-18 covers rounding.
 static inline void evaluate_candidate(const struct candidate *c, int k, struct batch_packet *w,
                                       struct falling_bound *below) {
     COUNT(evaluate_candidate, call);
     vfloat h = distance_to(c, w);
     *below = (struct falling_bound){(h + w->march.t) * v_splat(1.0f - 0x1p-18f), v_splat(-1.0f)};
-    int kept = v_any(v_cmp_lt(h, w->least)) - 1; // no branch: it would wait for the root
+    int kept = v_any(v_cmp_lt(h, w->least)) - 1; // branch-free: a branch would wait for the root
     w->recent = (w->recent & kept) | (k & ~kept);
     w->least = v_min(h, w->least);
 }
 
-// Whether the bounding sphere alone says that no ray is as near to the shape as to what is known, told by squares, without a
-// root; and what is known of it then.
+// Returns whether the bounding sphere proves that the shape is nearest to no ray. Compares squares, without a
+// root. Sets the falling bound.
 static inline bool sphere_too_far(const struct candidate *c, const struct batch_packet *w,
                                   struct falling_bound *below) {
     COUNT(sphere_too_far, call);
     struct vec from = offset_from_candidate(c, w->at);
     vfloat square = vec_dot(from, from);
     vfloat reach = v_madd(w->march.t, v_splat(0x1p-18f), w->least + v_splat(c->bound));
-    reach = v_max(reach, v_splat(0.0f)); // 0 of rays that stand still
+    reach = v_max(reach, v_splat(0.0f)); // 0 for idle rays
     sphere_bound(c, w, from, square, below);
-    return !v_any(v_cmp_ge(reach * reach, square * v_splat(1 - 0x1p-16f))); // so it is of no plane
+    return !v_any(
+        v_cmp_ge(reach * reach, square * v_splat(1 - 0x1p-16f))); // never true for a plane
 }
 
-enum { WAKE_BITS = 64 }; // shapes, of each a bit
+enum { WAKE_BITS = 64 }; // shapes in a word, a bit for each
 
 static inline vfloat falling_bound_at(const struct falling_bound *below, vfloat t) {
     return v_madd(below->slope, t, below->intercept);
 }
 
-// Of the shapes from `first` on, WAKE_BITS at most, the bits of those that may be nearer to one of a packet's rays than what is.
+// Returns the shapes that may be nearer to some ray than the nearest so far, as bits. count: WAKE_BITS at
+// most.
 static inline unsigned long long awake_candidates(const struct falling_bound *below, int count,
                                                   const struct batch_packet *w) {
     COUNT(awake_candidates, call);
     vfloat least = w->least, t = w->march.t;
     unsigned long long awake = 0;
     for (int k = 0; k < count;
-         k += 4, below += 4 * BATCH_PACKETS) { // what is read behind the last is of no shape
+         k += 4, below += 4 * BATCH_PACKETS) { // entries past the last shape are masked out below
         COUNT(awake_candidates, four);
         unsigned long long which =
             v_any_of_four(v_cmp_ge(least, falling_bound_at(&below[0], t)),
@@ -201,14 +204,14 @@ static inline unsigned long long awake_candidates(const struct falling_bound *be
     return count < WAKE_BITS ? awake & ((1ull << count) - 1) : awake;
 }
 
-// The shape that was the nearest is asked first. Then each thing is done for all packets, one after the other: which shapes
-// may be nearer, which of those their bounding spheres leave, and how far those are: a branch on one shape's distance would
-// wait for it, and is foretold by nothing.
+// Evaluates the shape that was nearest last, then three passes over all packets: which shapes may be nearer,
+// which of those survive the bounding sphere test, and their distances. Passes avoid branches on single
+// distances, which wait for their roots and are unpredictable.
 void active_nearest(struct shadow_batch *batch) {
     COUNT(active_nearest, call);
     const struct active_set *v = &batch->set;
-    const struct candidate *shapes = v->shapes; // what is stored may not change it
-    unsigned long long which[BATCH_PACKETS];    // of WAKE_BITS shapes
+    const struct candidate *shapes = v->shapes; // a copy: stores to packets may not alias it
+    unsigned long long which[BATCH_PACKETS];    // WAKE_BITS shapes each
     int asked[BATCH_PACKETS];
     unsigned walking = 0;
     for (int i = 0; i < batch->moving; i++) {
@@ -232,7 +235,8 @@ void active_nearest(struct shadow_batch *batch) {
             int i = __builtin_ctz(packets);
             const struct batch_packet *w = &batch->packet[i];
             ACTIVE(LANES - v_count(is_idle(w)));
-            unsigned once = (unsigned)(asked[i] - first); // more than there are, of another row
+            unsigned once =
+                (unsigned)(asked[i] - first); // beyond WAKE_BITS if it is in another word
             which[i] = awake_candidates(&below[i], int_min(v->count - first, WAKE_BITS), w);
             which[i] &= ~(once < WAKE_BITS ? 1ull << once : 0);
         }

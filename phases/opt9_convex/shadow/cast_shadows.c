@@ -1,4 +1,4 @@
-// The shadow rays that wait, by what the scene is: each kind of scene has a way of its own to march them.
+// Chooses how the queued shadow rays are marched: in streams, in batches or packet by packet.
 #include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
 

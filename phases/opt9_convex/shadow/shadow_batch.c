@@ -1,5 +1,5 @@
-// Shadow rays of a scene with a BVH, marched in batches (shadow/shadow_batch.h): the queue is sorted (shadow/shadow_sort.c),
-// the rays leave their own solids (shadow/solid_exit.c) and march among the shapes nearby (shadow/active_set.c).
+// Marches the shadow rays of a scene with a BVH in batches: the queue is sorted (shadow/shadow_sort.c), rays
+// leave their own solid (shadow/solid_exit.c) and march among the shapes nearby (shadow/active_set.c).
 #include "shadow/shadow_batch.h"
 #include "bvh/bvh_lists.h"
 #include "shadow/soft_shadow.h"
@@ -194,7 +194,7 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
     _Static_assert(3 * BATCH_PACKETS * sizeof(struct falling_bound) <=
                        BVH_MIN_SHAPES *
                            (2 * sizeof *second - BATCH_PACKETS * sizeof(struct falling_bound)),
-                   "wake() reads three rows behind the last");
+                   "awake_candidates() reads three rows behind the last");
     batch.set.below = (struct falling_bound *)second;
     batch.set.shapes =
         (struct candidate *)(batch.set.below + (size_t)model->shape_count * BATCH_PACKETS);

@@ -1,5 +1,5 @@
-// Shadow rays of a crowd that are marched together: a few packets of them, neighbours by their order, share what
-// is known of the shapes near them.
+// Batches of shadow rays, in scenes with a BVH: up to eight packets of rays from one solid or from planes
+// march together and share an active set of the shapes near them.
 #ifndef OPT9_SHADOW_BATCH_H
 #define OPT9_SHADOW_BATCH_H
 
@@ -10,24 +10,23 @@
 
 enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 
-// A packet of them. The rays come apart, so only those in the vicinity are marched; the others wait.
+// A packet of a batch. Its rays drift apart, so only the rays near the active set march; the others wait.
 struct batch_packet {
     struct shadow_march march;
     struct shadow_rays rays;
-    struct vec from; // where they start, from the batch's place
-    struct vec
-        local_to; // to the light, in the frame of the solid that they are from, once they set out
-    vfloat until, asked; // where what is in the way ends, of the cones of slope `asked`
-    vfloat ray;          // which of the queue
+    struct vec from;     // their start, relative to batch.origin
+    struct vec local_to; // rays from a solid: to_light in its frame
+    vfloat until, asked; // the last cone query: its blocker ends at `until`; its slope
+    vfloat ray;          // index in the queue
     vmask waits;
-    struct vec at; // where they are, from the batch's place
+    struct vec at; // the points at t, relative to batch.origin
     vfloat
-        least; // the nearest shape's distance there; −∞ of those that stand still: nothing is nearer
-    int recent; // which of the vicinity was the nearest to one of them
-    int solid;  // that they all are from, −1: from planes
+        least;  // distance to the nearest shape there; −∞ for idle rays, so that no shape is nearer
+    int recent; // index in the active set of the shape that was nearest last
+    int solid;  // on which all rays start, −1: planes
 };
 
-// What moves with a ray to another packet: so many reals from march.t, from rays.point and from `from` on.
+// Vectors that move with a ray to another packet: runs that begin at march.t, at rays.point and at `from`.
 enum { RAY_REALS = 11, BATCH_REALS = 9, BATCH_ROWS = MARCH_REALS + RAY_REALS + BATCH_REALS };
 
 _Static_assert(offsetof(struct shadow_rays, shape) ==
@@ -36,35 +35,37 @@ _Static_assert(offsetof(struct shadow_rays, shape) ==
                        offsetof(struct batch_packet, from) + (BATCH_REALS - 1) * sizeof(vfloat),
                "one behind the other");
 
-// A shape of a vicinity.
+// A shape of an active set.
 struct candidate {
     const struct primitive *shape;
-    float centre[3], bound; // from the batch's; of the sphere about it, ∞: a plane
+    float centre[3],
+        bound; // centre: relative to batch.origin. bound: of its bounding sphere, infinite for a plane
 };
 
-// What the distances of a packet's rays to a shape are never below further on: rest + slope·t.
+// A lower bound of the distances of a packet's rays to a shape, for later t: intercept + slope·t.
 struct falling_bound {
     vfloat intercept, slope;
 };
 
-// All shapes that are within `within` of a stretch of the way: from `start` on, `length` along a ray.
+// All shapes within `within` of a segment, from `start` on, `length` along a ray. room: rays this near to the
+// segment can take a step.
 struct active_set {
     struct vec start, along;
-    float length, within, room; // room: for rays to take a step in it
-    int count, solids;          // those are the first ones, planes the others
+    float length, within, room;
+    int count, solids; // solids come first, planes behind
     int *list;
     struct candidate *shapes;
-    struct falling_bound *below; // of each shape and packet
+    struct falling_bound *below; // BATCH_PACKETS per shape
 };
 
 struct shadow_batch {
     struct batch_packet packet[BATCH_PACKETS];
-    int count, moving; // packets; the first ones have rays that do not wait
-    float origin[3];   // what is near is told from here, so that float has digits for it
+    int count, moving; // packets; the first `moving` of them have rays that march
+    float origin[3];   // coordinates are relative to this point, so that floats keep their digits
     struct active_set set;
 };
 
-// From the vicinity's stretch to a place.
+// Returns the vector from the active set's segment to a point.
 static inline struct vec offset_from_stretch(const struct active_set *v, struct vec at) {
     struct vec to = {at.x - v->start.x, at.y - v->start.y, at.z - v->start.z};
     vfloat along = v_min(v_max(vec_dot(to, v->along), v_splat(0.0f)), v_splat(v->length));
@@ -77,18 +78,18 @@ static inline vfloat distance_from_stretch(const struct active_set *v, struct ve
     return vec_norm(offset_from_stretch(v, at));
 }
 
-// Ahead of one of the lanes in `last` of a packet, where the nearest shape is no further than h.
-// Sets which of the rays wait.
+// Makes the active set ahead of one of the rays in `last` of packet w, whose nearest shape is at h or less.
+// Sets which rays wait.
 void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vfloat h, vmask last,
                     const struct tile_context *work);
 
-// What the rays can know of each shape from afar.
+// Sets the falling bounds of all shapes and packets from bounding spheres.
 void set_falling_bounds(struct shadow_batch *batch);
 
-// Sets `at` and `least` of the packets with rays that do not stand still.
+// Sets `at` and `least` of the packets that have rays to march.
 void active_nearest(struct shadow_batch *batch);
 
-// How high the rays of a packet are over a plane, where they are now; those in `own` are from it.
+// Returns the heights of the rays over a plane at t. self: rays that start on it.
 static inline vfloat plane_height(const struct primitive *s, vmask self,
                                   const struct batch_packet *w) {
     COUNT(plane_height, call);

@@ -1,6 +1,6 @@
-// Which shapes a packet of shadow rays can camera_hit, where its march may begin and end, and what it is blocked by.
-// A cone of slope q about the ray meets a sphere where narrow·t² − 2·lean·t + need = 0, narrow = 1 − q² (`wide`,
-// `narrow_part`), lean = v·l + q·R, need = |v|² − R², v from the ray's origin to the centre; `rest` = lean² − narrow·need.
+// Which shapes can darken shadow rays: per group of packets (list_occluders) and per packet
+// (list_candidates); and where a packet's march may begin and end. The quadratic a·t² − 2·b·t + c of a cone
+// and a sphere: see struct shadow_cone.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
 #include "core/numerics.h"
@@ -9,14 +9,17 @@
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
 
-// A hard shadow's ray is a line: so much of a slope for what is rounded in it.
+// The slope of the cone about a hard shadow ray: it covers rounding.
 #define HARD_SHADOW_SLOPE 1e-3f
 
-// The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
+// A bundle of shadow rays. They start in the ball, and their directions differ from to_light by at most
+// `spread`.
 struct light_bundle {
     float centre[3], radius, to_light[3], spread;
 };
 
+// Sets the bundle of all shadow rays of a group. Returns false if the ball is too large for the distance to
+// the light, or if no hit is lit.
 static bool light_bundle_of(const struct shading_packet *stage, int count, const struct view *view,
                             struct light_bundle *ball) {
     COUNT(light_bundle_of, call);
@@ -48,26 +51,29 @@ static bool light_bundle_of(const struct shading_packet *stage, int count, const
     ball->spread = ball->radius / (distance - ball->radius);
     for (int k = 0; k < 3; k++)
         ball->to_light[k] /= distance;
-    return ball->radius < 0.25f * distance; // not where nothing is lit: −∞ and NaN are not
+    return ball->radius <
+           0.25f * distance; // false if nothing is lit: the radius is infinite or NaN
 }
 
-// Whether no cone of slope q about a ray from the ball to the light meets the shape's bounding sphere.
+// Returns whether no cone of slope q about a ray of the bundle meets the shape's bounding sphere.
 static bool bundle_misses(const struct light_bundle *ball, const struct primitive *s, float q) {
     COUNT(bundle_misses, call);
-    float radius = s->bound + ball->radius, along = 0, need = -radius * radius;
+    float radius = s->bound + ball->radius, along = 0, c = -radius * radius;
     q += ball->spread;
     for (int k = 0; k < 3; k++) {
         float v = s->position[k] - ball->centre[k];
         along += v * ball->to_light[k];
-        need += v * v;
+        c += v * v;
     }
-    float lean = along + q * radius;
-    if (!(need > 0 && q < 1) || lean <= 0)
-        return need > 0 && q < 1;
+    float b = along + q * radius;
+    if (!(c > 0 && q < 1) || b <= 0)
+        return c > 0 && q < 1;
     COUNT(bundle_misses, leans);
-    return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
+    return b * b * (1 + 1e-4f) < (1 - q * q) * c;
 }
 
+// Adds shape i to the occluders unless its bounding sphere is clear of the bundle (NULL: unknown). Planes and
+// repeated shapes are always added.
 INLINE void add_occluder(int i, const struct light_bundle *ball, const struct tile_context *work) {
     const struct known_scene *scene = KNOWN(work->scene);
     const struct primitive *s = &scene->primitives[i];
@@ -77,7 +83,6 @@ INLINE void add_occluder(int i, const struct light_bundle *ball, const struct ti
         add_to_set(&work->scratch->occluders, i);
 }
 
-// To desk->shading: those that can shade the group.
 KERNEL_SHARED void list_occluders(const struct shading_packet *stage, int count,
                                   const struct tile_context *work) {
     struct light_bundle ball;
@@ -135,6 +140,7 @@ KERNEL_INLINE void first_entry(const struct primitive *s, int i, struct shadow_r
     }
 }
 
+// Sets candidate->from of solid i, and updates end, leap limit and first entry of the rays.
 INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
     COUNT(candidate_solid, call);
@@ -143,28 +149,30 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
     bool bulb = s->type == SHAPE_MANDELBULB;
     vfloat zero = v_splat(0.0f);
     vmask self = is_shape(r->shape, i);
-    struct shadow_cone c = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
+    struct shadow_cone cone = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
     vmask self_bulge = v_and(self, convex_from(s, r->local, r->facing, KNOWN(work->scene)));
-    vmask met = v_andnot(v_or(cone_misses(c, q), self_bulge), r->active);
-    r->end = v_select(met, v_max(cone_exit(c, q), r->end), r->end);
-    // h ≥ t as long as |v − t·l| ≥ R + t: until then something else is nearer, for h is 0 at t = 0.
-    vfloat towards = c.along + v_splat(s->bound);
+    vmask met = v_andnot(v_or(cone_misses(cone, q), self_bulge), r->active);
+    r->end = v_select(met, v_max(cone_exit(cone, q), r->end), r->end);
+    // As long as |v − t·l| ≥ R + t, h ≥ t. Another shape is nearer there, because h is 0 at t = 0.
+    vfloat towards = cone.along + v_splat(s->bound);
     vfloat from = v_select(v_cmp_gt(towards, zero),
-                           c.need / v_max(towards + towards, v_splat(1e-20f)), v_splat(INFINITY));
+                           cone.c / v_max(towards + towards, v_splat(1e-20f)), v_splat(INFINITY));
     if (bulb) {
         COUNT(candidate_solid, bulb);
         from = v_splat(BULB_SHARE / (1 + BULB_SHARE)) *
-               (v_sqrt(c.need + v_splat(s->bound_sq)) - v_splat(s->bound));
+               (v_sqrt(cone.c + v_splat(s->bound_sq)) - v_splat(s->bound));
     }
-    // From a plane the march is at most at height facing·t: a cone once more, of that slope.
+    // A ray from a plane marches at height facing·t or less. The shape is nearer only inside a cone of that
+    // slope.
     vfloat share = v_splat(bulb ? BULB_SHARE : 1.0f), s_slope = r->facing / share;
-    vfloat lean = v_madd(s_slope, v_splat(s->bound), c.along),
-           narrow_part = v_nmadd(s_slope, s_slope, v_splat(1.0f));
-    vfloat rest = v_msub(lean, lean, narrow_part * c.need);
-    vfloat meets = c.need / (lean + v_sqrt(v_max(rest, zero)));
-    meets = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), meets, v_splat(INFINITY));
+    vfloat b = v_madd(s_slope, v_splat(s->bound), cone.along),
+           a = v_nmadd(s_slope, s_slope, v_splat(1.0f));
+    vfloat discriminant = v_msub(b, b, a * cone.c);
+    vfloat meets = cone.c / (b + v_sqrt(v_max(discriminant, zero)));
+    meets =
+        v_select(v_and(v_cmp_gt(b, zero), v_cmp_ge(discriminant, zero)), meets, v_splat(INFINITY));
     from = v_select(
-        v_and(v_and(r->on_plane, v_cmp_lt(s_slope, v_splat(0.99f))), v_cmp_gt(c.need, zero)), meets,
+        v_and(v_and(r->on_plane, v_cmp_lt(s_slope, v_splat(0.99f))), v_cmp_gt(cone.c, zero)), meets,
         from);
     from = v_zero_where(self, v_max(from, zero));
     candidate->from = from;
@@ -173,7 +181,7 @@ INLINE void candidate_solid(const struct primitive *s, int i, struct shadow_rays
         first_entry(s, i, r, met);
 }
 
-// A copy may be the nearest anywhere, and bring the term of any step below 1.
+// Repeated shapes: a copy may be the nearest anywhere and bring any term below 1.
 INLINE void candidate_cells(const struct primitive *s, int i, struct shadow_rays *r,
                             const struct tile_context *work, struct shadow_candidate *candidate) {
     candidate->from = r->leap_limit = v_splat(0.0f);
@@ -211,7 +219,7 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
     }
 }
 
-// Of rays that all come from one plane, so that no solid is their self.
+// As candidate_solid() for a packet whose rays all start on planes.
 INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_rays *r,
                                        const struct known_scene *scene,
                                        struct shadow_candidate *candidate) {
@@ -219,14 +227,15 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     COUNT(candidate_solid_from_plane, scalar);
     float q = scene->lit_slope;
     vfloat zero = v_splat(0.0f);
-    struct shadow_cone c = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
-    vmask met = v_andnot(cone_misses(c, q), r->active);
-    // The march is at most at height facing·t: a cone once more, of that slope.
-    vfloat lean = v_madd(r->facing, v_splat(s->bound), c.along);
-    vfloat narrow_part = v_nmadd(r->facing, r->facing, v_splat(1.0f));
-    vfloat rest = v_msub(lean, lean, narrow_part * c.need);
-    vfloat from = c.need / (lean + v_sqrt(v_max(rest, zero)));
-    from = v_select(v_and(v_cmp_gt(lean, zero), v_cmp_ge(rest, zero)), from, v_splat(INFINITY));
+    struct shadow_cone cone = shadow_cone_to(to_centre(s, r->point), r->to_light, s, q);
+    vmask met = v_andnot(cone_misses(cone, q), r->active);
+    // The march is at height facing·t or less. The solid is nearer only inside a cone of that slope.
+    vfloat b = v_madd(r->facing, v_splat(s->bound), cone.along);
+    vfloat a = v_nmadd(r->facing, r->facing, v_splat(1.0f));
+    vfloat discriminant = v_msub(b, b, a * cone.c);
+    vfloat from = cone.c / (b + v_sqrt(v_max(discriminant, zero)));
+    from =
+        v_select(v_and(v_cmp_gt(b, zero), v_cmp_ge(discriminant, zero)), from, v_splat(INFINITY));
     candidate->from = v_max(from, zero);
     r->leap_limit = v_min(r->leap_limit, candidate->from);
     if (!v_any(met))
@@ -234,7 +243,7 @@ INLINE void candidate_solid_from_plane(const struct primitive *s, struct shadow_
     COUNT(candidate_solid_from_plane, met);
     r->meets_many = v_or(r->meets_many, s->convex ? v_and(r->meets_one, met) : met);
     r->meets_one = v_or(r->meets_one, met);
-    r->end = v_select(met, v_max(cone_exit(c, q), r->end), r->end);
+    r->end = v_select(met, v_max(cone_exit(cone, q), r->end), r->end);
     struct vec at, d = turned(s, r->to_light);
     vfloat t;
     vmask behind, in = enter(to_local(s, r->point), d, s, met, &t, &at, &behind);
@@ -266,6 +275,7 @@ INLINE void set_candidate(int i, struct shadow_rays *r, const struct tile_contex
         candidate_solid(s, i, r, work, &candidates[i]);
 }
 
+// Lists shape i if it can be the nearest before some ray's end.
 INLINE void keep_candidate(int i, struct shadow_rays *r, const struct tile_context *work,
                            struct shadow_candidate *candidates, struct shape_set *listed) {
     const struct known_scene *scene = KNOWN(work->scene);

@@ -1,4 +1,4 @@
-// Cones about shadow rays, and what they say of a shape's distance along the ray.
+// Tests that bound a shape's distance along a shadow ray: cones about the ray, planes, and convexity (PROOFS.md, 1. to 3.).
 #ifndef OPT9_SHADOW_CONE_H
 #define OPT9_SHADOW_CONE_H
 
@@ -6,42 +6,46 @@
 #include "hit/solids.h"
 #include "shadow/shadow_rays.h"
 
-// Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
+// A cone of slope q about a ray, against a sphere of radius R; v: from the ray's origin to the centre, l: the direction.
+// The cone meets the sphere where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses if |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {
-    vfloat along, need, lean; // v·l, |v|² − R², v·l + q·R
+    vfloat along, b, c; // v·l, v·l + q·R, |v|² − R²
 };
 
 INLINE struct shadow_cone shadow_cone_to(struct vec v, struct vec l, const struct primitive *s,
                                          float q) {
     vfloat along = vec_dot(v, l);
-    return (struct shadow_cone){along, vec_dot(v, v) - v_splat(s->bound_sq),
-                                along + v_splat(q * s->bound)};
+    return (struct shadow_cone){along, along + v_splat(q * s->bound),
+                                vec_dot(v, v) - v_splat(s->bound_sq)};
 }
 
-INLINE vmask cone_misses(struct shadow_cone c, float q) {
-    vfloat lean = v_max(c.lean, v_splat(0.0f));
-    return v_cmp_lt(lean * lean, v_splat(1.0f - q * q) * c.need);
+// Returns the rays whose cone misses the sphere.
+INLINE vmask cone_misses(struct shadow_cone cone, float q) {
+    vfloat b = v_max(cone.b, v_splat(0.0f));
+    return v_cmp_lt(b * b, v_splat(1.0f - q * q) * cone.c);
 }
 
-// Where those that meet it have left it. Of slope 1 or more none does: with a strength of 1 or less a term may come below 1
-// anywhere.
-INLINE vfloat cone_exit(struct shadow_cone c, float q) {
+// Returns where the cone leaves the sphere. Precondition: it meets the sphere. A cone of slope 1 or more never leaves it
+// (strength 1 or less: a term may be below 1 anywhere).
+INLINE vfloat cone_exit(struct shadow_cone cone, float q) {
     COUNT(cone_exit, call);
     if (!(q < 1.0f))
         return v_splat(INFINITY);
     COUNT(cone_exit, narrow);
     COUNT(cone_exit, scalar);
-    vfloat wide = v_splat(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
-    vfloat square = v_msub(c.lean, c.lean, wide * c.need);
-    return (c.lean + v_sqrt(v_max(square, v_splat(0.0f)))) / wide;
+    vfloat a = v_splat(1.0f - q * q > 1e-6f ? 1.0f - q * q : 1e-6f);
+    vfloat discriminant = v_msub(cone.b, cone.b, a * cone.c);
+    return (cone.b + v_sqrt(v_max(discriminant, v_splat(0.0f)))) / a;
 }
 
+// Returns the vector from p to the shape's position.
 INLINE struct vec to_centre(const struct primitive *s, struct vec p) {
     return (struct vec){v_splat(s->position[0]) - p.x, v_splat(s->position[1]) - p.y,
                         v_splat(s->position[2]) - p.z};
 }
 
-// How far a solid reaches in the direction n of its frame: no point p of it has a product p·n above. Of a torus its hull.
+// Returns the support of a solid in direction n of its frame: the maximum of p·n over its points p. length: |n|. Torus: of
+// its convex hull.
 INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s) {
     COUNT(support_of, call);
     switch (s->type) {
@@ -68,54 +72,53 @@ INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s)
     }
 }
 
-// Rays that leave a plane at slope q on whose other side the solid is: h(t) ≥ q·t too, and what lies flat, or is
-// slim, is told by it where its bounding sphere is in the way. The plane leans away from the solid's position, and by 2^-12
-// more than q: so much for rounding. Of a ray through the position `away` is all rounding, and leans anywhere: the position's
-// height over the plane is told by how long it is alone, −to·away = away², which is too little then.
+// Returns the rays that leave, at slope q, a plane with the solid on its other side: then h(t) ≥ q·t (PROOFS.md, 2.). This
+// clears flat or slim solids whose bounding sphere the cone meets. The plane tilts away from the solid's position, by a
+// slope 2^-12 larger than q for rounding. If the ray passes through the position, `away` is rounding error; its length
+// makes `height` too small then, so the test fails safely.
 INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *s, float q) {
     COUNT(plane_between, call);
     COUNT(plane_between, scalar);
-    float lean = q * (1 + 0x1p-12f);
-    if (!(lean < 1))
+    float slope = q * (1 + 0x1p-12f);
+    if (!(slope < 1))
         return v_mask_none();
     vfloat along = vec_dot(to, l);
     struct vec away = {v_msub(l.x, along, to.x), v_msub(l.y, along, to.y),
                        v_msub(l.z, along, to.z)};
     vfloat beside = v_sqrt(vec_dot(away, away));
-    float upright = sqrtf(1 - lean * lean);
-    struct vec n = vec_along(vec_scale(l, v_splat(lean) * beside), away, v_splat(upright));
-    vfloat height = v_msub(v_splat(upright), beside, v_splat(lean) * along); // in lengths of n
+    float upright = sqrtf(1 - slope * slope);
+    struct vec n = vec_along(vec_scale(l, v_splat(slope) * beside), away, v_splat(upright));
+    vfloat height = v_msub(v_splat(upright), beside, v_splat(slope) * along); // in lengths of n
     return v_cmp_gt((height - v_splat(1e-5f * s->bound)) * beside,
                     support_of(turned(s, n), beside, s));
 }
 
-// The slope that the cone to a shape needs. None clears a Mandelbulb: its estimate is less than the distance, so that h may
-// grow by more than a step's length, or to nearly 2·previous with no surface where the proof (PROOFS.md, 1.)
-// has one.
+// Returns the slope of the cone that has to miss shape s. For a Mandelbulb it is 1: its estimate is no distance, so
+// the proof for smaller slopes (PROOFS.md, 1.) does not hold.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
     return s->type == SHAPE_MANDELBULB ? 1.0f : q;
 }
 
-// Beyond this many surface_offsets a surface is what its normal and curvature say for two steps of a shadow's march:
-// its radius of curvature, by 32²/2 to 0.05 %; the nearest edge by EDGE_FACTOR less of them, for those steps are no longer
-// than 1.4.
+// In surface_offsets: the least radius of curvature at which normal and curvature describe the surface over the first
+// two steps of a march (error 0.05 %). Edges count EDGE_FACTOR-fold: they need be 2 offsets away, more than two steps.
 #define FLAT_OFFSETS 32.0f
 
 #define EDGE_FACTOR 16.0f
 
-// The least of both, an edge's distance times EDGE_FACTOR, of a point on the surface.
+// Returns the lesser of the radius of curvature and EDGE_FACTOR times the distance to the nearest edge, at a point on
+// the surface.
 INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
     COUNT(flat_radius, call);
     switch (s->type) {
     case SHAPE_SPHERE: return v_splat(s->a);
-    case SHAPE_BOX: { // the least of three is 0 here, the second is how far the next face is
+    case SHAPE_BOX: { // the least of the three is 0 here, the second is the distance to an edge
         COUNT(flat_radius, box);
         vfloat x = v_abs(v_abs(p.x) - v_splat(s->size[0]));
         vfloat y = v_abs(v_abs(p.y) - v_splat(s->size[1]));
         vfloat z = v_abs(v_abs(p.z) - v_splat(s->size[2]));
         return v_splat(EDGE_FACTOR) * v_max(v_min(x, y), v_min(v_max(x, y), z));
     }
-    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // flat here, round there: march
+    case SHAPE_ROUNDED_BOX: return v_splat(0.0f); // partly flat, partly round: always marched
     case SHAPE_OCTAHEDRON:                        // an edge is where a coordinate is 0
         COUNT(flat_radius, octahedron);
         return v_splat(EDGE_FACTOR) * v_min(v_abs(p.x), v_min(v_abs(p.y), v_abs(p.z)));
@@ -133,9 +136,9 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
 }
 
-// A convex solid lies below the plane that touches it at the point: its distance grows by at least `facing`,
-// and ever faster. So does the torus's, where the point is on its hull. Where that is too little to be lit, the
-// first two steps of a march tell the shadow (shadow/shadow_cull.c), if they are short beside what the shape curves by.
+// Returns the rays that their own shape s cannot darken after the second term (PROOFS.md, 3.). A convex solid lies below
+// its tangent plane, so its distance grows by at least `facing` per unit of t. A torus behaves so on its hull. Rays that
+// graze (facing below lit_slope) also need a surface that is flat over two steps.
 INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                          const struct known_scene *scene) {
     COUNT(convex_from, call);
@@ -158,6 +161,7 @@ INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat fac
     return v_and(may, v_or(v_not(grazes), v_cmp_ge(flat_radius(local, s), v_splat(short_of))));
 }
 
+// Returns the rays that stay at q·t or more above a plane, within the bounds. height, slope: at t = 0.
 INLINE vmask plane_clears(vfloat height, vfloat slope, float q, const struct known_scene *scene) {
     vfloat furthest = v_splat(2.0f * (float)scene->model.march.bounds_radius);
     return v_or(v_cmp_ge(slope, v_splat(q)),
@@ -165,14 +169,14 @@ INLINE vmask plane_clears(vfloat height, vfloat slope, float q, const struct kno
                       v_cmp_gt(v_madd(furthest, slope - v_splat(q), height), v_splat(0.0f))));
 }
 
-// The cosine at which rays enter a solid at a point; 0 where that says nothing of the steps before: an edge at distance e makes
-// them fall faster, to the surface itself if a ray goes to it. From outside of the face about the point a step ends
-// e·sin/2 before it or more, so that none goes from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above that.
+// Returns the cosine at which rays enter the solid at `at`, or 0 near an edge, where it does not predict the last steps.
+// With an edge at distance e, a step that starts outside the face ends e·sin/2 or more before it. So no step jumps from
+// there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above it; r->sharp has that bound.
 INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *s,
                            const struct shadow_rays *r) {
     COUNT(entry_cosine, call);
-    vfloat cosine = v_splat(0.0f) - vec_dot(normal_on(at, s), d), rest = v_splat(1.0f) - cosine;
-    vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (rest * rest), r->sharp);
+    vfloat cosine = v_splat(0.0f) - vec_dot(normal_on(at, s), d), fall = v_splat(1.0f) - cosine;
+    vmask flat = v_cmp_ge(flat_radius(at, s) * cosine * (fall * fall), r->sharp);
     return v_select_or_zero(flat, cosine);
 }
 

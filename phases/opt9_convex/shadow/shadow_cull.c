@@ -1,11 +1,11 @@
-// Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
-// steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
-// that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has
-// the proofs.
+// Shadow rays that need no march. The soft shadow is the paper's: the least term strength·√(h² − y²)/(t − y)
+// over the steps of a march by the distance h to the scene, with y = h²/(2·previous h). It depends on the
+// steps, but for most rays its value follows from bounds (PROOFS.md).
 #include "core/tile_context.h"
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_cone.h"
 
+// Removes from *clear the rays that shape i may darken.
 INLINE void shape_trivially_lit(int i, struct vec point, struct vec local, struct vec to_light,
                                 vfloat facing, vfloat shape, const struct tile_context *work,
                                 vmask *clear) {
@@ -40,7 +40,7 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
                     vfloat facing, vfloat shape, vmask active, const struct tile_context *work) {
     ACTIVE(v_count(active));
     COUNT(trivially_lit, call);
-    vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // there may be a copy anywhere
+    vmask clear = REPEATS(work->scene) ? v_mask_none() : active; // a copy may be anywhere
     UNROLL_SHAPES
     for (int k = 0; k < set_end(&work->scratch->occluders); k++)
         if (set_has(&work->scratch->occluders, k))
@@ -49,7 +49,8 @@ vmask trivially_lit(const struct vec *point, const struct vec *local, const stru
     return clear;
 }
 
-// How fast the distance's slope grows at first, along l from a point with normal n: the surface's curvature.
+// Returns the surface's curvature in direction l at a point with normal n: how fast the slope of the distance
+// grows.
 INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
                         const struct primitive *s) {
     COUNT(curvature, call);
@@ -63,7 +64,7 @@ INLINE vfloat curvature(struct vec p, struct vec n, struct vec l, vfloat facing,
         return zero;
     COUNT(curvature, ring);
     vfloat square = v_max(v_madd(p.x, p.x, p.z * p.z), v_splat(1e-30f));
-    vfloat round = v_msub(p.x, l.z, p.z * l.x); // times the radius: along the ring
+    vfloat round = v_msub(p.x, l.z, p.z * l.x); // radius times the component along the ring
     vfloat ring = round * round * v_madd(n.x, p.x, n.z * p.z) / (square * square);
     if (s->type == SHAPE_CONE)
         return ring;
@@ -90,7 +91,7 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_li
     vfloat inside = v_nmadd(v_splat(0.25f) * ratio, ratio, one);
     vfloat term = strength * v * v_sqrt(v_max(inside, v_splat(0.0f))) /
                   v_nmadd(v_splat(0.5f) * ratio, v, one);
-    // A march that is within the hit distance at its first step has no term at all.
+    // A march that starts within the hit distance ends at once, without a term.
     vmask first = v_cmp_ge(u * t, hit), second = v_and(first, v_cmp_ge(v * further, hit));
     if (march->max_steps < 2)
         second = v_mask_none();
@@ -98,12 +99,13 @@ vfloat self_shadow(const struct primitive *s, struct vec local, struct vec to_li
     return v_select(second, v_min(least, term), least);
 }
 
-// From where a march would begin to the light, or to the bounds.
+// Hard shadow rays, from where a march would begin to the light or to the bounds.
 struct light_segment {
     struct vec point, start, local, to_light;
-    vfloat shape, path_length, reach; // reach: a light may be in a shape by less than float tells
+    vfloat shape, path_length, reach; // reach: path_length and a margin for rounding
 };
 
+// Removes from *open the rays that shape i blocks.
 INLINE void block_light(int i, const struct light_segment *w, const struct tile_context *work,
                         vmask *open) {
     if (!v_any(*open))

@@ -1,18 +1,20 @@
-// Marches of shadow rays by the least distance to the shapes that can be the nearest (shadow/shadow_candidates.c): the improved soft
-// shadow of I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's
-// GDC 2018 talk. From a plane the first steps are leapt over.
+// Marches of soft shadow rays, packet by packet: the improved soft shadow of I. Quilez, "soft shadows in
+// raymarched SDFs" (iquilezles.org/articles/rmshadows), after S. Aaltonen's GDC 2018 talk. Only shapes that
+// can be the nearest are evaluated (shadow/shadow_candidates.c). Rays from a plane leap over their first
+// steps.
 #include "shadow/soft_shadow.h"
 #include "bvh/bvh_lists.h"
 #include "shadow/shadow_cone.h"
 #include "simd/pow.h"
 
-// A distance falls no faster than t grows: what was h at t wakes where h + t is no more than the nearest shape's
-// distance + t. 2^-18: of rounding. Before `from` a shape sleeps in any case.
+// Lowers *least to the distance to shape i, unless the shape sleeps. A distance falls no faster than t grows,
+// so a shape at distance h at t sleeps while the nearest distance + t is below h + t then (PROOFS.md, 6.).
+// The factor 1 − 2^-18 covers rounding. Before candidate->from it sleeps in any case.
 __attribute__((always_inline)) static inline void
 candidate_distance(int i, struct shadow_candidate *candidates, vfloat t, vmask done,
                    const struct known_scene *scene, vfloat *least) {
     struct shadow_candidate *candidate = &candidates[i];
-    if (scene->primitives[i].eval == EVAL_LINEAR) { // cheaper than to ask whether it sleeps
+    if (scene->primitives[i].eval == EVAL_LINEAR) { // cheaper than the test for sleep
         COUNT(nearest_candidate, plane);
         *least = v_min(*least, v_madd(t, candidate->direction.x, candidate->origin.x));
         return;
@@ -40,9 +42,9 @@ nearest_candidate(struct shadow_candidate *candidates, const struct shape_set *l
     return least;
 }
 
-// From a plane the march's steps are a geometric row until something else is nearer: t₀·(1 + facing)^m. Its
-// first term is strength·facing, all others are the same; least²: of those leapt over. A ray that leaves the bounds by
-// these steps is done, with the terms that it has: it is not dark (bulb/bulb_shadows.c asks).
+// Leaps over the first steps of rays from a plane. Until another shape is nearer, t grows by 1 + facing a
+// step, the first term is strength·facing, and all others are equal (PROOFS.md, 5.). A ray that leaves the
+// bounds is done and keeps the terms so far.
 #define STEEP_FACING 0.5f
 static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_march *m,
                                      const struct known_scene *scene, vfloat start, vfloat strength,
@@ -58,7 +60,7 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     ACTIVE(v_count(can));
     COUNT(leap_to_candidate, asked);
     COUNT(leap_to_candidate, scalar);
-    // As far as to the bounds, if nothing is near before: `until` may be ∞.
+    // Leap no further than to the bounds: `until` may be infinite.
     vfloat half = m->linear * v_splat(-0.5f);
     until = v_min(until, half + v_sqrt(v_max(v_msub(half, half, m->constant), zero)));
     can = v_and(can, v_cmp_ge(until, start));
@@ -66,7 +68,7 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     if (!v_any(
             v_and(can, v_cmp_lt(c, v_splat(STEEP_FACING > scene->lit_slope ? STEEP_FACING
                                                                            : scene->lit_slope))))) {
-        // As towards a high light: no term of these steps is below 1, and they are few.
+        // A high light: no term of these steps is below 1, and the steps are few.
         COUNT(leap_to_candidate, steep);
         vfloat before = start, grown = one + c;
         for (vmask on = can; v_any(on); on = v_and(on, v_cmp_ge(until, t))) {
@@ -92,8 +94,8 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     m->done = v_or(m->done, v_and(can, left));
 }
 
-// Whether rays miss a Mandelbulb's bounding sphere. A march in there may end at once, lit, where the estimate is below the
-// hit distance, or on its surface: what lies further on tells nothing.
+// Removes from *dark the rays that meet a Mandelbulb's bounding sphere. Such a march may end inside it, so
+// shapes further on say nothing.
 INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_scene *scene,
                         vmask *dark) {
     const struct primitive *s = &scene->primitives[i];
@@ -123,17 +125,17 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
         bvh_first_entry(r, candidates, work);
     else
         list_candidates(r, candidates, listed, work);
-    ACTIVE(v_count(r->active)); // what was called has set its own
+    ACTIVE(v_count(r->active)); // the callee has set another value
     m->end = KNOWN(work->scene)->bulbs
                  ? v_splat(INFINITY)
-                 : r->end; // with a Mandelbulb see is_behind_all() and plane_is_nearest_for_good()
+                 : r->end; // with a Mandelbulb: is_behind_all(), plane_is_nearest_for_good()
     float radius = (float)model->march.bounds_radius;
     m->linear = v_splat(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - v_splat(radius * radius * (1.0f + 0x1p-20f));
-    // Met at a slant: the march comes to it by steps that fall to 1 − cosine of the one before, so that the last
-    // term is below strength·hit_distance/((1 − cosine)·t): at most 1e-4 here, and 0 is written for it. If it has the
-    // steps to come there (e^-23 is 1e-10), and takes the first. Those before it is near the surface are not told: a low
-    // cap may end it on the way. Nor what is met outside of the bounds, where the march has ended, or before its first step.
+    // Dark by proof (PROOFS.md, 4.). The steps towards an entry at this cosine shrink to 1 − cosine of the
+    // one before, so the last term is below strength·hit_distance/((1 − cosine)·t). Where that is at most
+    // 1e-4, 0 is written. The ray must take its first step, enter within the bounds, and have the steps to
+    // get there: e^-23 is 1e-10.
     vfloat room = r->first * (v_splat(1.0f) - r->cosine);
     const struct limits *march = &work->scene->model.march;
     double least_room = 1e4 * march->hit_distance * model->shadow_strength;
@@ -161,7 +163,7 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
         leap_to_candidate(r, m, KNOWN(work->scene), offset, strength, hit);
     m->sole_solid = v_mask_none();
     if (r->from_planes && !KNOWN(work->scene)->bulbs &&
-        !KNOWN(work->scene)->repeats) { // copies may come nearer again
+        !KNOWN(work->scene)->repeats) { // a copy may come nearer later
         ACTIVE(v_count(r->active));
         COUNT(begin_march, floor);
         m->sole_solid = v_andnot(
@@ -170,15 +172,15 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     }
 }
 
-// A packet that is marched, and how far it is.
+// A packet in work. first: index of its first ray in the queue.
 struct packet_march {
     struct shadow_march march;
     vmask active;
-    int first, steps; // first: of its rays in the queue
+    int first, steps;
     bool over;
 };
 
-// The next packet of the queue, if there is one; the first ray behind it.
+// Starts the packet at queue index `next`, if there is one. Returns the index behind it.
 static int begin_packet(struct packet_march *c, int slot, int next,
                         const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
@@ -195,10 +197,10 @@ static int begin_packet(struct packet_march *c, int slot, int next,
     return next + LANES;
 }
 
-// A ray that one convex solid alone can darken: nothing else is nearer than q·t, q = lit_slope. The distance to what is
-// convex is a convex function along a ray, so that its ratio to t falls, and then rises. If the ratio was below q at `from`,
-// and so was this solid's, and has not fallen since, it never falls below what it is now, r: no later term is below
-// strength·√¾·r (PROOFS.md, 7.). Ends the rays that have less than that.
+// Ends rays past their minimum, if one convex solid alone can darken them (PROOFS.md, 7.). The distance to a
+// convex solid is a convex function of t, so its ratio to t falls and then rises. If the ratio was below q =
+// lit_slope at `from` and has risen since, it stays above its present value r, and no later term is below
+// strength·√¾·r. Rays with a smaller term end.
 static inline void end_past_minimum(struct shadow_march *m, vfloat from, vfloat before, float q,
                                     vfloat enough) {
     ACTIVE(LANES - v_count(m->done));
@@ -219,14 +221,15 @@ static void end_packet(const struct packet_march *c, struct worker_scratch *scra
               v_load(&field[S_PIXEL][c->first]), scratch);
 }
 
-// PACKETS_IN_WORK packets by turns: one step waits for several roots in a row, and the CPU works on the other packets meanwhile. If
-// REFILL_PACKETS, the next packet takes the place of one that is over; else all end, and bring their light in the queue's order.
+// Marches PACKETS_IN_WORK packets in turns: a step waits for several roots in a row, and the CPU works on the
+// other packets meanwhile. With REFILL_PACKETS, a packet that ends is replaced at once. Else all end first,
+// and add their light in the queue's order.
 void cast_packets(const struct tile_context *work) {
     struct worker_scratch *scratch = work->scratch;
     const struct prepared *scene = work->scene;
     vfloat strength = v_splat((float)KNOWN(scene)->model.shadow_strength),
            hit = v_splat((float)scene->model.march.hit_distance);
-    vfloat enough = strength * strength * v_splat(0.7499f); // ¾, but for rounding
+    vfloat enough = strength * strength * v_splat(0.7499f); // ¾, with a margin for rounding
     COUNT(cast_packets, call);
     struct packet_march cast[PACKETS_IN_WORK];
     for (int next = 0; next < scratch->shadows;) {

@@ -1,4 +1,5 @@
-// A packet's march of shadow rays, step by step: what shadow/soft_shadow.c and the marches in batches share.
+// One step of a packet of soft shadow rays: shared by packets (shadow/soft_shadow.c), batches
+// (shadow/shadow_batch.c) and streams (bulb/bulb_shadows.c).
 #ifndef OPT9_SOFT_SHADOW_H
 #define OPT9_SOFT_SHADOW_H
 
@@ -6,8 +7,8 @@
 #include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
 
-// Of a ray that is from it, a sphere's distance in float is noise in the third digit at first: that of its
-// power is not.
+// Returns the distance to shape s at t. Near its own sphere a ray's distance in float errs in the third
+// digit; the power does not.
 __attribute__((always_inline)) static inline vfloat
 distance_along(const struct shadow_candidate *candidate, vfloat t, const struct primitive *s) {
     COUNT(distance_along, call);
@@ -25,17 +26,18 @@ distance_along(const struct shadow_candidate *candidate, vfloat t, const struct 
     return distance_at(s->repeated ? vec_wrapped(s, p) : p, s, v_mask_none());
 }
 
-// Which of the rays are on no surface, where the nearest shape is at distance h.
+// Returns the rays that have not hit a surface, h being the distance to the nearest shape.
 static inline vmask off_surfaces(const struct shadow_march *m, vfloat h, vfloat hit_distance) {
     COUNT(off_surfaces, call);
     return v_cmp_nlt_in(v_not(m->done), h, v_max(hit_distance, m->t * v_splat(0x1p-24f)));
 }
 
-// On by that distance: those that live.
+// Moves the `live` rays on by h. Ends the rays outside the bounds, and those whose last step began beyond
+// their end.
 static inline void advance_by(struct shadow_march *m, vfloat h, vmask live) {
     COUNT(advance_by, call);
     m->previous = h;
-    live = v_cmp_ngt_in(live, m->from, m->end); // the step to here began behind it
+    live = v_cmp_ngt_in(live, m->from, m->end); // the step to t began beyond the end
     m->from = m->t;
     m->t = m->t + v_select_or_zero(live, h);
     live = v_cmp_ngt_in(live, v_madd(m->t, m->t + m->linear, m->constant), v_splat(0.0f));
@@ -47,8 +49,8 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
     ACTIVE(LANES - v_count(m->done));
     COUNT(shadow_step, call);
     vmask live = off_surfaces(m, h, hit_distance);
-    // strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)², but for a power of 2 that keeps small
-    // distances from underflow.
+    // Tests strength²·(h² − y²) < least²·(t − y)², both sides times (2·previous)² and a power of 2 that
+    // prevents underflow.
     vfloat twice = m->previous + m->previous, unit = v_pow2_unit(twice);
     vfloat part = h * unit, square = h * h;
     twice = twice * unit;
@@ -66,7 +68,8 @@ shadow_step(struct shadow_march *m, vfloat h, vfloat strength, vfloat hit_distan
     advance_by(m, h, live);
 }
 
-// One step of all rays except those in `still`. `settled`: no term of this step can be the least.
+// One step of all rays except those in `still`. settled: no term of this step can be the least, so none is
+// formed.
 static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vfloat strength,
                                vfloat hit, bool settled) {
     vfloat previous = m->previous, from = m->from;
@@ -80,7 +83,7 @@ static inline void step_others(struct shadow_march *m, vmask still, vfloat h, vf
     m->from = v_select(still, from, m->from);
 }
 
-// Member by member: of a whole struct gcc makes another one first.
+// Loads the packet at queue index `first`. Member by member: gcc copies a whole struct twice.
 static inline void load_shadow_packet(float field[][QUEUE_ROOM], int first, int count,
                                       struct shadow_rays *r) {
     COUNT(load_shadow_packet, call);

@@ -1,20 +1,21 @@
-// The first steps of shadow rays that start on a solid: away from it, before any other shape can be nearer.
+// The first steps of shadow rays that start on a solid, while no other shape can be nearer.
 #include "shadow/shadow_batch.h"
 #include "shadow/soft_shadow.h"
 
 _Static_assert(CHECK_INTERVAL >= 2, "begin_solid_exit: no term behind the second is the least");
 
-// One packet on its way out. No other shape's bounding sphere is nearer than `alone` to the solid's position.
+// A packet that leaves its solid. clearance: distance from the solid's position to the nearest other bounding
+// sphere.
 struct solid_exit {
     struct shadow_candidate candidate;
     const struct primitive *solid;
     vfloat clearance;
     vmask still, done;
-    bool settled; // no term from here on can be the least
+    bool settled; // no later term can be the least
 };
 
-// Returns whether the packet starts on a solid and has a ray to march. `begun`: the rays have taken CHECK_INTERVAL steps.
-// On a convex solid, the least term is one of the first two (PROOFS.md, 3.).
+// Returns whether the packet starts on a solid and has a ray to march. begun: the rays have taken
+// CHECK_INTERVAL steps. On a convex solid, the least term is one of the first two (PROOFS.md, 3.).
 static bool begin_solid_exit(struct batch_packet *w, struct solid_exit *l, bool begun,
                              const struct tile_context *work) {
     COUNT(begin_solid_exit, call);
