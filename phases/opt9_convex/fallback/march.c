@@ -41,9 +41,9 @@ static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
 
 // Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on scene0's
 // plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is the scene's choice.
-static inline vfloat newton(vfloat h, vfloat slope, vfloat way) {
+static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
     COUNT(newton, call);
-    vmask rounding = v_cmp_lt(v_abs(h), way * v_splat(0x1p-21f));
+    vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
     return v_select_or_zero(rounding, h / v_max(slope, v_splat(0x1p-9f)));
 }
 
@@ -94,7 +94,7 @@ shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *sh
     *shape = v_select(deep, inside, *shape);
 }
 
-// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray on its rounding.
+// Returns the fewest evaluations that a ray of `on` has taken. The step cap holds for each ray by itself.
 static int fewest(vfloat evals, vmask on) {
     float had[LANES];
     int least = INT_MAX;
@@ -112,8 +112,8 @@ __attribute__((always_inline)) static inline void
 finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
             struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
     const struct prepared *scene = world->scene;
-    vfloat way = at->before + at->t;
-    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // rays that hit where they start
+    vfloat marched = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), marched); // rays that hit where they start
     hit->found = v_and(hit->found, v_or(within(at->origin, &scene->model), unmoved));
     if (v_any(deep)) {
         COUNT(ray_march, deep);
@@ -126,7 +126,7 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     ACTIVE(v_count(hit->found));
     COUNT(ray_march, end);
     hit->shape = v_select(hit->found, near.shape, hit->shape);
-    vfloat more = v_zero_where(deep, newton(near.distance, slope, way));
+    vfloat more = v_zero_where(deep, newton(near.distance, slope, marched));
     hit->t = at->before + (at->t + (at->last + more));
     hit->point = at->origin;
     hit->point.lo = vec_along(hit->point.lo, direction, more);
@@ -259,7 +259,8 @@ static vfloat hard_shadow(vfloat distance, vmask active, struct bounds_exit exit
     return lit;
 }
 
-// 1: the light reaches the point, 0: it does not; between, the penumbra of a soft shadow.
+// Returns 1 where the light reaches the point, 0 where it does not, and values between in the penumbra of a
+// soft shadow.
 vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
               const struct trace_context *world) {
     COUNT(shadow, call);

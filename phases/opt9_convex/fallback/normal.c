@@ -1,12 +1,11 @@
-// Normals of hits that were marched to: by gradients in closed form, or by differences of distances.
+// Normals of marched hits: gradients in closed form, or differences of distances.
 #include "fallback/trace.h"
 
-// Normals. The scene asks for forward differences of its distance over normal_step; in float they
-// are noise in the third digit (an ulp of the point over 1e-4). So the gradient of the shape that
-// was hit, in closed form, stands where the two agree to that noise. Where they do not, within a
-// step of an edge, the shape's difference stands; and where another shape is within reach of the
-// step, as where two touch, the difference of the whole scene. The Mandelbulb has only differences.
-// Gradients are in the world's axes in the end, and need not be of unit length.
+// The scene asks for forward differences of its distance over normal_step. In float these are noise in the
+// third digit. So the closed-form gradient of the shape that was hit is used where both agree to that noise.
+// Near an edge the shape's difference is used; where another shape is within the step, the difference of the
+// whole scene. The Mandelbulb has only differences. Gradients are in world axes and need not be of unit
+// length.
 static struct vec box_gradient(struct vec p, const struct primitive *s) {
     COUNT(box_gradient, call);
     vfloat zero = v_splat(0.0f);
@@ -43,7 +42,7 @@ static struct vec cone_gradient(struct vec p, const struct primitive *s) {
     vfloat along = v_min(v_max(across, zero), v_splat(1.0f));
     vfloat side_x = v_madd(v_splat(s->slope[0]), along, x);
     vfloat side_y = v_madd(v_splat(s->slope[1]), along, y);
-    // Beside the slope its own normal: the vector to it is all rounding when the point is on it.
+    // Beside the slope, the slope's normal: on the surface the vector to it is rounding error.
     vmask beside = v_and(v_cmp_gt(across, zero), v_cmp_lt(across, v_splat(1.0f)));
     vfloat out = v_select(beside, v_splat(s->slope[1]), side_x),
            up = v_select(beside, v_splat(-s->slope[0]), side_y);
@@ -63,8 +62,7 @@ static struct vec octahedron_gradient(struct vec p) {
     return (struct vec){v_copysign(one, p.x), v_copysign(one, p.y), v_copysign(one, p.z)};
 }
 
-// The hit in the frame of one shape, and moved there by `shadow_step` along an axis of the world (a column
-// of the shape's matrix); axis −1: not moved.
+// Returns the hit in the shape's frame, moved by `step` along a world axis; axis −1: not moved.
 static struct vec moved_in(const struct primitive *s, const struct local_ray *ray, float step,
                            int axis) {
     COUNT(moved_in, call);
@@ -112,7 +110,7 @@ static struct vec difference(const struct primitive *s, const struct local_ray *
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
 }
 
-// Of the whole scene, as in the other phases.
+// Returns the differences of the whole scene's distance, as in the other phases.
 static struct vec scene_difference(vmask done, float step, const struct trace_context *world) {
     ACTIVE(LANES - v_count(done));
     COUNT(scene_difference, call);
@@ -148,7 +146,8 @@ struct hit_surroundings near_hit(vmask found, const struct trace_context *world)
                                      v_and(found, v_cmp_lt(second, least + v_splat(2.0f * step)))};
 }
 
-// `contact`: hits near another shape, whose difference is the scene's.
+// Returns the gradient at hits on one shape. contact: hits near another shape, which use the scene's
+// difference.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
                               const struct trace_context *world) {
     ACTIVE(v_count(found));
@@ -157,14 +156,14 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     const struct local_ray *ray = &world->local_rays[shape];
     vmask near = v_and(found, contact);
     struct vec p = moved_in(s, ray, 0, -1);
-    if (s->eval == EVAL_LINEAR) // it has a height alone
+    if (s->eval == EVAL_LINEAR) // only the height is set
         p.y = p.z = v_splat(0.0f);
     struct vec exact = p, rounded = p;
     if (s->eval != EVAL_LINEAR && v_any(v_andnot(contact, found)))
         rounded = difference(s, ray, v_not(found), step);
     if (v_any(near))
         rounded = vec_select(near, scene_difference(v_not(near), step, world), rounded);
-    ACTIVE(v_count(found)); // what was called has set its own
+    ACTIVE(v_count(found)); // the callee has set another value
     switch (s->type) {
     case SHAPE_SPHERE: break;
     case SHAPE_BOX:
@@ -191,9 +190,9 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     return vec_select(edge, rounded, exact);
 }
 
-// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
-// difference instead, which at an edge or through a thin plate is no slope to divide by.
+// Returns unit normals towards the rays, once for each shape that the packet hit. *slope: how fast the
+// distance falls along the ray, from a closed form; 1e30 where a difference was used, which is no slope to
+// divide by at an edge.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope) {
     COUNT(normal_at, call);
@@ -215,7 +214,7 @@ struct vec normal_at(struct vec direction, vmask found, const struct hit_surroun
                       v_splat(1e30f));
     vmask away = v_cmp_gt(along, v_splat(0.0f));
     struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
-    // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
+    // A zero gradient, as at a centre: the normal points along the ray. 1e-18: its square is a normal float.
     vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
     n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
     return (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),

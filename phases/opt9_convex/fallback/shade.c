@@ -1,10 +1,10 @@
-// What a hit looks like: light (B. T. Phong, "Illumination for computer generated
-// pictures", CACM 18 (1975)), mirror by recursion, fog.
+// Shades marched rays: light (B. T. Phong, "Illumination for computer generated pictures", CACM 18 (1975)),
+// mirrors by recursion, fog.
 #include "fallback/trace.h"
 #include "simd/point.h"
 #include "simd/pow.h"
 
-// Materials of hits, gathered.
+// The materials of a packet's hits.
 struct surfaces {
     struct vec color;
     vfloat reflectivity, shininess;
@@ -42,7 +42,8 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     vfloat distance = vec_norm(to_light);
     to_light = vec_scale(to_light, v_splat(1.0f) / distance);
     vfloat facing = vec_dot(n, to_light);
-    // Turned away: both terms are zero whatever the shadow. No direction to a light on the surface.
+    // Facing away from the light, both terms are 0 whatever the shadow. A point at the light has no direction
+    // to it.
     vmask lit = v_and(found, v_and(v_cmp_gt(facing, zero), v_cmp_gt(distance, zero)));
     struct vec color = vec_scale(base, v_splat(0.01f)); // ambient
     if (!v_any(lit))
@@ -51,7 +52,7 @@ static struct vec light_at(struct point p, struct vec n, struct vec direction, v
     COUNT(light_at, lit);
     vfloat reach = shadow(p, to_light, distance, lit, world) / distance;
     ACTIVE(v_count(lit));
-    // Of the light's direction: minus the paper's R.
+    // Reflects the light's direction, where the paper has R = −that.
     vfloat shine = vec_dot(vec_reflect(to_light, n), direction);
     vfloat specular = v_splat(0.2f) * v_pow(v_max(shine, v_splat(1e-30f)), surface->shininess);
     specular = v_select_or_zero(v_cmp_gt(shine, zero), specular);

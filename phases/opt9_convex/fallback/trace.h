@@ -1,4 +1,4 @@
-// What core/render.c, fallback/march.c and fallback/shade.c call of each other.
+// Marching and shading of packets in frames that closed forms cannot draw: called by core/tile.c.
 #ifndef OPT9_TRACE_H
 #define OPT9_TRACE_H
 
@@ -8,7 +8,7 @@
 struct trace_context {
     const struct prepared *scene;
     const struct view *view;
-    struct local_ray *local_rays; // one per shape: of the rays being marched now
+    struct local_ray *local_rays; // one per shape: the rays being marched
 };
 
 struct hit {
@@ -30,15 +30,15 @@ void ray_march(struct point origin, struct vec direction, vmask active,
                const struct trace_context *world, struct hit *hit);
 vfloat shadow(struct point point, struct vec to_light, vfloat distance, vmask active,
               const struct trace_context *world);
-// What a hit's place says, once it is the origin of world->local_rays: more exactly than the march,
-// which has rounded origin and direction in the frames of all shapes.
+// What near_hit() finds at hits that are the origins of world->local_rays. More exact than the march, which
+// rounds origin and direction in the frames of all shapes.
 struct hit_surroundings {
     vfloat distance, shape; // of the nearest
     vmask contact;          // another shape is within two normal steps of it
 };
 
 struct hit_surroundings near_hit(vmask found, const struct trace_context *world);
-// Of hits that are the origins of world->local_rays, and the slope there.
+// Returns the normals of hits that are the origins of world->local_rays, and the slope there.
 struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
                      const struct trace_context *world, vfloat *slope);
 void trace(struct point origin, struct vec direction, vmask active, int bounce,

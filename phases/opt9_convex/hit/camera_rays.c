@@ -1,4 +1,4 @@
-// The camera rays of a tile, and what they meet.
+// The camera rays of a tile and their hits, by closed forms.
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
 #include "core/sdf.h"
@@ -19,7 +19,7 @@ static inline vmask in_picture(struct pixel_block block) {
                  v_cmp_lt(below, v_splat((float)block.down)));
 }
 
-// A direction, not of unit length, but for its part up, which is the row's: of blocks one below the other it is the same.
+// Returns the part of a block's directions that depends on the column only; not of unit length.
 static inline struct vec column_of(const struct tile *tile, int column, const struct frame *frame) {
     COUNT(column_of, call);
     vfloat x =
@@ -47,7 +47,8 @@ static inline struct vec get_direction(const struct tile *tile, struct pixel_blo
                         row_of_picture(tile, block.row, frame));
 }
 
-// The camera in a Mandelbulb's frame, in doubles: as floats, its rays would pass by what they are to meet.
+// The camera in a Mandelbulb's frame, in doubles: in floats its rays would miss the details that they should
+// hit.
 struct camera_double {
     double at[3], ahead[3], across[3], up[3];
 };
@@ -100,7 +101,8 @@ static inline vdouble v_double_splat(double a) {
     return (vdouble){v_half_splat(a), v_half_splat(a)};
 }
 
-// Camera rays. Where the camera is inside of a shape, fallback/march.c has the frame.
+// Intersects camera rays with shape i. Precondition: the camera is outside it (else fallback/march.c draws
+// the frame).
 INLINE void camera_hit(int i, struct vec direction, vmask active,
                        const struct local_camera *cameras, const struct prepared *scene,
                        struct surface_hit *hit) {
@@ -109,14 +111,14 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
     vfloat t;
     vmask met;
     struct vec local;
-    if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // by hit_bulbs(), hit_repeated()
+    if (s->type == SHAPE_MANDELBULB || REPEATED(s)) // left to hit_bulbs() and hit_repeated()
         return;
     ACTIVE(v_count(active));
     if (s->eval == EVAL_LINEAR) {
         COUNT(camera_hit, plane);
         vfloat slope = add_dot(s->normal, direction);
         t = v_splat(cameras[i].height) / (v_splat(0.0f) - slope);
-        met = v_and(active, v_cmp_lt(slope, v_splat(0.0f))); // the camera is above it
+        met = v_and(active, v_cmp_lt(slope, v_splat(0.0f))); // the camera is above the plane
         local = hit->local;
     } else {
         COUNT(camera_hit, solid);
@@ -126,7 +128,7 @@ INLINE void camera_hit(int i, struct vec direction, vmask active,
     take_hit(v_and(met, v_cmp_lt(t, hit->t)), t, local, s, hit);
 }
 
-// A camera ray and what it meets, but for Mandelbulbs and repeated shapes.
+// Sets a packet of camera rays and its hits, except on Mandelbulbs and repeated shapes.
 static inline void camera_packet(const struct tile *tile, struct pixel_block block, int slot,
                                  const struct job *job, const struct worker_scratch *scratch,
                                  struct shading_packet *at) {
@@ -150,7 +152,7 @@ static inline void camera_packet(const struct tile *tile, struct pixel_block blo
         camera_hit(list[k], d, active, job->cameras, job->prepared, &at->hit);
 }
 
-// Of a crowd: what each of the row's blocks can meet.
+// With a BVH: lists the shapes that each block of the row can hit.
 static inline void list_for_row(const struct tile *tile, int row, const struct job *job,
                                 struct worker_scratch *scratch) {
     struct frame *frame = job->frame;
@@ -167,7 +169,7 @@ INLINE void is_single(int i, const struct prepared *scene, bool *some) {
     *some = *some || !REPEATED(&KNOWN(scene)->primitives[i]);
 }
 
-// What a tile's packets meet where shapes are repeated: first of the others.
+// Sets the hits of all packets of a tile in a scene with repeated shapes; the other shapes come first.
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
                                  const struct worker_scratch *scratch, struct primary_hit *hits) {
     struct block_grid blocks;
@@ -179,7 +181,7 @@ KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
     blocks.pixel = 2 * per_height;
     COUNT(repeated_tile, call);
     COUNT(repeated_tile, scalar);
-    bool others = false; // plain ones that are not repeated
+    bool others = false; // shapes that are not repeated, in a scene without secondary rays
     if (needs_no_secondary(&KNOWN(job->prepared)->model)) {
         UNROLL_SHAPES
         for (int i = 0; i < KNOWN(job->prepared)->model.shape_count; i++)
@@ -245,7 +247,7 @@ void march_tile_bulbs(const struct tile *tile, const struct job *job,
             march_tile_bulb(set_shape(&scratch->camera_shapes, k), tile, job, scratch);
 }
 
-// A row's packets; how many. hits: where shapes are repeated, what they see.
+// Sets up a row of packets with their hits. Returns their number. hits: from repeated_tile().
 KERNEL_SHARED int camera_row(const struct tile *tile, int row, int pixel,
                              const struct primary_hit *hits, const struct job *job,
                              struct worker_scratch *scratch, struct shading_packet *stage) {

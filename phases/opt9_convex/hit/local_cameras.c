@@ -1,4 +1,4 @@
-// A frame's camera as each shape sees it, and whether its rays can be had by closed forms. No lanes in here.
+// The camera in the frame of each shape, and whether closed forms can draw the frame. No vectors here.
 #include <math.h>
 
 #include "core/primitive.h"
@@ -7,7 +7,7 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Whether the camera is outside of the box about the copy whose cell it is in.
+// Sets the camera relative to the copy in its cell. Returns whether it is outside the box about that copy.
 static bool camera_beside_copies(const struct primitive *p, const double from[3], double far,
                                  struct local_camera *camera) {
     bool outside = false;
@@ -20,7 +20,8 @@ static bool camera_beside_copies(const struct primitive *p, const double from[3]
     return outside;
 }
 
-// Whether the camera is within the bounds and outside of every solid's bounding sphere (repeated: box) and plane.
+// Sets all local cameras. Returns whether the camera is within the bounds, above every plane, and outside
+// every bounding sphere (repeated shapes: box).
 static bool set_each(const struct prepared *prepared, const struct view *view) {
     double radius = prepared->model.march.bounds_radius, far = prepared->model.march.hit_distance;
     bool clear = dot(view->position, view->position) < radius * radius;
@@ -52,16 +53,16 @@ static bool set_each(const struct prepared *prepared, const struct view *view) {
             camera->at[k] = (float)dot(p->row[k], from);
             camera->centre[k] = (float)-dot(from, axis[k]);
         }
-        // A Mandelbulb's rays are marched wherever they begin (but within it: see below).
+        // Rays to a Mandelbulb are marched from anywhere outside it: see camera_in_bulb().
         clear = clear &&
                 (p->type == SHAPE_MANDELBULB || sqrt(dot(from, from)) > (double)p->bound + far);
     }
     return clear;
 }
 
-// A camera within a Mandelbulb sees what its march leaves there: normals from estimates of -0.2, where 14 bits of one
-// are 1e-5 and a normal's step is 1e-4 (18° of error, median of 57 such cameras). fallback/march.c has all bits. That a nearer
-// shape is no other one is set_local_cameras' to say, before.
+// Returns whether the camera is inside a Mandelbulb. Its rays hit at once, and normals come from estimates of
+// −0.2, where 14 bits are 1e-5 and the step is 1e-4: 18° of error (median of 57 cameras). fallback/march.c
+// has all bits. Precondition: set_each() returned true, so no other shape is nearer.
 static bool camera_in_bulb(const struct prepared *prepared, const struct view *view, bool sixteen) {
     if (!prepared->known.bulbs)
         return false;
@@ -69,7 +70,7 @@ static bool camera_in_bulb(const struct prepared *prepared, const struct view *v
     int nearest;
     if (!(sixteen ? lanes16_distances : lanes8_distances)(prepared, 1, view->position, &distance,
                                                           &nearest))
-        return true; // no memory to ask by: a march is always right
+        return true; // memory is short: a march is always right
     return !(distance > prepared->model.march.hit_distance);
 }
 
@@ -77,7 +78,8 @@ bool set_local_cameras(const struct prepared *prepared, const struct view *view,
     return set_each(prepared, view) && !camera_in_bulb(prepared, view, sixteen);
 }
 
-// Taller where a tile's rays must share the wait for the slowest of them (Mandelbulbs), or be sorted (crowds).
+// Taller tiles let more rays share the wait for the slowest (Mandelbulbs), or give the sort of shadow rays
+// more rays (BVH).
 int tile_height(const struct prepared *prepared, int height) {
     if (prepared->known.bulbs)
         return height > 256 ? 128 : 64;

@@ -1,8 +1,8 @@
-// What a packet of camera rays sees where nothing waits for it, neither a shadow nor a mirror ray: coloured by itself, from
-// a normal that was told where it met the shape.
+// Shades camera rays in scenes without secondary rays. The normal was computed when the ray hit the shape.
 #include "core/lighting.h"
 #include "core/scene_bounds.h"
 
+// Sets the material of the lanes that hit shape i.
 INLINE void material_of(int i, const struct primary_hit *seen, const struct prepared *scene,
                         struct surface *all) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
@@ -14,6 +14,7 @@ INLINE void material_of(int i, const struct primary_hit *seen, const struct prep
     all->shine_from = v_select(same, v_splat(s->shine_from), all->shine_from);
 }
 
+// Sets the material of shape i in all lanes, if all of them hit it.
 INLINE void sole_material(int i, const struct primary_hit *seen, const struct prepared *scene,
                           struct surface *all) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];

@@ -1,19 +1,20 @@
-// Where rays enter a torus: a march, the only one among the solids.
+// Where rays enter a torus: the only solid that is marched.
 #include "hit/solids.h"
 
-// Sphere tracing, helped by what is convex: the distance to the disc that fills the ring, less the tube's
-// radius, is a convex function along a ray, and nowhere larger than the torus's. So Newton's step on it never
-// goes too far, and a ray that no longer comes nearer to it has missed. Of the torus's own distance h no more than 1/radius
-// bends down along a ray: a parabola of 4/3 of that says how far no surface can be, as long as the radius falls by less
-// than a quarter, and where h is small it is Newton's step. Steps of h alone were more than 256 where a ray follows the
-// ring's inner side, and it was lost.
+// Sphere tracing with two accelerations. First, the hull: the distance to the disc that fills the ring, less
+// the tube's radius, is convex along a ray and nowhere above the torus's distance h. So Newton's step on it
+// never goes too far, and a ray that no longer approaches it has missed. Second, h bends down by 1/radius at
+// most. A parabola with 4/3 of that bounds the surface while the radius falls by less than a quarter, and is
+// Newton's step where h is small. Steps of h alone lose rays along the ring's inner side: more than 256
+// steps.
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t) {
     COUNT(enter_torus, call);
     COUNT(enter_torus, exact);
     COUNT(enter_torus, scalar);
     vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
-    // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for what is rounded.
+    // The ray enters between two planes and in the cylinder about the ring. Both are 2^-10 wider for
+    // rounding.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
     vfloat per = v_splat(1.0f) / (v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
@@ -37,14 +38,14 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
         vfloat h = tube - v_splat(s->b);
         vfloat hull = v_select(outer, h, v_abs(p.y) - v_splat(s->b));
         vfloat per_radius = v_splat(1.0f) / v_max(radius, tiny);
-        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius;          // of the radius
-        vfloat fall = v_madd(ring, rate, p.y * d.y) / v_max(tube, tiny); // of the torus's distance
+        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius;          // derivative of the radius
+        vfloat fall = v_madd(ring, rate, p.y * d.y) / v_max(tube, tiny); // derivative of h
         vfloat hull_fall = v_select(outer, fall, v_negate_where(v_signbit(p.y), d.y));
         vmask reached = v_and(going, v_cmp_lt(v_abs(h), v_splat(s->c))),
               outside = v_cmp_gt(h, zero);
         vfloat bent =
             v_sqrt(v_max(v_madd(fall, fall, h * v_splat(8.0f / 3.0f) * per_radius), zero));
-        // From inside Newton's step back.
+        // Inside the tube: Newton's step back.
         vfloat below = v_select(outside, v_max(bent - fall, v_splat(1e-6f)),
                                 v_max(zero - fall, v_splat(0.05f)));
         vfloat newton = v_select(outside, h + h, h) / below;

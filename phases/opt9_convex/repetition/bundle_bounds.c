@@ -1,7 +1,9 @@
-// What a bundle of camera rays can meet of the copy in a cell, told for all its rays at once: intervals of t in which
-// they may enter its shapes, from the bundle's middle ray and how far the others are from it.
+// Bounds of what a bundle of camera rays hits of the copy in a cell: intervals of t in which its rays may
+// enter each shape, from the bundle's axis and the spread of its rays.
 #include "repetition/cell_walk.h"
 
+// Bounds the entries into a box: *lo and *hi around the first face that the axis meets, if all rays enter
+// through its flat part.
 INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk *b,
                             const struct cell_grid *grid, const struct bundle_bounds *p, vfloat *lo,
                             vfloat *hi, vfloat *axis) {
@@ -20,7 +22,7 @@ INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk 
     *lo = v_select(v_cmp_lt(to, from), v_splat(INFINITY), v_max(*lo, from));
     vmask on_x = v_cmp_ge(x, in), on_y = v_andnot(on_x, v_cmp_ge(y, in));
     *axis = v_select(on_x, v_splat(0.0f), v_select(on_y, v_splat(1.0f), v_splat(2.0f)));
-    // On that face's plane the rays are no further apart than this.
+    // The rays are no further apart than this where they meet that face's plane.
     vfloat steep = v_select(on_x, a.x, v_select(on_y, a.y, a.z));
     vfloat turns = v_splat(grid->spread) * steep;
     vfloat apart =
@@ -34,6 +36,7 @@ INLINE void bound_box_entry(const struct primitive *s, const struct bundle_walk 
     *hi = v_select(v_and(flat, v_cmp_gt(in, apart)), in + apart, v_splat(INFINITY));
 }
 
+// Updates the bounds by shape i of the grid of `first`.
 INLINE void bound_shape_entry(int i, int first, const struct cell_grid *grid,
                               const struct bundle_walk *b, struct bundle_bounds *p) {
     const struct primitive *s = &KNOWN(grid->scene)->primitives[i];

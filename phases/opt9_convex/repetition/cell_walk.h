@@ -1,5 +1,5 @@
-// A ray's way from cell to cell of a repeated shape: see repetition/repeated_rays.c. And the same for a tile's bundles of
-// camera rays (repetition/repeated_bundles.c).
+// The walk of rays (repetition/repeated_rays.c) and of bundles of camera rays (repetition/repeated_bundles.c)
+// from cell to cell of a repeated shape.
 #ifndef OPT9_CELL_WALK_H
 #define OPT9_CELL_WALK_H
 
@@ -9,8 +9,8 @@
 #include "hit/solids.h"
 #include "repetition/repeated_rays.h"
 
-// One axis: the ray is at the middle of its cell at `middle` = base + count·step, and there within `half` of the
-// box about the copy, within `wall` of the cell. All in units of t, of which `size` are as long as 1 along it.
+// One axis of a walk. The ray passes the middle of its cell at t = middle = base + count·step, the box about
+// the copy within `half` of that, and the cell within `wall`. size: t per unit of this coordinate.
 struct cell_axis {
     vfloat base, step, half, wall, count, middle, size;
 };
@@ -26,6 +26,7 @@ static inline struct cell_axis cell_axis_of(vfloat o, vfloat d, float cell, floa
                               size};
 }
 
+// Returns the t at which the ray leaves its cell.
 static inline vfloat cell_exit(const struct cell_axis *x, const struct cell_axis *y,
                                const struct cell_axis *z) {
     return v_min(x->middle + x->wall, v_min(y->middle + y->wall, z->middle + z->wall));
@@ -42,7 +43,7 @@ struct cell_walk {
     vfloat end;
 };
 
-// Into the next cells; those that are not at their end there.
+// Moves the rays `going` into their next cells. Returns those that have not reached their end.
 static inline vmask next_cells(struct cell_walk *w, vmask going) {
     ACTIVE(v_count(going));
     COUNT(next_cells, call);
@@ -58,7 +59,8 @@ static inline vfloat box_entry(const struct cell_walk *w) {
     return v_max(w->x.middle - w->x.half, v_max(w->y.middle - w->y.half, w->z.middle - w->z.half));
 }
 
-// Where the rays meet the next box; of `skip` not the first.
+// Walks the rays `going` to the next box that they meet. Returns those that meet one. Rays of `skip` pass
+// over the box of their first cell.
 static inline vmask next_box(struct cell_walk *w, vmask going, vmask skip) {
     COUNT(next_box, call);
     vmask met = v_mask_none();
@@ -79,38 +81,40 @@ static inline vmask next_box(struct cell_walk *w, vmask going, vmask skip) {
 }
 
 enum {
-    BUNDLE_HEIGHT = 4, // and as wide as a block
+    BUNDLE_HEIGHT = 4, // pixels; a bundle is as wide as a block
     BUNDLE_BLOCKS = BUNDLE_HEIGHT / BLOCK_HEIGHT,
     BUNDLES = BLOCKS_ACROSS * TILE_HEIGHT / BUNDLE_HEIGHT
 };
 
 _Static_assert(BUNDLES % LANES == 0, "whole registers");
 
+// The cells of repeated shapes that share a grid, and the camera rays of a tile among them.
 struct cell_grid {
     const struct prepared *scene;
     double eye[3], size[3];
-    float spread, bounds, slack; // slack: what float may have lost of a place
-    bool only_grid, first;       // no shape is repeated in another way; nothing was met before
+    float spread, bounds, slack; // spread: of a bundle, per unit of t. slack: rounding of a point
+    bool only_grid, first; // only_grid: the scene has no other grid. first: no ray has a hit yet
     struct primary_hit *hits;
-    vmask left[BLOCKS]; // rays that have not met a copy
+    vmask left[BLOCKS]; // rays that have not hit a copy
 };
 
-// Bundles on their way.
+// Bundles that walk from cell to cell, one per lane.
 struct bundle_walk {
-    struct vec direction, along; // of their axes; along: |1/direction|
+    struct vec direction, along; // direction: of a bundle's axis; along: |1/direction|
     struct cell_walk walk;
 };
 
-// Bundles beside a copy. Of the shape that all their rays have entered by `hi` (∞: there is none): which, across which
-// axis, where the first of them may enter it (`lo`); where the first may enter another shape of the copy.
+// Bounds of bundles at the copy in their cells. The nearest shape that all rays of a bundle enter: they do so
+// between lo and hi (infinite: no such shape), through the face across `axis`. Another shape may be entered
+// from t = others on.
 struct bundle_bounds {
-    struct vec o; // the camera
+    struct vec o; // the camera, in the copy's frame
     vfloat before, square,
-        wide; // as of struct copy_packet, of their axes; how far from these rays are there
-    vfloat lo, hi, others, shape, axis, away; // away: what none of them meets
+        wide; // before, square: see struct copy_packet. wide: distance of any ray from the axis there
+    vfloat lo, hi, others, shape, axis, away; // away: shapes that no ray hits, as shape bits
 };
 
-// Shapes of a copy, a bit for each of those that float counts so; the others have none.
+// Returns a bit for shape i of the grid of `first`: 24 bits, exact in a float. Further shapes have none.
 static inline unsigned shape_bit(int i, int first) {
     return i - first < 24 ? 1u << (i - first) : 0;
 }
@@ -119,12 +123,14 @@ static inline struct vec local_direction(int first, const struct cell_grid *grid
     return turned(&KNOWN(grid->scene)->primitives[first], grid->hits[block].direction);
 }
 
-// repetition/bundle_bounds.c
+// repetition/bundle_bounds.c. Sets the bounds of bundles at copies seen from o, in their frames.
 KERNEL_INLINE void bound_copy_entry(int first, const struct cell_grid *grid,
                                     const struct bundle_walk *b, struct vec o,
                                     struct bundle_bounds *bounds);
 
-// repetition/copy_hit.c
+// repetition/copy_hit.c. hit_copy() intersects the rays `active` of a block with the copy seen from o + rest, without the
+// shapes of `away`, and returns the rays that hit it. hit_copy_by_all() does so for a copy that all rays of the block
+// are proved to hit, on one face or one sphere.
 KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
                              struct vec rest, unsigned away, vmask active);
 KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,

@@ -1,15 +1,16 @@
-// What a packet of camera rays meets of the copy of repeated shapes whose cell it is in (repetition/repeated_bundles.c): of each shape that is
-// repeated alike, ray by ray, or of one that all of them are proved to camera_hit, at once.
+// Hits of a packet of camera rays on the copy in its cell: shape by shape for each ray, or at once on a shape
+// that all rays are proved to hit (repetition/bundle_bounds.c).
 #include "repetition/cell_walk.h"
 
-// A packet beside a copy.
+// A packet at a copy. c: each ray's point nearest to the copy, `before` from the origin; square: |c|². met:
+// rays that hit the copy, at any t.
 struct copy_packet {
     struct vec c, d, per;
     vfloat before, square;
-    vmask active, met; // met: it, nearer than something else or not
+    vmask active, met;
 };
 
-// Its normal is told by what enter_rounded_box() knows.
+// Returns whether enter_rounded_box() also gives the normal.
 static inline bool is_mostly_round(const struct primitive *s) {
     return s->type == SHAPE_ROUNDED_BOX && s->a > ROUNDING_SHARE * s->bound;
 }
@@ -67,7 +68,6 @@ INLINE void mark_slabs(int i, int first, const struct prepared *scene, bool *sla
         *slabs || (s->leader == first && (s->type == SHAPE_BOX || s->type == SHAPE_ROUNDED_BOX));
 }
 
-// A copy, seen from `o`, more by `rest`; of `away` nothing is met. Those that meet it.
 KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
                              struct vec rest, unsigned away, vmask active) {
     COUNT(hit_copy, call);
@@ -92,7 +92,8 @@ KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block,
     return b.met;
 }
 
-// A copy that all of a packet's rays camera_hit, on one face or one sphere of it.
+// Sets the hits of a packet whose rays all hit `shape` of the copy, on the face across `axis` or on its
+// sphere.
 INLINE void hit_whole_packet(int i, int first, int shape, int axis, const struct cell_grid *grid,
                              int block, struct vec o, struct vec rest) {
     COUNT(hit_whole_packet, call);

@@ -1,16 +1,16 @@
 // Camera rays of a tile among the copies of repeated shapes, front to back.
 //
-// Rays of 4 × 4 pixels make a bundle, and the walk from cell to cell (repetition/cell_walk.h; J. Amanatides and A. Woo, "A fast voxel
-// traversal algorithm for ray tracing", Eurographics 1987) is one for a bundle: its axis', the ray through its middle.
-// At a distance t no ray of it is further than spread·t from there, and copies stay a gap away from their cells' walls:
-// so long as spread·t is less, a ray is in a copy only where the axis is in that one's cell, and the cells that the axis
-// goes through are all that there are, in the order in which every ray meets them. Behind that each ray walks by itself.
+// A bundle is 4 × 4 pixels. It walks from cell to cell along its axis, the ray through its middle (J.
+// Amanatides and A. Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987). At distance
+// t no ray is further than spread·t from the axis, and copies keep a gap to their cells' walls. While
+// spread·t is below the gap, a ray can only be in the copy of the axis's cell. So the axis passes every copy
+// that its rays meet, in their order. Beyond that each ray walks by itself.
 //
-// The lanes are bundles in the walk, rays where a copy is asked (repetition/copy_hit.h).
+// In the walk a lane is a bundle; at a copy it is a ray (repetition/copy_hit.c).
 #include "core/numerics.h"
 #include "repetition/cell_walk.h"
 
-// The camera from the middles of the cells that the lanes are in, as two floats.
+// Returns one coordinate of the camera relative to the middle of each lane's cell; *rest gets its low part.
 static inline vfloat lane_coordinate(const struct cell_grid *grid, int axis, vfloat d, vfloat count,
                                      vfloat *rest) {
     COUNT(lane_coordinate, call);
@@ -38,7 +38,7 @@ static inline struct cell_walk cell_walk_from(const struct cell_grid *grid, stru
         cell_axis_of(v_splat((float)grid->eye[2]), d.z, s->cell[2], s->box_of_grid[2]), end};
 }
 
-// Each ray by itself, from the camera on. What it has met it does not ask again.
+// Walks each ray of a block by itself, from the camera on.
 INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block) {
     ACTIVE(v_count(grid->left[block]));
     COUNT(walk_single_rays, call);
@@ -58,7 +58,7 @@ INLINE void walk_single_rays(int first, const struct cell_grid *grid, int block)
     }
 }
 
-// As next_box() where some ray of them may meet the box.
+// As next_box() for bundles: walks to the next box that some ray of the bundle may meet.
 static inline vmask bundles_next(struct bundle_walk *b, float spread, vmask going) {
     COUNT(bundles_next, call);
     struct cell_walk *w = &b->walk;
@@ -79,7 +79,8 @@ static inline vmask bundles_next(struct bundle_walk *b, float spread, vmask goin
     return met;
 }
 
-// The rays of a bundle that go on.
+// Intersects the rays of a bundle with a copy. shape ≥ 0: all rays hit it, across `axis`. Returns whether a
+// ray goes on.
 INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec o, struct vec rest,
                        int shape, int axis, unsigned away) {
     bool on = false, whole = shape >= 0;
@@ -105,7 +106,7 @@ INLINE bool hit_bundle(int first, struct cell_grid *grid, int bundle, struct vec
     return on;
 }
 
-// What bundles meet of the copies in their cells; those that go on.
+// Intersects the bundles `met` with the copies in their cells. Returns the bundles that go on.
 INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struct bundle_walk *b,
                                   int from, vmask met) {
     ACTIVE(v_count(met));
@@ -136,13 +137,13 @@ INLINE vmask hit_cells_of_bundles(int first, struct cell_grid *grid, const struc
     return v_mask_of_bits(on);
 }
 
-// Whether the shape i is repeated otherwise than `first`.
+// Clears *only if shape i is repeated in another grid than `first`.
 INLINE void is_other(int i, int first, const struct prepared *scene, bool *only) {
     const struct primitive *s = &KNOWN(scene)->primitives[i];
     *only = *only && !(REPEATED(s) && s->leader != first);
 }
 
-// What the grid is to the tile; the bundles that have rays.
+// Sets up the grid for a tile. Returns the bundles that have rays, as bits.
 INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct block_grid *blocks,
                                 const struct job *job) {
     const struct primitive *s = &KNOWN(job->prepared)->primitives[first];
@@ -181,7 +182,8 @@ INLINE unsigned begin_cell_grid(int first, struct cell_grid *grid, const struct 
     return open;
 }
 
-// How far the rays of some bundles go: to what else they have met, if all have.
+// Returns how far each bundle has to walk: to the furthest hit so far if all its rays have one, else to the
+// bounds.
 INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open) {
     COUNT(bundle_ends, call);
     COUNT(bundle_ends, scalar);
@@ -211,7 +213,7 @@ INLINE vfloat bundle_ends(const struct cell_grid *grid, int from, unsigned open)
     return v_load(ends);
 }
 
-// Until where no ray leaves the cells that its bundle's axis goes through.
+// Returns the t up to which no ray leaves the cells that its bundle's axis passes.
 static inline float bundle_holds_until(const struct cell_grid *grid, const struct primitive *s) {
     COUNT(bundle_holds_until, call);
     float gap = INFINITY;
@@ -224,7 +226,7 @@ static inline float bundle_holds_until(const struct cell_grid *grid, const struc
     return gap > 0 && grid->spread < 0.05f ? gap / grid->spread : 0.0f;
 }
 
-// The bundles `open` of those from `from` on.
+// Walks the bundles `open`, bits from bundle `from` on.
 INLINE void hit_bundles(int first, struct cell_grid *grid, const struct block_grid *blocks,
                         const struct job *job, int from, unsigned open) {
     ACTIVE(__builtin_popcount(open));

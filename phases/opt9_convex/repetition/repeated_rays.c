@@ -1,9 +1,9 @@
-// A ray goes from cell to cell of a repeated shape (J. Amanatides and A. Woo, "A fast voxel traversal algorithm for
-// ray tracing", Eurographics 1987), every lane in its self, until it meets the box about the copy there; when all
-// lanes have or are at their end, those are asked by the shape's closed form.
+// Rays among the copies of a repeated shape. Every lane walks from cell to cell (J. Amanatides and A. Woo, "A
+// fast voxel traversal algorithm for ray tracing", Eurographics 1987) until it meets the box about the copy
+// there. When all lanes have met one, or have ended, the shape's closed form is evaluated.
 //
-// Only of shapes that are in their cell and its mirror image (fits_its_cells() in core/primitives.c): there the wrapped distance is the
-// distance to all copies, and what a march comes to is the first of them.
+// Precondition: the shape lies in its cell and is its own mirror image (fits_its_cells() in
+// core/primitives.c), so the wrapped distance is the distance to all copies.
 #include "repetition/repeated_rays.h"
 #include "core/shading_packet.h"
 #include "repetition/cell_walk.h"
@@ -14,7 +14,7 @@ static inline vhalf half_cell_size(vhalf o, vhalf t, vhalf d, vhalf count, doubl
     return v_half_nmadd(count, v_half_splat(cell), v_half_madd(t, d, o));
 }
 
-// A coordinate at `from` in the copy's frame, rounded once: at the size of the shape, not of the way to it.
+// Returns one coordinate of the ray at t = from in the copy's frame, rounded once, at the size of the shape.
 static inline vfloat start_beside_copy(vfloat o, vfloat rest, vfloat d, vfloat from,
                                        const struct cell_axis *axis, struct vec_double direction,
                                        const double row[3], double cell) {
@@ -59,7 +59,7 @@ KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated
         vfloat from = v_max(box_entry(&w), v_splat(0.0f)), in;
         struct vec at;
         vmask entered = enter(in_copy_frame(s, among, d, &w, from), d, s, met, &in, &at, &behind);
-        // Where `from` is rounded, it may be just behind the entry.
+        // `from` is rounded and may be just behind the entry.
         entered = v_or(entered, v_and(behind, v_cmp_gt(from, v_splat(0.0f))));
         *t = v_select(entered, from + in, *t);
         *local = vec_select(entered, at, *local);
@@ -82,11 +82,12 @@ static inline vmask is_same_point(struct vec a, struct vec b) {
     return v_cmp_ge(v_splat(0.0f), apart);
 }
 
+// Wraps the origin *o into the cell about 0 and returns the query. self: rays that start on the shape.
 static struct repeated_query repeated_query_of(const struct primitive *s, struct vec *o,
                                                struct vec direction, vmask self, vmask active,
                                                vfloat end) {
     struct vec at = vec_wrapped(s, *o), none = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    self = v_and(self, is_same_point(at, *o)); // from another cell than its self it may be met
+    self = v_and(self, is_same_point(at, *o)); // a ray that starts in another cell may hit the copy
     *o = at;
     return (struct repeated_query){at, none, direction, active, self, end};
 }
@@ -101,11 +102,11 @@ KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primiti
         struct vec n = normal_on(ray->local, s);
         vmask back = v_cmp_lt(vec_dot(n, d), v_splat(0.0f));
         o = vec_select(self, vec_along(ray->local, n, v_negate_where(back, v_splat(offset))), o);
-        self = v_andnot(back, self); // it was met from within, and so it will be again
+        self = v_andnot(back, self); // a ray that left from inside hits the shape again
     }
     struct repeated_query among = repeated_query_of(s, &o, ray->direction, self, ray->active, end);
     vmask within = v_and(v_andnot(among.leaves, ray->active), in_box(s, o));
-    if (!s->convex) // a torus may shade itself
+    if (!s->convex) // a torus may occlude itself
         among.leaves = v_mask_none();
     vmask met = enter_cells(s, &among, t, local);
     if (!v_any(within))

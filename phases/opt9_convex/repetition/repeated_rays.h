@@ -1,4 +1,4 @@
-// Repeated shapes: their copies along a ray, by closed forms.
+// Rays among the copies of repeated shapes, by closed forms.
 #ifndef OPT9_REPEATED_RAYS_H
 #define OPT9_REPEATED_RAYS_H
 
@@ -14,8 +14,8 @@ struct shadow_rays;
 
 #define REPEATS(scene) (KNOWN(scene)->repeats)
 
-// A loop over the shapes that share the grid of cells of the shape `first`. An unrolled loop takes every shape in
-// turn, and the loop's body leaves out those of another grid.
+// A loop over the shapes that share the grid of `first`. An unrolled loop visits every shape; its body leaves
+// out other grids.
 static inline int grid_begin(int first) {
     return UNROLLED_SHAPES ? 0 : first;
 }
@@ -25,11 +25,11 @@ static inline bool grid_more(int i) {
 }
 
 static inline int grid_next(const struct prepared *scene, int i) {
-    (void)scene; // not in a kernel
+    (void)scene; // unused in a kernel
     return UNROLLED_SHAPES ? i + 1 : KNOWN(scene)->primitives[i].next_same_grid;
 }
 
-// Nothing waits for what a camera ray has met: it sends no shadow and no mirror ray.
+// Returns whether camera rays send no shadow and no mirror rays.
 static inline bool needs_no_secondary(const struct known_model *model) {
     return model->shadows == SHADOWS_NONE &&
            !(model->features.mirrors && model->march.max_bounces > 0);
@@ -37,13 +37,13 @@ static inline bool needs_no_secondary(const struct known_model *model) {
 
 // Rays among the copies of a repeated shape.
 struct repeated_query {
-    struct vec origin, rest; // in the shape's frame, in the cell about 0; what float has lost of it
-    struct vec direction;    // in the world's axes
-    vmask active, leaves;    // leaves: they start on the copy about 0, and do not meet it
-    vfloat end;              // nothing is asked behind it
+    struct vec origin, rest; // in the shape's frame, wrapped into the cell about 0; its low part
+    struct vec direction;    // in world axes
+    vmask active, leaves;    // leaves: rays that start on the copy about 0 and cannot hit it
+    vfloat end;              // hits beyond this t do not matter
 };
 
-// A hit behind the bounds is none; a little further than they are, for in_bounds() tells that exactly.
+// Returns the distance to the bounds, a little more than exact: in_bounds() decides exactly.
 static inline vfloat bounds_distance(struct vec origin, struct vec direction,
                                      const struct limits *limits) {
     COUNT(bounds_distance, call);
@@ -54,11 +54,11 @@ static inline vfloat bounds_distance(struct vec origin, struct vec direction,
     return v_sqrt(v_max(v_madd(along, along, inside), v_splat(0.0f))) - along;
 }
 
-// As enter(): where they enter a copy ahead of them, and the point there in that one's frame.
+// As enter(): returns the rays that enter a copy ahead of them; *local: the point in that copy's frame.
 KERNEL_SHARED vmask enter_cells(const struct primitive *s, const struct repeated_query *among,
                                 vfloat *t, struct vec *local);
 
-// As hit_from_surface(), first_entry() and what hard shadows ask of a solid.
+// As hit_from_surface(), first_entry() and block_light() for a solid.
 KERNEL_SHARED vmask hit_cells(const struct packet_ray *ray, const struct primitive *s, vmask self,
                               vfloat end, float offset, vfloat *t, struct vec *local);
 
@@ -68,14 +68,15 @@ KERNEL_SHARED void first_entry_in_cells(const struct primitive *s, int i, struct
 KERNEL_SHARED vmask cells_occlude(const struct primitive *s, struct vec origin,
                                   struct vec direction, vmask self, vmask active, vfloat reach);
 
-// The planes through the camera between the tile's columns and rows of blocks, as it sees the picture's plane at
-// distance 1: their places there.
+// The grid of a tile's blocks in the picture's plane at distance 1: its left and top, and the width of a
+// pixel.
 struct block_grid {
-    float left, top, pixel; // pixel: its width
-    int across, down;       // blocks in the picture
+    float left, top, pixel;
+    int across, down; // blocks in the picture
 };
 
-// What a tile's packets meet of all shapes that are repeated as the shape `first` is, if it is the first of them.
+// Intersects a tile's packets with all shapes of the grid of `first`. Does nothing if `first` is not the
+// leader of its grid.
 KERNEL_INLINE void hit_repeated(int first, const struct block_grid *blocks, const struct job *job,
                                 struct primary_hit *hits);
 
