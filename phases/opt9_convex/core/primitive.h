@@ -86,6 +86,10 @@ struct known_scene {
     float lit_slope;                // see lit_slope() in core/primitives.c
 };
 
+// How every ray of a frame is drawn. By default the scene decides (core/render.c, core/primitives.c);
+// STEPWISE_PATH forces one way (core/draw_path.h).
+enum draw_path { PATH_DEFAULT, PATH_LIST, PATH_BVH, PATH_MARCH };
+
 struct prepared {
     struct model model;
     struct known_scene known;
@@ -96,6 +100,7 @@ struct prepared {
     struct bvh tree;              // of the solids, if they are a crowd
     struct bvh_leaf *leaves;      // what it is made of
     int *planes, plane_count;
+    enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 
 // A scene of this many shapes is a crowd, of two nodes of the tree or more, where build_bvh() in core/primitives.c allows it.

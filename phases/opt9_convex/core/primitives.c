@@ -209,8 +209,10 @@ enum { BVH_MIN_MAX_STEPS = 256 };
 static void build_bvh(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->tree.levels = 0;
-    if (count < BVH_MIN_SHAPES || !prepared->solids || prepared->known.repeats ||
-        prepared->known.bulbs || prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
+    bool wanted =
+        prepared->path == PATH_BVH || (prepared->path == PATH_DEFAULT && count >= BVH_MIN_SHAPES);
+    if (!wanted || !prepared->solids || prepared->known.repeats || prepared->known.bulbs ||
+        prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;
     for (int i = 0; i < count; i++) {
         const struct primitive *p = &prepared->placed[i];
@@ -271,7 +273,7 @@ static struct known_scene known_of(const struct model *model) {
 
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    prepared->solids = true;
+    prepared->solids = prepared->path != PATH_MARCH;
     struct known_scene *known = &prepared->known;
     *known = known_of(model);
     known->placed = prepared->placed;
@@ -306,8 +308,7 @@ bool place_room(struct prepared *prepared, int shape_count) {
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
     return prepared->placed && prepared->more && prepared->eyes && prepared->planes &&
-           prepared->leaves &&
-           (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->tree, shape_count));
+           prepared->leaves && bvh_reserve(&prepared->tree, shape_count);
 }
 
 void place_free(struct prepared *prepared) {

@@ -101,7 +101,9 @@ static int candidate_slots(const struct model *model) {
 // A worker's own is either: approaches to march with, or a desk and what it points to.
 size_t VARIANT(own_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
-    size_t scratch = SCRATCH_SIZE(shapes, candidate_slots(model));
+    // A BVH of fewer shapes than BVH_MIN_SHAPES (STEPWISE_PATH=bvh) reads behind its last shape as far as one of so many.
+    size_t room = shapes > BVH_MIN_SHAPES ? shapes : BVH_MIN_SHAPES;
+    size_t scratch = SCRATCH_SIZE(room, candidate_slots(model));
     return scratch > marching ? scratch : marching;
 }
 
