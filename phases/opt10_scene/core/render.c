@@ -3,6 +3,7 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
+#include "core/draw_path.h"
 #include "counting/flops.h"
 #include "driver/variant.h"
 #include "kernel/kernel.h"
@@ -20,8 +21,11 @@ struct phase_state {
 };
 
 const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
+    return draw_path_unsupported(scene, variant_here().lanes == 16);
+}
+
+const char *phase_settings(const struct prepared *prepared) {
+    return draw_path_setting(prepared->path);
 }
 
 // A kernel has its shapes' places as constants: where they move general code runs, and the record says so.
@@ -42,7 +46,10 @@ static void make_kernel(struct phase_state *kept) {
 #ifdef STEPWISE_COUNT
     loaded->facts.reason = "a counting build counts the general kernels";
 #else
-    if (!kept->prepared.analytic)
+    if (kept->prepared.path != PATH_DEFAULT)
+        loaded->facts.reason =
+            "STEPWISE_PATH forces a path of the general code: no kernel is generated for that";
+    else if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
         loaded->facts.reason =
@@ -74,6 +81,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!kept)
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
+    kept->prepared.path = draw_path_forced();
     if (reserve_prepared(&kept->prepared, model->shape_count)) {
         prepare_shapes(&kept->prepared, model);
         make_kernel(kept);

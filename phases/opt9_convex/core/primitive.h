@@ -89,6 +89,10 @@ struct known_scene {
     float lit_slope;                    // see lit_slope() in core/primitives.c
 };
 
+// How every ray of a frame is drawn. By default the scene decides (core/render.c, core/primitives.c);
+// STEPWISE_PATH forces one way (core/draw_path.h).
+enum draw_path { PATH_DEFAULT, PATH_LIST, PATH_BVH, PATH_MARCH };
+
 struct prepared {
     struct model model;
     struct known_scene known;
@@ -99,6 +103,7 @@ struct prepared {
     struct bvh bvh;                 // of the solids; no levels: the scene has none
     struct bvh_leaf *leaves;        // of the BVH
     int *planes, plane_count;
+    enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 
 // Scenes with fewer shapes get no BVH (build_bvh() in core/primitives.c): two nodes are the least that can save a test.

@@ -208,8 +208,10 @@ enum { BVH_MIN_MAX_STEPS = 256 };
 static void build_bvh(struct prepared *prepared) {
     int count = prepared->model.shape_count, solids = 0;
     prepared->bvh.levels = 0;
-    if (count < BVH_MIN_SHAPES || !prepared->analytic || prepared->known.repeats ||
-        prepared->known.bulbs || prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
+    bool wanted =
+        prepared->path == PATH_BVH || (prepared->path == PATH_DEFAULT && count >= BVH_MIN_SHAPES);
+    if (!wanted || !prepared->analytic || prepared->known.repeats || prepared->known.bulbs ||
+        prepared->model.march.max_steps < BVH_MIN_MAX_STEPS)
         return;
     for (int i = 0; i < count; i++) {
         const struct primitive *p = &prepared->primitives[i];
@@ -270,7 +272,7 @@ static struct known_scene known_of(const struct model *model) {
 
 void prepare_shapes(struct prepared *prepared, const struct model *model) {
     prepared->model = *model;
-    prepared->analytic = true;
+    prepared->analytic = prepared->path != PATH_MARCH;
     struct known_scene *known = &prepared->known;
     *known = known_of(model);
     known->primitives = prepared->primitives;
@@ -305,8 +307,7 @@ bool reserve_prepared(struct prepared *prepared, int shape_count) {
     prepared->planes = calloc(count, sizeof *prepared->planes);
     prepared->leaves = calloc(count, sizeof *prepared->leaves);
     return prepared->primitives && prepared->extras && prepared->cameras && prepared->planes &&
-           prepared->leaves &&
-           (shape_count < BVH_MIN_SHAPES || bvh_reserve(&prepared->bvh, shape_count));
+           prepared->leaves && bvh_reserve(&prepared->bvh, shape_count);
 }
 
 void free_prepared(struct prepared *prepared) {

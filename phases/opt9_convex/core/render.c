@@ -3,7 +3,7 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "core/primitive.h"
+#include "core/draw_path.h"
 #include "counting/flops.h"
 #include "driver/variant.h"
 #include "phase.h"
@@ -17,8 +17,11 @@ struct phase_state {
 };
 
 const char *phase_unsupported(const struct scene *scene) {
-    (void)scene;
-    return NULL;
+    return draw_path_unsupported(scene, variant_here().lanes == 16);
+}
+
+const char *phase_settings(const struct prepared *prepared) {
+    return draw_path_setting(prepared->path);
 }
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
@@ -31,6 +34,7 @@ struct prepared *phase_prepare(const struct model *model, int threads) {
     if (!kept)
         return NULL;
     kept->sixteen = variant_here().lanes == 16;
+    kept->prepared.path = draw_path_forced();
     if (reserve_prepared(&kept->prepared, model->shape_count)) {
         prepare_shapes(&kept->prepared, model);
         kept->workers = workers_start(threads, kept->sixteen ? lanes16_scratch_size(model)

@@ -101,7 +101,9 @@ static int candidate_slots(const struct model *model) {
 // Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for marched ones.
 size_t VARIANT(scratch_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
-    size_t scratch = SCRATCH_SIZE(shapes, candidate_slots(model));
+    // With STEPWISE_PATH=bvh a smaller scene has a BVH: its reads behind the last shape need the room of BVH_MIN_SHAPES.
+    size_t room = shapes > BVH_MIN_SHAPES ? shapes : BVH_MIN_SHAPES;
+    size_t scratch = SCRATCH_SIZE(room, candidate_slots(model));
     return scratch > marching ? scratch : marching;
 }
 
