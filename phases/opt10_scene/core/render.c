@@ -9,14 +9,14 @@
 #include "kernel/kernel.h"
 #include "workers/workers.h"
 
-// Of a generated kernel; without a Mandelbulb half as many are a crowd.
+// More shapes get no kernel. Without a Mandelbulb, 32 shapes or more have a BVH and no kernel anyway.
 enum { MAX_KERNEL_SHAPES = 64 };
 
-// What a tile reads is `prepared`; the team stands behind it.
+// The memory behind a struct prepared: the caller's pointer is to its first member.
 struct phase_state {
     struct prepared prepared;
     struct workers *workers;
-    bool sixteen; // lanes, not eight
+    bool sixteen; // 16 lanes, else 8
     struct loaded_kernel loaded;
 };
 
@@ -28,7 +28,8 @@ const char *phase_settings(const struct prepared *prepared) {
     return draw_path_setting(prepared->path);
 }
 
-// A kernel has its shapes' places as constants: where they move general code runs, and the record says so.
+// A kernel has the shapes' positions as constants. Where they move, the general code runs, and the record
+// says so.
 #define REASON_MOVING "the shapes move: a kernel is generated for one place of each"
 
 bool phase_update(struct prepared *prepared, const struct model *model) {
@@ -52,12 +53,11 @@ static void make_kernel(struct phase_state *kept) {
     else if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
-        loaded->facts.reason =
-            "a crowd of 32 shapes or more is asked from a tree: no kernel is generated for that";
+        loaded->facts.reason = "the scene has a BVH: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MAX_KERNEL_SHAPES)
         loaded->facts.reason = "more shapes than a generated kernel gains from";
     else if (kept->prepared.model.animated)
-        loaded->facts.reason = REASON_MOVING; // not compiled, to be dropped by the first update
+        loaded->facts.reason = REASON_MOVING; // the first update would drop it
     else
         kernel_load(&kept->prepared, variant_here().lanes, variant_here().flags, loaded);
 #endif
@@ -67,7 +67,7 @@ const struct kernel_facts *phase_kernel(const struct prepared *prepared) {
     return &((const struct phase_state *)prepared)->loaded.facts;
 }
 
-// A kernel's tiles may need more of a worker's own memory than the general code's.
+// Starts the workers. A kernel may need more memory per worker than the general code.
 static struct workers *start_team(struct phase_state *kept, const struct model *model,
                                   int threads) {
     size_t size = kept->sixteen ? lanes16_scratch_size(model) : lanes8_scratch_size(model);
@@ -104,10 +104,10 @@ void phase_release(struct prepared *prepared) {
     free(kept);
 }
 
-// Apart from what the caller writes on its stack: all workers read it.
+// Aligned away from what the caller writes on its stack, because all workers read it.
 struct frame_job {
     alignas(WORKERS_APART) struct job job;
-    const struct scene_kernel *kernel; // NULL: the general ones
+    const struct scene_kernel *kernel; // NULL: the general code draws
     bool sixteen;
 };
 

@@ -1,8 +1,8 @@
-// Where rays enter a torus: opt9_convex's march, whose quotients are near ones.
+// Where rays enter a torus: opt9_convex's march with approximate quotients.
 #include "hit/solids.h"
 
-// 1/a for normal a, to 1e-5, with the sign of a, the same for any number of lanes: a line through the exponent and
-// Newton's step twice. For where a quotient need not be exact: the divider takes 15 cycles for sixteen of them.
+// Returns 1/a for normal a to 1e-5, with the sign of a, the same for any number of lanes: a linear guess from
+// the bits and two of Newton's steps. The divider takes 15 cycles for sixteen quotients.
 static inline vfloat near_inverse(vfloat a) {
     typedef unsigned whole __attribute__((vector_size(sizeof(vfloat))));
     vfloat r = (vfloat)(0x7ef311c3u - (whole)a);
@@ -10,15 +10,16 @@ static inline vfloat near_inverse(vfloat a) {
     return r * v_nmadd(a, r, v_splat(2.0f));
 }
 
-// Steps as in opt9_convex's hit/torus.c, which says why none goes too far. A near quotient errs by less than 1e-5, and the steps by
-// Newton's rule are shorter by 2e-4, so that they stay short of the surface, too.
+// Steps as in opt9_convex's hit/torus.c, which says why none goes too far. A quotient errs by less than 1e-5,
+// so Newton's steps are shortened by 2e-4 to stay short of the surface.
 KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primitive *s, vmask near,
                                 vfloat *t) {
     COUNT(enter_torus, call);
     COUNT(enter_torus, near);
     COUNT(enter_torus, scalar);
     vfloat zero = v_splat(0.0f), bound = v_splat(s->bound), tiny = v_splat(1e-30f);
-    // Not before it is between two planes and in the cylinder about the ring; 2^-10 wider, for quotients are near.
+    // The ray enters between two planes and in the cylinder about the ring. Both are 2^-10 wider for
+    // rounding.
     float wide = 1 + 0x1p-10f, outer_sq = wide * wide * s->bound_sq;
     vfloat per = near_inverse(v_copysign(v_max(v_abs(d.y), v_splat(1e-12f)), d.y));
     vfloat width = v_splat(wide * s->b) * v_abs(per), middle = c.y * per;
@@ -42,21 +43,21 @@ KERNEL_INLINE vmask enter_torus(struct vec c, struct vec d, const struct primiti
         vfloat h = tube - v_splat(s->b);
         vfloat hull = v_select(outer, h, v_abs(p.y) - v_splat(s->b));
         vfloat per_radius = near_inverse(v_max(radius, tiny));
-        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius; // of the radius
-        vfloat fall = v_madd(ring, rate, p.y * d.y) *
-                      near_inverse(v_max(tube, tiny)); // of the torus's distance
+        vfloat rate = v_madd(p.x, d.x, p.z * d.z) * per_radius; // derivative of the radius
+        vfloat fall =
+            v_madd(ring, rate, p.y * d.y) * near_inverse(v_max(tube, tiny)); // derivative of h
         vfloat hull_fall = v_select(outer, fall, v_negate_where(v_signbit(p.y), d.y));
         vmask reached = v_and(going, v_cmp_lt(v_abs(h), v_splat(s->c))),
               outside = v_cmp_gt(h, zero);
         vfloat bent =
             v_sqrt(v_max(v_madd(fall, fall, h * v_splat(8.0f / 3.0f) * per_radius), zero));
-        // From inside Newton's step back.
+        // Inside the tube: Newton's step back.
         vfloat below = v_select(outside, v_max(bent - fall, v_splat(1e-6f)),
                                 v_max(zero - fall, v_splat(0.05f)));
         vfloat newton =
             v_select(outside, h * v_splat(2.0f * (1.0f - 2e-4f)), h) * near_inverse(below);
         vfloat safe = v_max(h, v_min(newton, radius * v_splat(0.25f)));
-        vfloat hull_step = hull * v_splat(1.0f - 2e-4f) * // so that it stays short of the hull's
+        vfloat hull_step = hull * v_splat(1.0f - 2e-4f) * // stays short of the hull
                            near_inverse(v_max(zero - hull_fall, v_splat(1e-6f)));
         vfloat ahead = v_select(v_cmp_gt(hull, zero), v_max(safe, hull_step), safe);
         vmask back = v_andnot(outside, v_cmp_lt(fall, zero));

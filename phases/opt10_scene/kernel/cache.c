@@ -1,4 +1,4 @@
-// Where kernels are kept, and whether what lies there is what was put there.
+// The cache of kernels: its folder, its size, and a seal on each file.
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -11,8 +11,9 @@
 
 #include "kernel/kernel.h"
 
-// 64-bit FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo): tells files apart and sees damage; it is no protection from
-// someone who may write to the folder, so the folder must be ours alone.
+// Returns the 64-bit FNV-1a hash (G. Fowler, L. C. Noll, K.-P. Vo). It names files and detects damage. It
+// does not protect against an attacker who can write to the folder, so the folder must belong to the user
+// alone.
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count) {
     const unsigned char *b = bytes;
     for (size_t i = 0; i < count; i++)
@@ -37,7 +38,7 @@ static bool make_folders(char *path) {
 bool cache_folder(char path[4096], char reason[256]) {
     const char *own = getenv("STEPWISE_CACHE"), *xdg = getenv("XDG_CACHE_HOME"),
                *home = getenv("HOME");
-    // "./": a name that begins with "-" is no option of the compiler's
+    // "./": the compiler takes a name that begins with "-" for an option
     int length = own && *own     ? snprintf(path, 4000, "%s%s", *own == '-' ? "./" : "", own)
                  : xdg && *xdg   ? snprintf(path, 4000, "%s/stepwise", xdg)
                  : home && *home ? snprintf(path, 4000, "%s/.cache/stepwise", home)
@@ -57,7 +58,8 @@ bool cache_folder(char path[4096], char reason[256]) {
     return false;
 }
 
-// Of a kernel 0.3 MB, two files. None that was asked for within the hour goes: who looked it up may yet load it.
+// A kernel is two files of 0.3 MB. Files used within IN_USE seconds stay, because a process that looked them
+// up may still load them.
 enum { MAX_CACHED = 1000, UNUSED = 30 * 24 * 3600, IN_USE = 3600 };
 
 struct entry {
@@ -67,10 +69,10 @@ struct entry {
 
 static int by_use(const void *a, const void *b) {
     time_t x = ((const struct entry *)a)->used, y = ((const struct entry *)b)->used;
-    return (x < y) - (x > y); // the last used first
+    return (x < y) - (x > y); // most recent first
 }
 
-// Whether a file's name is that of a kernel or its source.
+// Returns whether a file's name is that of a kernel or its source.
 static bool is_kernel(const char *name) {
     size_t digits = strspn(name, "0123456789abcdef");
     return digits == 16 && (strcmp(name + 16, ".so") == 0 || strcmp(name + 16, ".c") == 0);
@@ -84,7 +86,7 @@ static void drop_unused(int folder, struct entry *kernels, size_t count, time_t 
         struct stat found;
         if ((unused > UNUSED || (i >= MAX_CACHED && unused > IN_USE)) &&
             fstatat(folder, kernels[i].name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
-            found.st_mtim.tv_sec == kernels[i].used) // nobody has asked for it since
+            found.st_mtim.tv_sec == kernels[i].used) // not used since the listing
             unlinkat(folder, kernels[i].name, 0);
     }
 }
@@ -124,10 +126,10 @@ void cache_sweep(const char *folder) {
 }
 
 void cache_used(const char *path) {
-    utimensat(AT_FDCWD, path, NULL, 0); // in vain where nothing may be written
+    utimensat(AT_FDCWD, path, NULL, 0); // fails harmlessly in a read-only folder
 }
 
-// A regular file, or NULL: what else may stand there would be waited for.
+// Opens a regular file, else returns NULL: reading a pipe could block.
 static FILE *open_file(const char *path) {
     int opened = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     struct stat found;
@@ -157,13 +159,14 @@ bool cache_holds(const char *path, const char *text) {
     return same;
 }
 
-// text, length: of the source, summed otherwise than for its name.
+// The seal behind a kernel's file. sum: hash of the file. text, length: of its source, by another hash than
+// its name.
 struct seal_record {
     char mark[8], tag[16];
     unsigned long long sum, text, length;
 };
 
-// The checksum of a file's first `count` bytes (all: SIZE_MAX), how many they were.
+// Returns the hash of a file's first `count` bytes (SIZE_MAX: all). *read: their number.
 static unsigned long long checksum_of(FILE *file, size_t count, size_t *read) {
     unsigned long long hash = FNV_BEGIN;
     char part[16384];

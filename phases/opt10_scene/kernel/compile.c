@@ -1,4 +1,4 @@
-// The system's compiler: found on PATH, run without a shell and not for ever.
+// Runs the system's compiler: found on PATH, without a shell, with a time limit.
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -66,7 +66,7 @@ void find_compiler(char path[4096], char reason[256]) {
         *path = '\0';
 }
 
-// In seconds; 0: what the environment says is no such number.
+// Returns the limit in seconds, 0 if STEPWISE_CC_SECONDS is no positive number.
 static double time_limit(void) {
     const char *limit = getenv("STEPWISE_CC_SECONDS");
     char *end;
@@ -74,8 +74,8 @@ static double time_limit(void) {
     return limit && *limit && (*end || !(seconds > 0)) ? 0 : seconds;
 }
 
-// While the compiler runs, in a group of its chosen: what ends this process ends that too; and a caller's SIG_IGN for
-// SIGCHLD, which is inherited, would have the kernel keep its status to itself.
+// Signals while the compiler runs in its own process group. A signal that ends this process ends the compiler
+// too. SIGCHLD is reset, because an inherited SIG_IGN would discard the compiler's exit status.
 static const int signals[] = {SIGCHLD, SIGINT, SIGTERM, SIGHUP};
 enum { SIGNALS = sizeof signals / sizeof *signals };
 static volatile sig_atomic_t interrupted;
@@ -99,7 +99,7 @@ static void restore_signals(const struct sigaction before[SIGNALS]) {
         sigaction(signals[i], &before[i], NULL);
 }
 
-// Waits for the process, but not longer than that: false then.
+// Waits for the process. Returns false if it takes longer than `seconds` and was killed.
 static bool wait_for(pid_t pid, int *status, double seconds) {
     struct timespec pause = {0, 2000000}, begin, now;
     clock_gettime(CLOCK_MONOTONIC, &begin);
@@ -111,7 +111,7 @@ static bool wait_for(pid_t pid, int *status, double seconds) {
         if (interrupted ||
             !((double)(now.tv_sec - begin.tv_sec) + (double)(now.tv_nsec - begin.tv_nsec) * 1e-9 <
               seconds)) {
-            kill(-pid, SIGKILL); // its chosen group: the driver's children too
+            kill(-pid, SIGKILL); // its own group: the compiler driver's children too
             waitpid(pid, status, 0);
             return false;
         }
@@ -119,7 +119,7 @@ static bool wait_for(pid_t pid, int *status, double seconds) {
     }
 }
 
-// The first line of what the compiler said that names an error, or its first that is not blank.
+// Sets text to the first line of the compiler's output that names an error, else to its first line.
 static void first_error(const char *log, char text[128]) {
     FILE *file = fopen(log, "r");
     char line[512];
@@ -132,7 +132,7 @@ static void first_error(const char *log, char text[128]) {
         if (error)
             break;
     }
-    char *to = text; // a quotation mark for what is not ASCII, as a rule one
+    char *to = text; // characters that are not ASCII, mostly quotation marks, become '
     for (const char *c = text; *c; c++)
         if ((*c & 0xc0) != 0x80)
             *to++ = (char)(*c < 0 ? '\'' : *c < ' ' ? ' ' : *c);
@@ -198,7 +198,7 @@ static bool compile(const char *compiler, const char *flags, int lanes, const ch
     int status = 0, error = spawn(arguments, log, &pid);
     bool in_time = !error && wait_for(pid, &status, seconds);
     restore_signals(before);
-    if (interrupted) { // by now, with nothing left behind
+    if (interrupted) { // ends this process, without leaving files
         const char *left[] = {log, source_path, object_path};
         for (size_t i = 0; i < sizeof left / sizeof *left; i++)
             unlink(left[i]);
@@ -220,12 +220,12 @@ static bool compile(const char *compiler, const char *flags, int lanes, const ch
     return *reason == '\0';
 }
 
-// How gcc, from 12 on, is told to copy structs.
+// Flags of gcc 12 and later: how to copy structs.
 static const char *const copies[] = {
     "-mmove-max=", "-mstore-max=", "-mmemcpy-strategy=", "-mmemset-strategy="};
 enum { COPIES = sizeof copies / sizeof *copies };
 
-// Flags without those. Returns whether the compiler complained of one of them.
+// Sets `fewer` to the flags without these. Returns whether the compiler complained about one of them.
 static bool fewer_flags(const char *flags, const char *reason, char fewer[2048]) {
     bool complained = false;
     for (int i = 0; i < COPIES; i++)

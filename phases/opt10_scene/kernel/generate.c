@@ -1,12 +1,12 @@
-// What a generated kernel knows of its scene, as C: floats are written in hexadecimal, so that not a bit differs.
+// Writes a scene as C constants. Floats are hexadecimal, so that every bit is kept.
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "kernel/kernel.h"
 
-// More shapes than these get loops over their constants: unrolled they would not fit the instruction cache, and
-// compile for longer than they save.
+// With more shapes, loops over shapes stay loops: unrolled, they would not fit the instruction cache and
+// would compile for longer than they save.
 enum { MAX_UNROLLED = 12 };
 
 static void write_number(FILE *to, const char *name, double value) {
@@ -23,7 +23,7 @@ static void write_floats(FILE *to, const char *name, const float *values, int co
     fputs("}, ", to);
 }
 
-// What is asked in double: where a Mandelbulb's rays and hits near the bounds are told exactly.
+// Writes the doubles: frames for Mandelbulbs and for hits near the bounds.
 static void write_exact(FILE *to, const struct primitive *p) {
     fprintf(to, ".centre = {%a, %a, %a}, .row = {", p->centre[0], p->centre[1], p->centre[2]);
     for (int i = 0; i < 3; i++)
@@ -89,7 +89,7 @@ static void write_model(FILE *to, const struct known_model *m) {
         m->march.surface_offset);
 }
 
-// The shininess of all shapes, if it is the same small whole number, else 0.
+// Returns the shininess of all shapes if it is one whole number up to 128, else 0.
 static int whole_shininess(const struct prepared *p) {
     float first = p->primitives[0].shininess;
     for (int i = 1; i < p->model.shape_count; i++)
@@ -98,7 +98,7 @@ static int whole_shininess(const struct prepared *p) {
     return first >= 1 && first <= 128 && first == floorf(first) ? (int)first : 0;
 }
 
-// Whether all shapes have the same.
+// Returns whether all shapes have the same material.
 static bool one_material(const struct prepared *p) {
     const struct primitive *a = &p->primitives[0];
     for (int i = 1; i < p->model.shape_count; i++) {
@@ -117,10 +117,8 @@ char *generate_scene(const struct prepared *p) {
     FILE *to = open_memstream(&text, &size);
     if (!to)
         return NULL;
-    fprintf(
-        to,
-        "// %d shapes: what the kernel knows of its scene.\n#include <math.h>\n#define SHAPES %d\n",
-        p->model.shape_count, p->model.shape_count);
+    fprintf(to, "// %d shapes: the constants of the scene.\n#include <math.h>\n#define SHAPES %d\n",
+            p->model.shape_count, p->model.shape_count);
     fprintf(to, "enum { WHOLE_SHININESS = %d, ONE_MATERIAL = %d };\n", whole_shininess(p),
             one_material(p));
     fprintf(to, "#define UNROLLED %d\n", p->model.shape_count <= MAX_UNROLLED);

@@ -1,15 +1,15 @@
-// A kernel made for one scene: core/analytic_tile.c and what it calls, compiled anew with the scene's shapes, counts,
-// features and constants known (scene_kernel.h, which kernel/generate.c writes), kept in a cache by its hash.
-// What is not in it: the limits of the march that a sweep varies (max_steps, hit_distance), camera and light.
+// A kernel for one scene: core/analytic_tile.c and the code below it, compiled with the scene as constants
+// (scene_kernel.h, written by kernel/generate.c) and cached by its hash. Camera, light, max_steps and
+// hit_distance stay variables, because a sweep varies them.
 #ifndef OPT10_KERNEL_H
 #define OPT10_KERNEL_H
 
 #include "core/primitive.h"
 #include "phase.h"
 
-// What a compiled kernel shows, as `stepwise_kernel`.
+// What a compiled kernel exports as `stepwise_kernel`.
 struct scene_kernel {
-    const char *tag; // its own hash: no other kernel passes for it
+    const char *tag; // its hash: a check against loading another kernel
     const char *compiler;
     size_t scratch_size;
     int (*tiles)(const struct job *job);
@@ -24,33 +24,34 @@ struct loaded_kernel {
     char reason[256], hash[17];
 };
 
-// Makes or finds the kernel for a scene that core/analytic_tile.c can have. Never fails: without one, the general kernels run.
+// Finds the scene's kernel in the cache or makes it. Precondition: prepared->analytic. Without a kernel the
+// general code runs, and loaded->reason says why.
 void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
                  struct loaded_kernel *loaded);
 void kernel_unload(struct loaded_kernel *loaded);
 
-// kernel/generate.c: the text of scene_kernel.h, to be freed; NULL: memory is short.
+// kernel/generate.c: returns the text of scene_kernel.h, to be freed; NULL: memory is short.
 char *generate_scene(const struct prepared *prepared);
-// kernel/sources.c: the kernel's whole source with that in it, to be freed; NULL: memory is short.
+// kernel/sources.c: returns the kernel's whole source, to be freed; NULL: memory is short.
 char *kernel_source(const char *scene_text);
 
-// kernel/compile.c. The compiler's path, or an empty string and why there is none.
+// kernel/compile.c. Sets the compiler's path, or an empty string and the reason.
 void find_compiler(char path[4096], char reason[256]);
-// Runs it without a shell; false and why not.
+// Runs the compiler. Returns false and sets the reason if it fails.
 bool compile_kernel(const char *compiler, const char *flags, int lanes, const char *tag,
                     const char *source_path, const char *object_path, char reason[256]);
 
-// kernel/cache.c. The folder, made if it is not there; false and why not.
+// kernel/cache.c. Sets and makes the cache folder. Returns false and sets the reason if that fails.
 bool cache_folder(char path[4096], char reason[256]);
-// Removes what processes that were killed while they compiled have left there an hour ago or longer, kernels that nobody
-// has asked for in 30 days, and of more than 500 those that were asked for longest ago.
+// Removes files that killed compilers left an hour ago or earlier, kernels unused for 30 days, and the least
+// recently used above MAX_CACHED files.
 void cache_sweep(const char *folder);
-// Says of a kernel or its source that it was asked for now.
+// Marks a kernel or its source as used now.
 void cache_used(const char *path);
-// Behind what was compiled: a checksum, so that a file cut short or written over is not loaded.
+// Appends a seal to a compiled file, and checks it, so that a truncated or damaged file is not loaded.
 bool cache_seal(const char *path, const char *tag, const char *text);
 bool cache_sealed(const char *path, const char *tag, const char *text);
-// Whether a file is there and has that text, no more and no less.
+// Returns whether the file holds exactly this text.
 bool cache_holds(const char *path, const char *text);
 unsigned long long fnv(unsigned long long hash, const void *bytes, size_t count);
 #define FNV_BEGIN 0xcbf29ce484222325ull

@@ -1,4 +1,4 @@
-// A scene's kernel: found in the cache or made, checked, loaded.
+// Loads a scene's kernel: found in the cache or made, and checked.
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -17,8 +17,8 @@ static uint64_t now_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-// A kernel's whole text: before its source a line of what else tells it from others, its flags and the compiler, by the
-// file it is. To be freed; NULL: memory is short.
+// Returns a kernel's whole text: its source behind a line with the flags and the identity of the compiler's
+// file. To be freed; NULL: memory is short.
 static char *text_of(const char *source, const char *flags, int lanes, const char *compiler) {
     char vfloat[4096], *text;
     struct stat file = {0};
@@ -31,7 +31,7 @@ static char *text_of(const char *source, const char *flags, int lanes, const cha
         return NULL;
     size_t head = strlen(text), length = strlen(source);
     for (size_t i = 0; i + 1 < head; i++)
-        text[i] = text[i] == '\n' ? ' ' : text[i]; // of the path: it must stay a comment
+        text[i] = text[i] == '\n' ? ' ' : text[i]; // a newline in the path would end the comment
     char *whole = realloc(text, head + length + 1);
     if (whole)
         memcpy(whole + head, source, length + 1);
@@ -40,7 +40,7 @@ static char *text_of(const char *source, const char *flags, int lanes, const cha
     return whole;
 }
 
-// Under a name of this process's own, then renamed: who reads it finds all of it or nothing.
+// Makes the object under a temporary name and renames it, so that readers find a whole file or none.
 static bool make_object(const char *source, const char *folder, const char *compiler,
                         const char *flags, int lanes, const char *tag, const char *object,
                         const char *kept, char reason[256]) {
@@ -49,7 +49,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
     snprintf(text, sizeof text, "%s/.%s-XXXXXX.c", folder, tag);
     cache_sweep(folder);
     int opened =
-        mkostemps(text, 2, O_CLOEXEC); // not by a process's number: containers may share the folder
+        mkostemps(text, 2, O_CLOEXEC); // not named by process id: containers may share the folder
     FILE *file = opened < 0 ? NULL : fdopen(opened, "w");
     if (opened >= 0 && !file)
         close(opened);
@@ -60,7 +60,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         snprintf(reason, 256, "%.120s cannot be written: %.60s", text, strerror(errno));
     else if (!compile_kernel(compiler, flags, lanes, tag, text, made, reason))
         done = false;
-    else if (stat(made, &found) != 0 || !S_ISREG(found.st_mode)) { // a pipe would be read for ever
+    else if (stat(made, &found) != 0 || !S_ISREG(found.st_mode)) { // reading a pipe could block
         snprintf(reason, 256, "%.160s wrote no object", compiler);
         done = false;
     } else {
@@ -68,7 +68,7 @@ static bool make_object(const char *source, const char *folder, const char *comp
         if (!done)
             snprintf(reason, 256, "%.120s cannot be written: %.60s", object, strerror(errno));
         else if (rename(text, kept) != 0)
-            unlink(kept); // without it the kernel is used now and made anew next time
+            unlink(kept); // the kernel is used now, and made again next time
     }
     unlink(text);
     remove(made); // a folder, if the compiler made one
@@ -97,7 +97,8 @@ static void say_why_not(const char *object, struct loaded_kernel *loaded) {
     snprintf(loaded->reason, sizeof loaded->reason, "cannot load %.200s", why ? why : object);
 }
 
-// The name is a hash, which two sources may share: what is found is taken if the source kept beside it is this one.
+// Finds the kernel, or makes it. Its name is a hash that two sources may share, so the source beside it must
+// be equal.
 static void find_or_make(const char *text, int lanes, const char *flags, const char *compiler,
                          struct loaded_kernel *loaded) {
     char folder[4096], object[4400], kept[4400];
@@ -108,19 +109,19 @@ static void find_or_make(const char *text, int lanes, const char *flags, const c
     snprintf(object, sizeof object, "%s/%s.so", folder, tag);
     snprintf(kept, sizeof kept, "%s/%s.c", folder, tag);
     uint64_t begin = now_ns();
-    cache_used(kept); // before it is opened: whoever sweeps now leaves it
+    cache_used(kept); // before it is opened, so that a concurrent sweep keeps it
     cache_used(object);
     bool same = cache_holds(kept, text);
     if (!same || !open_object(object, tag, text, loaded)) {
-        if (same && cache_sealed(object, tag, text)) { // made anew it would be the same
-            say_why_not(object, loaded);               // so it is in a folder without execution
+        if (same && cache_sealed(object, tag, text)) { // making it again would not help:
+            say_why_not(object, loaded);               // the folder may forbid execution
             return;
         }
         uint64_t compile = now_ns();
         bool made =
             make_object(text, folder, compiler, flags, lanes, tag, object, kept, loaded->reason);
         begin = now_ns();
-        loaded->facts.compile_ns = begin - compile; // for nothing, if it failed: the record says it
+        loaded->facts.compile_ns = begin - compile; // recorded even if it failed
         if (!made)
             return;
         if (!open_object(object, tag, text, loaded))
@@ -151,7 +152,7 @@ void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
     facts->reason = facts->generated ? NULL : loaded->reason;
     facts->hash = facts->generated ? loaded->hash : NULL;
     facts->compiler = facts->generated ? loaded->kernel->compiler : NULL;
-    const char *asked = getenv("STEPWISE_CC"); // who asks for none needs no word
+    const char *asked = getenv("STEPWISE_CC"); // no message if the user wants no kernel
     if (!facts->generated && !(asked && strcmp(asked, "none") == 0))
         fprintf(stderr,
                 "opt10_scene: no kernel for this scene (%s); its general code runs instead\n",

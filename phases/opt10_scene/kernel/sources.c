@@ -1,5 +1,5 @@
-// The kernel's source: it is in the program itself (embedded.h, by common/build/phase_info.py), so that no source
-// tree is needed where it runs.
+// The kernel's source, embedded in the program (embedded.h, by common/build/phase_info.py from phase.json's
+// "embedded"), so that no source tree is needed at run time.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,20 +1,21 @@
-// Marches of camera rays close to a Mandelbulb, where the last digits of a ray's steps decide where it ends
-// (bulb/bulb_march.c). The first iteration comes from polynomials along a piece of the ray (bulb/chebyshev_pieces.h).
+// Marches camera and mirror rays close to a Mandelbulb, where the last digits of a ray's steps decide where
+// it ends. The first iteration comes from polynomials along a piece of the ray (bulb/chebyshev_pieces.c).
 #include <string.h>
 
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 
+// At the end of a piece, a ray leaves for the march in floats if its estimate is above this.
 #define LEAVE_ESTIMATE 1e-2f
 
-enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves; see REFILL
+enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves
 
 // Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
 KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                                struct worker_scratch *scratch) {
     COUNT(queue_close, call);
     if (scratch->close_count + 2 * LANES >
-        CLOSE_ROOM) { // whole registers are read from the last ray on
+        CLOSE_ROOM) { // whole registers are read behind the last ray
         int left = scratch->close_count - scratch->close_first;
         for (int i = 0; i < C_FIELDS; i++)
             memmove(scratch->close[i], scratch->close[i] + scratch->close_first,
@@ -81,14 +82,14 @@ static inline struct scaled_orbit chebyshev_orbit(const struct chebyshev_lanes *
         x, y, z, flat, m, slope, v_splat(1.0f), v_not(done), v_mask_none()};
 }
 
-// Moves each ray on by the least of h and its height over the plane. oldest: a ray that took its lane before has taken all
-// the steps it may.
+// Moves each ray on by the lesser of h and its height over the plane. oldest: rays that took their lane
+// before this count have taken all their steps.
 static inline void advance_chebyshev(struct chebyshev_packet *p, vfloat field[N_FIELDS], vfloat h,
                                      vfloat hit_distance, vfloat oldest) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_chebyshev, call);
     vfloat born = field[N_BORN];
-    born = v_select(p->done, born + v_splat(1.0f), born); // waiting for others is no step
+    born = v_select(p->done, born + v_splat(1.0f), born); // a lane that waits takes no step
     vfloat height = v_madd(p->t, field[N_SLOPE], field[N_HEIGHT]), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
     p->estimate = v_select(live, h, p->estimate);

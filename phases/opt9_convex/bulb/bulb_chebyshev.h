@@ -1,5 +1,5 @@
-// Marches of camera rays close to a Mandelbulb, where the last digits of a ray's steps decide where it ends
-// (bulb/bulb_march.c). The first iteration comes from polynomials along a piece of the ray (bulb/chebyshev_pieces.h).
+// The march of rays close to a Mandelbulb, by polynomials along pieces of each ray: bulb/bulb_chebyshev.c and
+// bulb/chebyshev_pieces.c.
 #ifndef OPT9_BULB_CHEBYSHEV_H
 #define OPT9_BULB_CHEBYSHEV_H
 
@@ -8,9 +8,8 @@
 
 struct worker_scratch;
 
-// A ray is close from an estimate below CLOSE_ESTIMATE on. At the end of a piece it leaves if its estimate is above
-// LEAVE_ESTIMATE. The step is no measure: over a plane it may be short far from the bulb, where the first iteration has
-// escaped and chebyshev_orbit()'s estimate is too short.
+// A ray is close once its estimate is below this. The step is no measure: over a plane it may be short far
+// from the bulb, where chebyshev_orbit() is wrong because the first iteration has escaped.
 #define CLOSE_ESTIMATE 5e-3f
 
 // Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is shifted to match.
@@ -35,6 +34,7 @@ enum chebyshev_field {
     N_FIELDS
 };
 
+// A packet: chebyshev_field of each lane, and a bit for each lane in use.
 struct chebyshev_lanes {
     vfloat field[N_FIELDS];
     unsigned live;
@@ -51,12 +51,15 @@ static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble 
                      v_half_madd(direction.high, t.high, origin.high)};
 }
 
+// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
 KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                                struct worker_scratch *scratch);
+// Marches the close rays until none waits. Returns with rays still in lanes if too few are left to fill them and some
+// rays wait for the march in floats. steps: the count of all steps, kept between calls.
 KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limits *limits,
                                    struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                                    float *steps, struct worker_scratch *scratch);
-// bulb/chebyshev_pieces.c
+// Computes the next pieces of the first LANES rays that wait, or fewer (bulb/chebyshev_pieces.c).
 KERNEL_SHARED void prepare_pieces(struct worker_scratch *scratch, struct ray_pieces *to);
 
 #endif

@@ -1,11 +1,11 @@
-// The Mandelbulb's distance estimate for several packets at once: a packet's own operations wait for each other, the
-// others' fill the gaps. Same map as core/sdf.h's sdf_mandelbulb, as three squarings each of two unit phasors:
-// (ρ + iy)⁸ and (x + iz)⁸/ρ⁸, ρ² = x² + z². The derivative's small summand has 14 bits (11 with 8 lanes), and
-// scales the estimate alone: the surface stays where it is.
+// The Mandelbulb's distance estimate for several packets in turns, so that one packet's operations fill the
+// latencies of another's. The map is that of sdf_mandelbulb() in core/sdf.h, as three squarings of two unit
+// phasors: (ρ + iy)⁸ and (x + iz)⁸/ρ⁸, ρ² = x² + z². The derivative's small summand has 14 bits (8 lanes:
+// 11); it only scales the estimate, so the surface stays in place.
 //
-// Beyond |p| = 2^(1/7) every point escapes, and the estimate is positive. For all points beyond 1.15 it is more
-// than 0.52 of the distance to that sphere, whatever the number of iterations (proof: tests/py/test_bulb_bound.py; the
-// worst is 0.529 near 1.65): what the cone tests of shadow/soft_shadow.c use in place of a distance.
+// Beyond |p| = 2^(1/7) every point escapes, and the estimate is positive. Beyond 1.15 it exceeds BULB_SHARE
+// of the distance to that sphere, for any number of iterations (PROOFS.md, 13.; the least is 0.529, near
+// 1.65).
 #ifndef OPT9_BULB_H
 #define OPT9_BULB_H
 
@@ -17,13 +17,13 @@
 
 #define BULB_SHARE 0.52f
 
-// A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
-// becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 11 bits will do, but in the first two
-// of a camera ray's (`field_double`).
+// A point's orbit. The derivative is slope·√product, with the product of all earlier m. Its recursion dz' =
+// 8·m³·√m·dz + 1 becomes slope' = 8·m³·slope + 1/√product. That root only affects the small summand: 11 bits
+// suffice, except in the first two iterations of camera rays.
 struct scaled_orbit {
     vfloat x, y, z, flat, m; // flat: x² + z², m: |·|²
     vfloat slope, product;
-    vmask on, far; // on: have not escaped
+    vmask on, far; // on: not escaped; far: the estimate is r·ln(r)/3
 };
 
 static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
@@ -31,6 +31,7 @@ static inline void bulb_square(struct scaled_orbit *b, vfloat *m) {
     *m = v_madd(b->y, b->y, b->flat);
 }
 
+// Returns the orbits of points before the first iteration. Lanes of `done` are not iterated.
 static inline struct scaled_orbit bulb_begin(struct vec p, vmask done) {
     ACTIVE(LANES - v_count(done));
     COUNT(bulb_begin, call);
@@ -41,13 +42,13 @@ static inline struct scaled_orbit bulb_begin(struct vec p, vmask done) {
     return b;
 }
 
-// A point with a double in each lane, and the derivative there.
+// An orbit after the first iteration, with doubles in half of the lanes.
 struct orbit_double {
     vhalf x, y, z, slope;
 };
 
-// The first iteration to 40 bits (33 with 8 lanes). What float errs by there and in the point itself is what decides where a march in
-// float ends: later iterations' errors count an eighth and less of the one before.
+// Returns the first iteration to 40 bits (8 lanes: 33). The rounding of the point and of this iteration
+// decides where a march in float ends; each later iteration counts an eighth or less of the one before.
 static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
     COUNT(bulb_first, call);
     vhalf one = v_half_splat(1.0), two = v_half_splat(2.0);
@@ -68,7 +69,7 @@ static inline struct orbit_double bulb_first(vhalf x, vhalf y, vhalf z) {
                                  v_half_madd((m * m) * m, root * twelve, one)};
 }
 
-// What comes of an iteration for those that have not escaped before.
+// Ends an iteration: keeps m of escaped lanes, and finds which lanes escape.
 static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
     COUNT(bulb_grow, call);
     vfloat grown;
@@ -77,16 +78,15 @@ static inline void bulb_grow(struct scaled_orbit *b, vfloat bailout) {
     b->on = v_cmp_ngt_in(b->on, grown, bailout);
 }
 
-// 1/√a for the derivative's sum.
+// Returns 1/√a for the derivative's sum.
 static inline vfloat derivative_root(vfloat a, bool exact) {
     return exact ? rough_inverse_root(a) : root_guess(a);
 }
 
-// With A = ρ² − y² the real part of (ρ + iy)⁴ is k1 = 2·A² − m², and k2 = 4·ρ·y·A is the other: k1² − k2² is (ρ + iy)⁸'s, and
-// 2·k1·k2, twice k, beside it. (x + iz)²/ρ² and ⁴ are doubled, so that their product needs no factor. Doubled by sums, z
-// and m² scaled by their exponents: products are what bounds an iteration on Zen 4, and of those (all but the first
-// iteration, 16 lanes) there are 27 where there were 32, in two instructions more. z = ±0 becomes ±2⁻¹²⁵, which adds nothing;
-// what becomes of ∞ is in lanes that have escaped.
+// One iteration of an orbit. With A = ρ² − y², (ρ + iy)⁴ has the real part k1 = 2·A² − m² and the imaginary
+// part k2 = 4·ρ·y·A. (ρ + iy)⁸ has k1² − k2² and 2·k1·k2. (x + iz)²/ρ² and its square are kept doubled, so
+// that products need no factor. Sums and exponents replace products, which bound an iteration on Zen 4. z =
+// ±0 becomes ±2⁻¹²⁵, which adds nothing; infinities occur only in escaped lanes.
 static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int first, bool exact,
                              vfloat bailout) {
     ACTIVE(v_count(b->on));
@@ -99,7 +99,7 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     } else {
         COUNT(bulb_step, later);
         if (i ==
-            first) // told to be `first` by bulb/bulb_chebyshev.h: what has escaped before is √m too short, which is safe
+            first) // from bulb/bulb_chebyshev.c: lanes that escaped before are √m too short, which is safe
             b->product = m;
         else {
             COUNT(bulb_step, product);
@@ -120,7 +120,7 @@ static inline void bulb_step(struct scaled_orbit *b, struct vec p, int i, int fi
     bulb_grow(b, bailout);
 }
 
-// ⅛·ln a to 3e-7: what it errs by at a = 1 is, over the derivative, of the surface's place.
+// Returns ⅛·ln a to 3e-7. Its error at a = 1, over the derivative, shifts the surface.
 static inline vfloat rough_log(vfloat a) {
     COUNT(rough_log, call);
     vfloat e, f = v_mantissa_near_1(a, &e) - v_splat(1.0f);
@@ -133,8 +133,8 @@ static inline vfloat rough_log(vfloat a) {
     return v_madd(f, p, e * v_splat(0.125f * 0.69314718056f));
 }
 
-// ¼·√m/dz·ln m, with √m/√product = m/√(m·product). `tiny`: to tell differences near the centre, too, where the
-// product of both is below all floats; else it is 0 there.
+// Returns the estimate ¼·√m/dz·ln m, with √m/√product = m/√(m·product). tiny: keeps differences near the
+// centre, where m·product underflows; else the estimate is 0 there.
 static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool tiny) {
     COUNT(bulb_end, call);
     vfloat all = b->product, times = b->m;
@@ -146,7 +146,7 @@ static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool t
     }
     vfloat distance = twice_over_root(times * rough_log(b->m), all, b->slope);
     distance = v_select_or_zero(v_cmp_gt(all, v_splat(0x1p-124f)),
-                                distance); // 0/0 at the centre, which is inside
+                                distance); // 0/0 at the centre, which is inside the set
     if (v_any(b->far)) {
         COUNT(bulb_end, far);
         vfloat square = vec_dot(p, p), r = v_sqrt(square);
@@ -155,9 +155,10 @@ static inline vfloat bulb_end(const struct scaled_orbit *b, struct vec p, bool t
     return distance;
 }
 
-enum { REFILL = LANES * LANES / 32 }; // so many lanes that have ended are filled again
+enum { REFILL = LANES * LANES / 32 }; // number of ended lanes that triggers a refill
 
-// From iteration `first` on, of `count` packets; `soon`: all may have escaped after one.
+// Iterates `count` packets from iteration `first` on, and sets their estimates. soon: tests after every
+// iteration whether all have escaped.
 __attribute__((always_inline)) static inline void bulbs_end(const struct primitive *s, int first,
                                                             bool soon, bool exact, bool tiny,
                                                             int count, struct scaled_orbit *b,

@@ -1,9 +1,10 @@
-// Camera and mirror rays through a Mandelbulb. Its estimate is no bound: a march leaps over what is thin, and what
-// it finds depends on its steps. So these are the steps of a march from the ray's origin by the least of the
-// estimate and the distance to the scene's first plane, and to no other shape (NOTES, "Beside other
-// shapes"); rays that miss the bounding sphere take none.
-// Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
-// Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
+// Marches of camera and mirror rays to a Mandelbulb. Its estimate is no bound: a march may leap over thin
+// parts, so what it finds depends on its steps. These are the steps of a march from the ray's origin by the
+// lesser of the estimate and the height over the scene's first plane; no other shape shortens them. Rays that
+// miss the bounding sphere take none.
+//
+// The last digits of a ray's steps decide where it ends. So t is two floats, and near the surface
+// bulb/bulb_chebyshev.c takes over. Packets march in turns, and ended lanes are refilled from the queue.
 #include <string.h>
 
 #include "bulb/bulb_chebyshev.h"
@@ -12,7 +13,8 @@
 #include "core/sdf.h"
 #include "core/shading_packet.h"
 
-// Rays that end that far from the surface are marched in floats: what they err by, 1e-7, is no share of their steps.
+// With a hit distance of this or more, rays are marched in floats only: the error of 1e-7 does not matter
+// then.
 #define COARSE_HIT_DISTANCE 1e-4f
 
 struct bulb_lanes {
@@ -63,12 +65,14 @@ static inline struct bulb_packet bulb_packet_of(const struct bulb_lanes *from) {
                                 v_mask_none()};
 }
 
-// `oldest`: rays that old have had their steps. close: of such an estimate a ray goes on in bulb/bulb_chebyshev.h.
+// Moves each ray on. oldest: rays that took their lane before this count have taken all their steps. close:
+// estimate below which a ray goes on in bulb/bulb_chebyshev.c.
 static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_distance, vfloat oldest,
                                 vfloat close) {
     ACTIVE(LANES - v_count(p->done));
     COUNT(advance_bulb, call);
-    p->born = v_select(p->done, p->born + v_splat(1.0f), p->born); // waiting for others is no step
+    p->born =
+        v_select(p->done, p->born + v_splat(1.0f), p->born); // a lane that waits takes no step
     vfloat height = v_madd(p->t, p->slope, p->height), least = v_min(h, height);
     vmask live = v_not(p->done), reached = v_cmp_lt_in(live, least, hit_distance);
     vfloat step = v_select_or_zero(live, least + p->rest), t = p->t + step;
@@ -81,7 +85,7 @@ static inline void advance_bulb(struct bulb_packet *p, vfloat h, vfloat hit_dist
     p->done = v_or(v_not(live), p->close);
 }
 
-// What has ended gives its answer, what is close waits, and both are no longer live.
+// Frees the lanes that have ended: hits are stored, close rays are queued.
 static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, float steps,
                         struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
@@ -115,7 +119,7 @@ static void retire_bulb(const struct bulb_packet *p, struct bulb_lanes *from, fl
     from->live &= ~ended;
 }
 
-// A step of all packets. How many lanes have ended.
+// One step of all packets. Returns how many lanes have ended.
 __attribute__((always_inline)) static inline int step_bulbs(const struct primitive *s,
                                                             struct bulb_packet *p, bool soon,
                                                             vfloat hit_distance, vfloat oldest,
@@ -139,8 +143,8 @@ __attribute__((always_inline)) static inline int step_bulbs(const struct primiti
     return ended;
 }
 
-// The first steps of rays that begin together are much alike, and need few iterations: packets take them as they are,
-// until a ray of theirs ends.
+// Takes the first steps of neighbouring rays as whole packets, until a ray of theirs ends: these steps are
+// alike and need few iterations.
 static void step_first_together(const struct primitive *s, float (*rays)[BULB_ROOM], int count,
                                 const struct limits *limits, vfloat hit_distance, float close) {
     COUNT(step_first_together, call);
@@ -184,7 +188,7 @@ static void march_floats(const struct primitive *s, float (*rays)[BULB_ROOM], in
     struct bulb_lanes lanes[INTERLEAVED];
     for (int k = 0; k < INTERLEAVED; k++) {
         lanes[k].live = 0;
-        for (int i = 0; i < B_LANE; i++) // a point to work on, and nothing comes of it
+        for (int i = 0; i < B_LANE; i++) // any point: unused lanes are computed too
             lanes[k].field[i] = v_splat(2.0f);
     }
     float hit = (float)limits->hit_distance;
@@ -276,7 +280,7 @@ int queue_bulb_rays(int count, const struct primitive *s, struct vec_double o, s
         height = height_over(plane, ray->origin);
         slope = add_dot(plane->normal, ray->direction);
     }
-    // `before`, the way to where the ray is nearest to the centre, is taken off: the rest is of the shape's size.
+    // Subtracts `before`, the distance to the point nearest to the centre: the rest is of the shape's size.
     vdouble way = v_double_product(o, d),
             back = {v_half_splat(0.0) - way.low, v_half_splat(0.0) - way.high};
     struct vec_double c = {v_double_along(o.x, d.x, back), v_double_along(o.y, d.y, back),

@@ -1,5 +1,5 @@
-// Marches of shadow rays where there is a Mandelbulb: some take 1,000 steps, so that lanes are filled again as in
-// bulb/bulb_march.c, and rays on which no later term can come below what they have leave for packets of their own.
+// Marches shadow rays in scenes with a Mandelbulb. Some take 1,000 steps, so ended lanes are refilled. Rays
+// whose later terms cannot be the least leave for packets of their own.
 #include <string.h>
 
 #include "bulb/bulb_estimate.h"
@@ -14,6 +14,7 @@ static void add_light_to_lane(int i, float lit, struct worker_scratch *scratch) 
         scratch->color[k * COLOR_ROOM + pixel] += lit * field[S_LIGHT + k][i];
 }
 
+// Lowers h to the distances to shape i.
 INLINE void near_bulbs(int i, const struct shadow_march *m, const vmask *done, bool leaving,
                        const struct known_scene *scene, vfloat *h) {
     const struct primitive *s = &scene->primitives[i];
@@ -32,7 +33,7 @@ INLINE void near_bulbs(int i, const struct shadow_march *m, const vmask *done, b
         h[k] = v_min(h[k], distance[k]);
 }
 
-// Of all shapes: a Mandelbulb's estimates for several packets fill each other's gaps.
+// Sets h to the distance to the nearest shape for INTERLEAVED packets in turns.
 __attribute__((always_inline)) static inline void
 nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool leaving, vfloat *h) {
     COUNT(nearest_bulbs, call);
@@ -46,6 +47,7 @@ nearest_bulbs(const struct shadow_march *m, const struct prepared *scene, bool l
         near_bulbs(i, m, done, leaving, KNOWN(scene), h);
 }
 
+// Removes from *behind the rays to which shape i may still come within q·t.
 INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
                         const struct known_scene *scene, vmask *behind) {
     const struct primitive *s = &scene->primitives[i];
@@ -66,8 +68,8 @@ INLINE void keep_behind(int i, const struct shadow_march *m, vfloat q,
     *behind = v_and(*behind, v_and(away, far));
 }
 
-// Rays whose later terms cannot come below what they have: from here on every shape is at q·t or further, for the
-// slope q at which no term is less than 0.866·strength·q.
+// Returns the rays whose later terms cannot be the least: from here on every shape stays at q·t or further,
+// for the q at which no term is below 0.866·strength·q.
 static inline vmask is_behind_all(const struct shadow_march *m, float per_strength,
                                   const struct prepared *scene) {
     ACTIVE(LANES - v_count(m->done));
@@ -81,18 +83,18 @@ static inline vmask is_behind_all(const struct shadow_march *m, float per_streng
     return behind;
 }
 
-// A packet whose lanes hold rays of different age.
+// A packet whose lanes hold rays of different ages.
 struct refilled_packet {
     struct shadow_march march;
     struct shadow_candidate *candidates;
-    float ray[LANES];  // which of the queue
-    float born[LANES]; // in steps of all; of rays that leave: their own so far, below 0
+    float ray[LANES];  // index in the queue
+    float born[LANES]; // the step count at the start; rays that leave: minus their steps
     float previous[LANES],
-        from[LANES]; // of rays that leave: the march's, which steps of the others write over
+        from[LANES]; // rays that leave: values of the march, kept while other lanes go on
     unsigned live, leaving;
 };
 
-// The first so many of the bits set.
+// Returns the lowest `count` bits that are set.
 static inline unsigned lowest_bits(unsigned bits, int count) {
     unsigned rest = bits;
     for (int i = 0; i < count; i++)
@@ -100,8 +102,9 @@ static inline unsigned lowest_bits(unsigned bits, int count) {
     return bits & ~rest;
 }
 
-// The first lanes of `here` go on in those of `there`, as many as both have. Which were moved. Of what a shape is to a
-// ray: a height and a slope, or a place and a direction (beside Mandelbulbs no sphere has `power`).
+// Moves as many rays as fit from lanes `here` to lanes `there`, with their candidates: height and slope of a
+// plane, or origin and direction (no sphere has `power` beside a Mandelbulb). Returns the lanes that were
+// moved.
 static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
                                    const struct refilled_packet *from, unsigned here,
                                    const struct prepared *scene) {
@@ -113,7 +116,7 @@ static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
     v_move_lanes((float *)((char *)to + march), there, (const float *)((const char *)from + march),
                  here, MARCH_REALS);
     for (int k = 0; k < KNOWN(scene)->model.shape_count; k++) {
-        float *row = (float *)&to->candidates[k]; // its origin, and the direction behind it
+        float *row = (float *)&to->candidates[k]; // origin and direction
         const float *old = (const float *)&from->candidates[k];
         bool linear = KNOWN(scene)->primitives[k].eval == EVAL_LINEAR;
         v_move_lanes(row, there, old, here, linear ? 1 : 6);
@@ -126,11 +129,10 @@ static unsigned move_rays_to_lanes(struct refilled_packet *to, unsigned there,
     return here;
 }
 
-// Most rays that get as dark as that end on a surface, and their march ends there: what they have is the last term
-// before, of a distance between the hit distance and some tenth more, since the estimate is a tenth of the way that
-// is left: LAST_TERM_SHARE of strength·hit distance/t. Wrong by less than DARK_TERM. 0 in its place was seen on a display: 1.45 % of
-// mandelbulb's 8-bit values were off by more than 1. BEHIND_CHECK_INTERVAL: steps from one look whether a ray is behind all to
-// the next.
+// Rays darker than DARK_TERM mostly end on a surface, so their march ends early. Their light is the last term
+// of such a march, LAST_TERM_SHARE·strength·hit_distance/t: the last distance is between the hit distance and
+// about a tenth more. The error is below DARK_TERM; 0 in its place is visible on a display (1.45 % of 8-bit
+// values off by more than 1). BEHIND_CHECK_INTERVAL: steps between two calls of is_behind_all().
 #define DARK_TERM 0x1p-10f
 #define LAST_TERM_SHARE 0.94f // 1.05 in the mean, times √(1 − 0.45²)
 enum { BEHIND_CHECK_INTERVAL = 6 };
@@ -154,7 +156,8 @@ static void store_bulb_light(const struct refilled_packet *from, unsigned which,
                           work->scratch);
 }
 
-// Takes rays from `ready`, which is made anew from the queue whenever it is empty.
+// Refills ended lanes from `ready`, which is loaded from the queue whenever it is empty. Returns the next
+// queue index.
 static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet *ready, int next,
                               int steps, const struct tile_context *work) {
     COUNT(refill_shadow_rays, call);
@@ -170,7 +173,7 @@ static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet
                 ready->ray[lane] = (float)(next + lane);
             ACTIVE(v_count(r.active));
             COUNT(refill_shadow_rays, packet);
-            // Those that have left the bounds; what is dark from the start adds nothing.
+            // Rays that have left the bounds already; rays that are dark by proof add nothing.
             vmask left = v_and(ready->march.done, v_cmp_gt(ready->march.square, v_splat(0.0f)));
             store_bulb_light(ready, v_mask_bits(r.active) & v_mask_bits(left), work);
             next += LANES;
@@ -186,18 +189,17 @@ static int refill_shadow_rays(struct refilled_packet *to, struct refilled_packet
     return next;
 }
 
-// Packets of shadow rays: INTERLEAVED in work, as many of rays that leave, and the next that begin.
+// Packets of shadow rays: INTERLEAVED in work, INTERLEAVED with rays that leave (out), and one that is ready.
 struct refilled_packets {
     struct refilled_packet *work, *out, *ready;
     int leaving; // lanes of `out` in use
 };
 
-// A Mandelbulb's estimate, |p|·ln|p|/3 far out, is less than the distance at first, and from |p| = e² on it grows faster than
-// |p|: h comes near to 2·previous and passes it, where the estimator's circles of radius h and `previous` only touch, and a
-// term may be anything. That is why rays on which no surface can bring a term below what they have still take their steps,
-// in packets of such rays: one iteration each. `plane_is_nearest_for_good`: where a plane is nearer for good, and was at the step before, too,
-// so that the next term is of its distances alone. For good: at 3 and beyond the estimate is above 0.33·|p|·ln|p|, whose slope
-// along a ray that goes outward, 0.33·(1 + ln|p|)·cosine, only grows. Without a plane: at the bounds.
+// A Mandelbulb's estimate grows faster than |p| from |p| = e² on. So h may reach 2·previous, where the
+// estimator's circles only touch, and a term may be anything. Rays that leave still take those steps for that
+// reason, in packets of their own with one iteration each. They end where a plane is nearest for good: beyond
+// |p| = 3 the estimate is above 0.33·|p|·ln|p|, whose slope along an outward ray, 0.33·(1 + ln|p|)·cosine,
+// only grows. Without a plane they end at the bounds.
 INLINE void over_bulb(int i, const struct shadow_march *m, const struct known_scene *scene,
                       vmask *over) {
     const struct shadow_candidate *candidate = &m->candidates[i];
@@ -285,14 +287,14 @@ static void retire_shadow_rays(struct refilled_packet *from, struct refilled_pac
     }
 }
 
-// One step of each packet. How many lanes have ended.
+// One step of each packet. Returns how many lanes have ended.
 static inline int step_refilled(struct shadow_march *m, struct refilled_packet *pool, int steps,
                                 const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
     vfloat strength = v_splat((float)model->shadow_strength),
            hit = v_splat((float)work->scene->model.march.hit_distance);
     COUNT(step_refilled, call);
-    // Rays that old have had their steps.
+    // Rays older than this have taken all their steps.
     vfloat oldest = v_splat((float)steps - (float)work->scene->model.march.max_steps);
     vfloat h[INTERLEAVED];
     int ended = 0;

@@ -1,12 +1,12 @@
-// Camera rays close to a Mandelbulb: the map's first iteration as polynomials along a piece of the ray. Along a ray it is a
-// smooth function of t, and steps are short here. The polynomials are interpolated in doubles from CLOSE_TERMS points. A step
-// then errs by a float's rounding at the size of the piece, and by that of the later iterations, over the derivative.
+// Rays close to a Mandelbulb: the map's first iteration as polynomials along a piece of the ray, interpolated
+// in doubles from CLOSE_TERMS points. It is a smooth function of t, and steps are short here. A step then
+// errs by a float's rounding at the size of the piece, and by that of later iterations, over the derivative.
 //
-// The map is singular only on the axis ρ = 0. A ray meets the axis at a complex t, too, no nearer than ρ to a point whose
-// distance to the axis is ρ. On pieces of half length ρ/32, 0.02 at most, the polynomials err by less than 2^-24, a float's
-// rounding of 1 (tests/py/test_close.py; with ρ/16: 46 times that). That holds for ρ of 1e-5 or more. Nearer to the axis the
-// half length is CLOSE_PIECE_MIN, and at ρ = 1e-6 the error is up to 2e-5. Interpolation at Chebyshev points: Trefethen,
-// Approximation Theory and Approximation Practice, 2013; distance to a singularity: its chapter 8.
+// The map is singular only on the axis ρ = 0. A ray meets the axis at a complex t, no nearer than ρ to a
+// point at distance ρ from it. On pieces of half length ρ/32, 0.02 at most, the polynomials err by less than
+// 2^-24 for ρ ≥ 1e-5 (tests/py/test_close.py). Nearer to the axis the half length is CLOSE_PIECE_MIN, and at
+// ρ = 1e-6 the error is up to 2e-5. Chebyshev points: Trefethen, Approximation Theory and Approximation
+// Practice, 2013; distance to a singularity: its chapter 8.
 #include "bulb/bulb_chebyshev.h"
 #include "bulb/bulb_estimate.h"
 
