@@ -233,7 +233,7 @@ def test_a_kernel_ends_when_shapes_move(shop: Workshop, tmp_path: Path) -> None:
 
 
 def test_a_crowd_has_the_general_code(shop: Workshop) -> None:
-    """From 32 shapes on they are asked from a tree, which a kernel has not."""
+    """From 32 shapes on a scene has a BVH, and no kernel."""
     facts, said, _ = shop.run("spheres40")
     assert not facts["generated"] and "32 shapes or more" in facts["reason"]
     assert not said
@@ -283,7 +283,7 @@ static void tile(const void *job, int number, void *own) { abort(); }
 // struct scene_kernel of kernel.h
 const struct {
     const char *tag, *compiler;
-    size_t own_size;
+    size_t scratch_size;
     int (*tiles)(const void *);
     void (*tile)(const void *, int, void *);
 } stepwise_kernel = {KERNEL_TAG, "trap", 1, tiles, tile};
@@ -663,12 +663,12 @@ def test_a_compiler_that_does_not_know_how_gcc_copies(shop: Workshop, tmp_path: 
     ("read", "compiles"),
     [
         ("KNOWN(p)->model.march.bounds_radius", True),
-        ("KNOWN(p)->placed[0].bound", True),
+        ("KNOWN(p)->primitives[0].bound", True),
         ("KNOWN(p)->model.march.max_steps", False),
         ("KNOWN(p)->model.march.hit_distance", False),
-        ("KNOWN(p)->placed[0].alone", False),
-        ("KNOWN(p)->placed[0].bvh_rank", False),
-        ("KNOWN(p)->placed[0].radius_sq", False),
+        ("KNOWN(p)->primitives[0].clearance", False),
+        ("KNOWN(p)->primitives[0].bvh_rank", False),
+        ("KNOWN(p)->primitives[0].radius_sq", False),
     ],
 )
 def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: bool, tmp_path: Path) -> None:
@@ -688,6 +688,6 @@ def test_what_no_kernel_knows_cannot_be_read_as_if_it_did(read: str, compiles: b
 
     done = compiled(read)
     assert (done.returncode == 0) == compiles and ("no member" in done.stderr) != compiles, done.stderr
-    general = read.replace("KNOWN(p)->placed", "p->placed" if compiles else "p->more")
+    general = read.replace("KNOWN(p)->primitives", "p->primitives" if compiles else "p->extras")
     done = compiled(general.replace("KNOWN(p)->", "p->"))
     assert done.returncode == 0, done.stderr

@@ -53,7 +53,8 @@ static void make_kernel(struct phase_state *kept) {
     else if (!kept->prepared.analytic)
         loaded->facts.reason = "the scene is marched: no kernel is generated for that";
     else if (kept->prepared.bvh.levels)
-        loaded->facts.reason = "the scene has a BVH: no kernel is generated for that";
+        loaded->facts.reason =
+            "a scene of 32 shapes or more has a BVH: no kernel is generated for that";
     else if (kept->prepared.model.shape_count > MAX_KERNEL_SHAPES)
         loaded->facts.reason = "more shapes than a generated kernel gains from";
     else if (kept->prepared.model.animated)

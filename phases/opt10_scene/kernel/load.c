@@ -152,8 +152,8 @@ void kernel_load(const struct prepared *prepared, int lanes, const char *flags,
     facts->reason = facts->generated ? NULL : loaded->reason;
     facts->hash = facts->generated ? loaded->hash : NULL;
     facts->compiler = facts->generated ? loaded->kernel->compiler : NULL;
-    const char *asked = getenv("STEPWISE_CC"); // no message if the user wants no kernel
-    if (!facts->generated && !(asked && strcmp(asked, "none") == 0))
+    const char *chosen = getenv("STEPWISE_CC"); // no message if the user wants no kernel
+    if (!facts->generated && !(chosen && strcmp(chosen, "none") == 0))
         fprintf(stderr,
                 "opt10_scene: no kernel for this scene (%s); its general code runs instead\n",
                 loaded->reason);

@@ -51,13 +51,13 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
 void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
                      const struct tile_context *work);
 
-// A cone query for the rays `asked` of a packet: does any shape but `excluded` come nearer than q·t', for t'
+// A cone query for the rays `queried` of a packet: does any shape but `excluded` come nearer than q·t', for t'
 // from t on? Sets `until` in those lanes: where the blocker found ends, below 0 if there is none.
 struct cone_request {
     const struct shadow_rays *rays;
     vfloat t, q, until;
     vfloat excluded; // a solid known to stay at q·t or further, −1: none
-    vmask asked;
+    vmask queried;
 };
 
 // Runs the cone queries of BATCH_PACKETS packets at most.

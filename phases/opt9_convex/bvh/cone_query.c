@@ -189,7 +189,7 @@ static void cone_query_rays(const struct bvh *tree, struct packet_cones *cones, 
             bundle = query_bundle_of(cones, count, 0.0f);
             q = bundle.q + bundle.spread;
         }
-        COUNT(cone_query_rays, asked);
+        COUNT(cone_query_rays, query);
         float a = 1 - q * q;
         struct ray_cone about = {bundle.centre, bundle.to_light, v_splat(q), v_splat(a),
                                  v_splat(a * bundle.from)};
@@ -206,7 +206,7 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
     struct packet_cones cones[BATCH_PACKETS];
     for (int i = 0; i < count; i++) {
         struct cone_request *request = &asking[i];
-        ACTIVE(v_count(request->asked));
+        ACTIVE(v_count(request->queried));
         COUNT(bvh_query_ahead, packet);
         vfloat q = v_min(request->q, v_splat(0.99f));
         vmask blocked = v_mask_none();
@@ -222,7 +222,7 @@ void bvh_query_ahead(struct cone_request *asking, int count, const struct tile_c
             request->t,
             request->excluded,
             v_select(blocked, v_splat(INFINITY), v_splat(-1.0f)),
-            v_andnot(blocked, request->asked),
+            v_andnot(blocked, request->queried),
             v_mask_none()};
     }
     cone_query_rays(&scene->bvh, cones, count, &work->scratch->far);
@@ -259,7 +259,7 @@ vmask bvh_trivially_lit(struct vec point, struct vec local, struct vec to_light,
     }
     if (!v_any(clear) || q >= 0.99f)
         return v_mask_none();
-    COUNT(bvh_trivially_lit, asked);
+    COUNT(bvh_trivially_lit, query);
     vfloat zero = v_splat(0.0f);
     struct packet_cones cones = {{point, to_light, v_splat(q), v_splat(1 - q * q), zero},
                                  zero,

@@ -212,7 +212,7 @@ void active_nearest(struct shadow_batch *batch) {
     const struct active_set *v = &batch->set;
     const struct candidate *shapes = v->shapes; // a copy: stores to packets may not alias it
     unsigned long long which[BATCH_PACKETS];    // WAKE_BITS shapes each
-    int asked[BATCH_PACKETS];
+    int tested[BATCH_PACKETS];
     unsigned walking = 0;
     for (int i = 0; i < batch->moving; i++) {
         struct batch_packet *w = &batch->packet[i];
@@ -223,7 +223,7 @@ void active_nearest(struct shadow_batch *batch) {
         walking |= 1u << i;
         w->at = vec_along(w->from, w->rays.to_light, w->march.t);
         w->least = idle_or_infinite(w);
-        asked[i] = w->recent;
+        tested[i] = w->recent;
         if (v->count > 0)
             evaluate_candidate(&shapes[w->recent], w->recent, w,
                                &v->below[w->recent * BATCH_PACKETS + i]);
@@ -236,7 +236,7 @@ void active_nearest(struct shadow_batch *batch) {
             const struct batch_packet *w = &batch->packet[i];
             ACTIVE(LANES - v_count(is_idle(w)));
             unsigned once =
-                (unsigned)(asked[i] - first); // beyond WAKE_BITS if it is in another word
+                (unsigned)(tested[i] - first); // beyond WAKE_BITS if it is in another word
             which[i] = awake_candidates(&below[i], int_min(v->count - first, WAKE_BITS), w);
             which[i] &= ~(once < WAKE_BITS ? 1ull << once : 0);
         }

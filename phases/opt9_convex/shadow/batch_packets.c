@@ -16,17 +16,17 @@ static bool needs_cone_query(const struct batch_packet *w, struct cone_request *
     vfloat q = v_sqrt(m->square / m->divisor) *
                v_splat(1.0f / (0.866f * (float)work->scene->model.shadow_strength));
     // q bounds the term of the step to here only if that step began at q·t or further from all shapes.
-    vmask asked = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
-    asked = v_and(asked,
-                  v_or(v_cmp_ge(m->t, w->until), v_cmp_lt(q, w->asked * v_splat(REQUERY_SLOPE))));
+    vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
+    queried = v_and(queried, v_or(v_cmp_ge(m->t, w->until),
+                                  v_cmp_lt(q, w->query_slope * v_splat(REQUERY_SLOPE))));
     // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the last step
     // began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such bound.
     bool convex = w->solid >= 0 && work->scene->primitives[w->solid].convex;
     vfloat excluded = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
                                v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
     *asking = (struct cone_request){
-        .rays = &w->rays, .t = m->t, .q = q, .excluded = excluded, .asked = asked};
-    return v_any(asked);
+        .rays = &w->rays, .t = m->t, .q = q, .excluded = excluded, .queried = queried};
+    return v_any(queried);
 }
 
 // The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so one query serves
@@ -49,11 +49,11 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
     for (int i = 0; i < count; i++) {
         struct batch_packet *w = of[i];
         const struct cone_request *a = &asking[i];
-        ACTIVE(v_count(a->asked));
+        ACTIVE(v_count(a->queried));
         COUNT(query_ahead, packet);
-        w->march.done = v_or(w->march.done, v_and(a->asked, v_cmp_lt(a->until, v_splat(0.0f))));
-        w->until = v_select(a->asked, a->until, w->until);
-        w->asked = v_select(a->asked, a->q, w->asked);
+        w->march.done = v_or(w->march.done, v_and(a->queried, v_cmp_lt(a->until, v_splat(0.0f))));
+        w->until = v_select(a->queried, a->until, w->until);
+        w->query_slope = v_select(a->queried, a->q, w->query_slope);
     }
 }
 

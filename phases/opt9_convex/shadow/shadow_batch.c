@@ -105,7 +105,7 @@ static void load_batch_packet(struct batch_packet *w, int first, int end,
     w->waits = v_mask_none();
     // The ray is queued because its cone of slope lit_slope meets a shape, which is mostly further than this.
     w->until = v_splat(work->scene->bvh.spacing);
-    w->asked = v_splat(KNOWN(work->scene)->lit_slope);
+    w->query_slope = v_splat(KNOWN(work->scene)->lit_slope);
     float ray[LANES] = {0};
     for (int i = 0; i < LANES && i < left; i++)
         ray[i] = scratch->order[0][first + i];

@@ -14,10 +14,10 @@ enum { BATCH_PACKETS = 8, BATCH_RAYS = BATCH_PACKETS * LANES };
 struct batch_packet {
     struct shadow_march march;
     struct shadow_rays rays;
-    struct vec from;     // their start, relative to batch.origin
-    struct vec local_to; // rays from a solid: to_light in its frame
-    vfloat until, asked; // the last cone query: its blocker ends at `until`; its slope
-    vfloat ray;          // index in the queue
+    struct vec from;           // their start, relative to batch.origin
+    struct vec local_to;       // rays from a solid: to_light in its frame
+    vfloat until, query_slope; // the last cone query: its blocker ends at `until`; its slope
+    vfloat ray;                // index in the queue
     vmask waits;
     struct vec at; // the points at t, relative to batch.origin
     vfloat

@@ -129,14 +129,14 @@ INLINE void block_light(int i, const struct light_segment *w, const struct tile_
         COUNT(reaches_light, solid);
         struct vec at, d = turned(s, w->to_light),
                        o = vec_select(self, vec_along(w->local, d, offset), to_local(s, w->start));
-        vmask asked = s->convex ? v_andnot(self, *open) : *open;
+        vmask tested = s->convex ? v_andnot(self, *open) : *open;
         vfloat t;
         vmask within;
-        blocked = enter(o, d, s, asked, &t, &at, &within);
+        blocked = enter(o, d, s, tested, &t, &at, &within);
         blocked = v_and(blocked, v_cmp_lt(t, w->reach));
         if (!s->convex) {
             COUNT(reaches_light, torus);
-            within = v_and(asked, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
+            within = v_and(tested, v_cmp_lt(vec_dot(o, o), v_splat(s->bound_sq)));
         }
         if (v_any(within)) {
             COUNT(reaches_light, within);

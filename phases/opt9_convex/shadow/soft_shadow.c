@@ -58,7 +58,7 @@ static inline void leap_to_candidate(const struct shadow_rays *r, struct shadow_
     if (!v_any(can))
         return;
     ACTIVE(v_count(can));
-    COUNT(leap_to_candidate, asked);
+    COUNT(leap_to_candidate, able);
     COUNT(leap_to_candidate, scalar);
     // Leap no further than to the bounds: `until` may be infinite.
     vfloat half = m->linear * v_splat(-0.5f);
