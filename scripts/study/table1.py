@@ -13,7 +13,8 @@ BASE = "baseline"
 # ends. A whole name counts before any pattern; of several patterns the first that fits counts.
 TERMS = {
     "into the shape's frame": """
-        apply_transform rotate_point approach* local_ray* wrap* turned* distance_to_shape coordinate
+        apply_transform rotate_point approach* local_ray* move_local_rays set_local_* wrap* turned*
+        distance_to_shape coordinate
         vec_wrapped stay_in place_at place_sub point_* vec_double_* wide_* places places_along lane_place
         lane_coordinate points_along shape_inside
     """,
@@ -52,11 +53,11 @@ TERMS = {
         ends_of most_bound prove nothing_proved
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
-        begin_cell_grid bound_shape_entry bundle_ends bundle_holds_until bvh_list bvh_list_in_window
-        camera_packet candidate_plane candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
+        begin_cell_grid bound_shape_entry bundle_ends bundle_holds_until bvh_list
+        bvh_list_in_frustum bvh_list_in_window camera_hit camera_packet candidate_plane candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
         draw_analytic_tile earliest_approach empty_bundle_bounds exit_distance limit_leap list_active
         list_for_bundle max_bound may_be_hit may_be_nearest near_stretch repeated_tile set_active_set
-        sphere_in_bundle_cone sphere_in_window sphere_limits_leap sphere_met_by_ray support_of
+        sphere_in_bundle_cone sphere_in_frustum sphere_in_window sphere_limits_leap sphere_met_by_ray support_of
     """,
     "closed forms and Newton's steps": """
         first_hit intersect* take_nearer occluded ask_* meet_* meets_bulbs enter* go_alone

@@ -769,7 +769,7 @@ def test_near_a_plane_is_not_near_the_mandelbulb_over_it(
     away: float, height: float, phase: str, tmp_path: Path
 ) -> None:
     """From a camera on the floor steps are short wherever the Mandelbulb is. By the polynomials of
-    bulb_chebyshev.h, which are for the surroundings of the bulb, 12 to 212 of 960 pixels were hits of it that
+    bulb_chebyshev.c, which are for the surroundings of the bulb, 12 to 212 of 960 pixels were hits of it that
     it has not.
     """
     camera = {"position": [0, height, -away], "look_at": [0, height + 0.06 * away, 0]}

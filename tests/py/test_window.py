@@ -13,15 +13,15 @@ from study import registry
 WIDE = np.tan(np.radians(85))  # half the widest field of view
 
 
-def test_plane_in_window(tmp_path: Path) -> None:
+def test_plane_in_frustum(tmp_path: Path) -> None:
     """Rays that just fall towards one are in, up to the widest picture's corner; what is well off is not."""
-    (tmp_path / "window.c").write_text(
+    (tmp_path / "frustum.c").write_text(
         f'#include "{registry.find_phase("opt9_convex").file("hit/tile_frustum.h")}"\n'
         "int asked(const float *corner, const float *normal) {\n"
-        "    struct window w = {corner[0], corner[0], corner[1], corner[1]};\n"
-        "    return plane_in_window(&w, normal);\n}\n"
+        "    struct tile_frustum w = {corner[0], corner[0], corner[1], corner[1]};\n"
+        "    return plane_in_frustum(&w, normal);\n}\n"
     )
-    library = tmp_path / "window.so"
+    library = tmp_path / "frustum.so"
     subprocess.run(
         [
             "gcc",
@@ -30,7 +30,7 @@ def test_plane_in_window(tmp_path: Path) -> None:
             "-ffp-contract=off",
             "-shared",
             "-fPIC",
-            tmp_path / "window.c",
+            tmp_path / "frustum.c",
             "-o",
             library,
         ],

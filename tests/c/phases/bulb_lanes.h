@@ -142,7 +142,7 @@ static void test_the_estimate_is_the_map_of_baseline(void **state) {
         }
 }
 
-// What bulb/bulb_chebyshev.h tells of the first iteration on a piece of a ray, from what store_pieces() wrote.
+// The first iteration on a piece of a ray: chebyshev_orbit() from the polynomials of store_pieces().
 static void test_pieces_are_the_first_iteration(void **state) {
     (void)state;
     for (int round = 0; round < 400; round++) {

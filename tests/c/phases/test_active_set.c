@@ -1,6 +1,6 @@
 // flags: -iquote phases/opt9_convex -DLANES=8 -mavx2 -mfma -ffp-contract=off
-// opt9_convex's bounds of shapes that sleep (shadow/active_set.c, which opt10_scene has too): no shape may sleep where it is
-// as near as what is known. Distances to the bounding sphere are worked out in double.
+// opt9_convex's falling bounds (shadow/active_set.c): no shape may sleep where it is as near as the nearest shape so far.
+// Distances to the bounding sphere are computed in double.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -38,7 +38,7 @@ static struct meeting meeting_at(double least, double most, double beside) {
     return m;
 }
 
-// Of the sphere, from where the ray is at t.
+// Returns the distance to the sphere from the ray's point at t.
 static double distance_from(const struct meeting *m, double t) {
     double square = 0;
     for (int k = 0; k < 3; k++)
@@ -48,7 +48,7 @@ static double distance_from(const struct meeting *m, double t) {
 
 static struct primitive sphere = {.eval = EVAL_POINT, .type = SHAPE_SPHERE, .bound = 0.002f};
 static struct candidate shape = {.shape = &sphere, .bound = 0.002f};
-static struct falling_bound below[4 * BATCH_PACKETS]; // shapes are asked four at a time
+static struct falling_bound below[4 * BATCH_PACKETS]; // shapes are tested four at a time
 
 // The meetings as rays of a batch, one in each lane, and one shape: lane 0's own.
 static void set_batch(struct shadow_batch *batch, const struct meeting *m) {
@@ -68,12 +68,12 @@ static void set_batch(struct shadow_batch *batch, const struct meeting *m) {
     w->at = vec_along(w->from, w->rays.to_light, w->march.t);
 }
 
-// What is known of lane 0; the others stand still.
+// Returns a nearest distance for lane 0; the other lanes are idle.
 static vfloat known(double distance) {
     return v_select(v_mask_first(1), v_splat((float)distance), v_splat(-INFINITY));
 }
 
-// At some places further on: with what is as near as the sphere is, it must be awake.
+// At later t, with a nearest distance equal to the sphere's, the sphere must be awake.
 static void wakes_in_time(const struct meeting *m, struct batch_packet *w, const char *by) {
     for (int i = 0; i < AFTER; i++) {
         float t = m->t + (float)(i < 16 ? i : 1 << (i - 12)) * 0x1p-11f; // to 1 further on
@@ -92,14 +92,14 @@ static void check(double least, double most, double beside) {
         struct meeting m = meeting_at(least, most, beside);
         set_batch(&batch, &m);
         set_falling_bounds(&batch);
-        wakes_in_time(&m, w, "vicinity_below");
+        wakes_in_time(&m, w, "set_falling_bounds");
         set_batch(&batch, &m);
         w->least = known(distance_from(&m, (double)m.t));
         if (sphere_too_far(&shape, w, below))
-            fail_msg("too_far: at %a it is as near as what is known", (double)m.t);
+            fail_msg("sphere_too_far: at %a it is as near as the nearest so far", (double)m.t);
         w->least = known(-1);
         assert_true(sphere_too_far(&shape, w, below)); // or nothing is checked by what follows
-        wakes_in_time(&m, w, "too_far");
+        wakes_in_time(&m, w, "sphere_too_far");
     }
 }
 
@@ -127,5 +127,5 @@ int main(void) {
         cmocka_unit_test(far_on_the_way),
         cmocka_unit_test(at_the_bounds),
     };
-    return cmocka_run_group_tests_name("vicinity", tests, NULL, NULL);
+    return cmocka_run_group_tests_name("active set", tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 // flags: -iquote phases/opt9_convex
-// opt9_convex's tree over a crowd's bounding spheres (tree.c, which opt10_scene has too): every shape is a leaf once, every
-// node's sphere holds those below it, and the one about all holds every leaf. In double.
+// opt9_convex's BVH (bvh/bvh.c): every shape is a leaf once, every node's sphere holds its children's, and the root's
+// sphere holds every leaf. Checked in double.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
