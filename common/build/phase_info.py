@@ -137,7 +137,7 @@ def flattened(name: str, folders: list[Path], seen: set[Path]) -> list[str]:
 
 
 def embed(files: list[str], folder: Path, output: Path) -> None:
-    """Writes embedded.h: the files $.embedded as strings, one source that the program compiles at run time."""
+    """Writes embedded.h: the files $.embedded as strings, one source, which is compiled at run time."""
     lines: list[str] = []
     seen: set[Path] = set()
     for name in files:

@@ -70,7 +70,7 @@ class Phase:
     # Its picture is meant to be near, not the same: conformance asks of its form alone, and `tolerance` says
     # how much further from truth than baseline it may be (scripts/accuracy.py).
     approximate: bool = False
-    # The files of a source that the program has in it and compiles where it runs (common/build/phase_info.py).
+    # Files of a source that the program has in it and compiles at run time (common/build/phase_info.py).
     embedded: list[str] = dataclasses.field(default_factory=list)
     # Its folder holds what differs from this phase's files; `without` names those left out (study.patches).
     derives: str | None = None

@@ -54,10 +54,12 @@ TERMS = {
         crowd_in_window lies_across stops_sooner stop_at earliest met_by_any find_close_by vicinity_about
         within_reach list_those in_shaft size_of
         begin_cell_grid bound_shape_entry bundle_ends bundle_holds_until bvh_list
-        bvh_list_in_frustum bvh_list_in_window camera_hit camera_packet candidate_plane candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
+        bvh_list_in_frustum bvh_list_in_window camera_hit camera_packet candidate_plane
+        candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
         draw_analytic_tile earliest_approach empty_bundle_bounds exit_distance limit_leap list_active
         list_for_bundle max_bound may_be_hit may_be_nearest near_stretch repeated_tile set_active_set
-        sphere_in_bundle_cone sphere_in_frustum sphere_in_window sphere_limits_leap sphere_met_by_ray support_of
+        sphere_in_bundle_cone sphere_in_frustum sphere_in_window sphere_limits_leap sphere_met_by_ray
+        support_of
     """,
     "closed forms and Newton's steps": """
         first_hit intersect* take_nearer occluded ask_* meet_* meets_bulbs enter* go_alone

@@ -108,6 +108,34 @@ INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_s
     *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
 }
 
+// Returns the rays that are dark without a march (PROOFS.md, 4.). The steps towards an entry at this cosine shrink
+// to 1 − cosine of the one before, so the last term is below strength·hit_distance/((1 − cosine)·t). Where that is
+// at most 1e-4, 0 is written. The ray must take its first step, at `offset`, enter within the bounds, and have the
+// steps to get there: e^-23 is 1e-10.
+__attribute__((__always_inline__)) static inline vmask dark_by_proof(const struct shadow_rays *r,
+                                                                     const struct shadow_march *m,
+                                                                     vfloat offset, vfloat hit,
+                                                                     const struct prepared *scene) {
+    const struct limits *march = &scene->model.march;
+    vfloat room = r->first * (v_splat(1.0f) - r->cosine);
+    double least_room = 1e4 * march->hit_distance * KNOWN(scene)->model.shadow_strength;
+    if (least_room < march->surface_offset)
+        least_room = march->surface_offset;
+    vmask there = v_cmp_ge(v_splat(0.0f), v_madd(r->first, r->first + m->linear, m->constant));
+    vmask dark = v_and(v_and(v_and(r->active, there), v_cmp_gt(room, v_splat((float)least_room))),
+                       v_cmp_lt(r->first, r->end));
+    float least_cosine =
+        march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
+    dark = v_and(
+        dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
+    if (KNOWN(scene)->bulbs) {
+        UNROLL_SHAPES
+        for (int i = 0; i < KNOWN(scene)->model.shape_count; i++)
+            misses_bulb(i, r, KNOWN(scene), &dark);
+    }
+    return dark;
+}
+
 KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *candidates,
                                struct shape_set *listed, const struct tile_context *work,
                                struct shadow_march *m) {
@@ -132,29 +160,10 @@ KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *c
     float radius = (float)model->march.bounds_radius;
     m->linear = v_splat(2.0f) * vec_dot(r->point, r->to_light);
     m->constant = vec_dot(r->point, r->point) - v_splat(radius * radius * (1.0f + 0x1p-20f));
-    // Dark by proof (PROOFS.md, 4.). The steps towards an entry at this cosine shrink to 1 − cosine of the
-    // one before, so the last term is below strength·hit_distance/((1 − cosine)·t). Where that is at most
-    // 1e-4, 0 is written. The ray must take its first step, enter within the bounds, and have the steps to
-    // get there: e^-23 is 1e-10.
-    vfloat room = r->first * (v_splat(1.0f) - r->cosine);
     const struct limits *march = &work->scene->model.march;
-    double least_room = 1e4 * march->hit_distance * model->shadow_strength;
-    if (least_room < march->surface_offset)
-        least_room = march->surface_offset;
     vfloat offset = v_splat((float)model->march.surface_offset),
            hit = v_splat((float)march->hit_distance);
-    vmask there = v_cmp_ge(v_splat(0.0f), v_madd(r->first, r->first + m->linear, m->constant));
-    vmask dark = v_and(v_and(v_and(r->active, there), v_cmp_gt(room, v_splat((float)least_room))),
-                       v_cmp_lt(r->first, r->end));
-    float least_cosine =
-        march->max_steps < LEAP_MIN_MAX_STEPS ? INFINITY : 23.0f / (float)march->max_steps;
-    dark = v_and(
-        dark, v_and(v_cmp_gt(r->cosine, v_splat(least_cosine)), v_cmp_ge(r->facing * offset, hit)));
-    if (KNOWN(work->scene)->bulbs) {
-        UNROLL_SHAPES
-        for (int i = 0; i < KNOWN(work->scene)->model.shape_count; i++)
-            misses_bulb(i, r, KNOWN(work->scene), &dark);
-    }
+    vmask dark = dark_by_proof(r, m, offset, hit, work->scene);
     m->done = v_or(dark, v_not(r->active));
     m->square = v_zero_where(dark, v_splat(1.0f));
     vfloat strength = v_splat((float)model->shadow_strength);
