@@ -23,9 +23,7 @@ TERMS = 6
 def source(phase: str) -> str:
     """The files of the polynomials as one text."""
     tree = patches.files(phase)
-    return "".join(
-        tree[name].read_text() for name in sorted(tree) if "chebyshev" in name
-    )
+    return "".join(tree[name].read_text() for name in sorted(tree) if "chebyshev" in name)
 
 
 def constant(text: str, name: str) -> float:

@@ -10,7 +10,8 @@
 
 enum { REFILL_CLOSE = 3 * LANES / 4 }; // ended lanes that make a refill worth its moves
 
-// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
+// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps
+// taken.
 KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                                struct worker_scratch *scratch) {
     COUNT(queue_close, call);
@@ -160,7 +161,8 @@ static void leave_chebyshev(struct worker_scratch *scratch, int ray, float t, fl
     scratch->open[B_BORN][to] = had;
 }
 
-// Frees the lanes that have ended. Hits are stored; rays at the end of a piece are queued for the next one or leave.
+// Frees the lanes that have ended. Hits are stored; rays at the end of a piece are queued for the next one or
+// leave.
 static void retire_chebyshev(struct chebyshev_packet *p, struct chebyshev_lanes *from, float steps,
                              float most, struct worker_scratch *scratch) {
     ACTIVE(v_count(v_mask_of_bits(from->live)));
@@ -214,8 +216,8 @@ static void join_chebyshev(struct chebyshev_lanes lanes[INTERLEAVED]) {
     }
 }
 
-// Marches the close rays until none waits. It returns with rays still in lanes if too few are left to fill the lanes and
-// some rays wait for the march in floats.
+// Marches the close rays until none waits. It returns with rays still in lanes if too few are left to fill
+// the lanes and some rays wait for the march in floats.
 KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limits *limits,
                                    struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                                    float *steps, struct worker_scratch *scratch) {

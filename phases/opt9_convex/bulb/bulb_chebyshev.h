@@ -12,7 +12,8 @@ struct worker_scratch;
 // from the bulb, where chebyshev_orbit() is wrong because the first iteration has escaped.
 #define CLOSE_ESTIMATE 5e-3f
 
-// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is shifted to match.
+// Steps are counted in floats, which cannot count past 2^24. At this count it restarts at 0, and N_BORN is
+// shifted to match.
 #define STEPS_COUNTED 0x1p23f
 
 enum { CLOSE_TERMS = 6, SLOPE_TERMS = 4, CLOSE_VALUES = 4 }; // x, y, z and the derivative
@@ -51,11 +52,12 @@ static inline vdouble v_double_along(vdouble origin, vdouble direction, vdouble 
                      v_half_madd(direction.high, t.high, origin.high)};
 }
 
-// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps taken.
+// Queues the rays of the lanes in m for their next pieces. t and rest: the distance as two floats. had: steps
+// taken.
 KERNEL_SHARED void queue_close(vmask m, vfloat ray, vfloat t, vfloat rest, vfloat had,
                                struct worker_scratch *scratch);
-// Marches the close rays until none waits. Returns with rays still in lanes if too few are left to fill them and some
-// rays wait for the march in floats. steps: the count of all steps, kept between calls.
+// Marches the close rays until none waits. Returns with rays still in lanes if too few are left to fill them
+// and some rays wait for the march in floats. steps: the count of all steps, kept between calls.
 KERNEL_SHARED void march_chebyshev(const struct primitive *s, const struct limits *limits,
                                    struct chebyshev_lanes *lanes, struct ray_pieces *pieces,
                                    float *steps, struct worker_scratch *scratch);

@@ -40,8 +40,8 @@ static inline void lane0_double(struct vec_double place, vdouble to[CLOSE_VALUES
     to[3] = (vdouble){low.slope, high.slope};
 }
 
-// Stores the polynomial of one coordinate. Its even and odd coefficients are the sums and differences of the values at
-// ±node·end, times the inverse of the matrix of the nodes' powers.
+// Stores the polynomial of one coordinate. Its even and odd coefficients are the sums and differences of the
+// values at ±node·end, times the inverse of the matrix of the nodes' powers.
 static inline void store_terms(const vdouble sum[3], const vdouble difference[3],
                                const vfloat power[CLOSE_TERMS], int axis, struct ray_pieces *to) {
     static const double even[3][3] = {
@@ -64,8 +64,8 @@ static inline void store_terms(const vdouble sum[3], const vdouble difference[3]
     }
 }
 
-// Stores the polynomial of the derivative: the Chebyshev series of its values, cut after SLOPE_TERMS. It only scales the
-// estimate: a step's length errs by less than 2^-19 of itself (tests/py/test_close.py).
+// Stores the polynomial of the derivative: the Chebyshev series of its values, cut after SLOPE_TERMS. It only
+// scales the estimate: a step's length errs by less than 2^-19 of itself (tests/py/test_close.py).
 static inline void store_slope(const vdouble sum[3], const vdouble difference[3],
                                const vfloat power[CLOSE_TERMS], struct ray_pieces *to) {
     static const double slope[SLOPE_TERMS][3] = {

@@ -1,5 +1,5 @@
-// A tile by closed forms. Camera and mirror rays are intersected with the shapes that the tile can see. Mirror and
-// shadow rays wait in queues until they fill all lanes; each adds its light to its pixel.
+// A tile by closed forms. Camera and mirror rays are intersected with the shapes that the tile can see.
+// Mirror and shadow rays wait in queues until they fill all lanes; each adds its light to its pixel.
 #include "bulb/bulb_march.h"
 #include "bvh/bvh_lists.h"
 #include "core/sdf.h"
@@ -10,9 +10,9 @@
 #include "repetition/repeated_rays.h"
 #include "shadow/shadow_rays.h"
 
-// Returns which mirror rays hit the solid s; o, d: the rays in its frame; self: rays that start on s. A mirror ray starts
-// surface_offset off its surface, in a crevice inside another solid. Like a march it then hits that solid at once, at
-// its negative distance.
+// Returns which mirror rays hit the solid s; o, d: the rays in its frame; self: rays that start on s. A
+// mirror ray starts surface_offset off its surface, in a crevice inside another solid. Like a march it then
+// hits that solid at once, at its negative distance.
 INLINE vmask hit_from_surface(struct vec o, struct vec d, const struct primitive *s, vmask active,
                               vmask self, vfloat *t, struct vec *local) {
     COUNT(hit_from_surface, call);
@@ -114,7 +114,8 @@ static void follow_mirrors(const struct tile_context *work) {
     }
 }
 
-// Adds shape i to the list if its bounding sphere meets the tile's frustum; planes by a bound, repeated shapes always.
+// Adds shape i to the list if its bounding sphere meets the tile's frustum; planes by a bound, repeated
+// shapes always.
 INLINE void add_if_in_frustum(int i, const struct tile_frustum *w, const float *sides,
                               const struct job *job, struct shape_set *list) {
     const struct primitive *s = &KNOWN(job->prepared)->primitives[i];

@@ -1,5 +1,5 @@
-// What the code knows about its scene at compile time: here nothing, so that it draws every scene.
-// Code that is compiled for one scene has its own header in place of this one (opt10_scene, kernel/kernel_scene.h).
+// What the code knows about its scene at compile time: here nothing, so that it draws every scene. Code that
+// is compiled for one scene has its own header in place of this one (opt10_scene, kernel/kernel_scene.h).
 #ifndef OPT9_KNOWN_SCENE_H
 #define OPT9_KNOWN_SCENE_H
 
@@ -9,8 +9,8 @@
 // The scene as `const struct known_scene *`.
 #define KNOWN(scene) (&(scene)->known)
 #define HAS_BVH(scene) ((scene)->bvh.levels > 0)
-// INLINE: functions that a kernel compiles anew for each shape. KERNEL_SHARED: functions that another file calls.
-// KERNEL_INLINE: both.
+// INLINE: functions that a kernel compiles anew for each shape. KERNEL_SHARED: functions that another file
+// calls. KERNEL_INLINE: both.
 #define INLINE static inline
 #define KERNEL_SHARED
 #define KERNEL_INLINE
@@ -20,7 +20,8 @@ enum { UNROLLED_SHAPES = 0 }; // number of shapes of an unrolled loop, 0: not un
 // WHOLE_SHININESS: the shininess of all shapes if it is one whole number, else 0. ONE_MATERIAL: 1 if all shapes
 // have the same material.
 enum { WHOLE_SHININESS = 0, ONE_MATERIAL = 0 };
-// Packets of shadow rays that cast_packets() marches in turns, and whether it replaces one that has ended at once.
+// Packets of shadow rays that cast_packets() marches in turns, and whether it replaces one that has ended at
+// once.
 enum { PACKETS_IN_WORK = 2, REFILL_PACKETS = 0 };
 
 // Returns whether `a` is known to be (0, 1, 0).

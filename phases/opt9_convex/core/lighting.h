@@ -19,8 +19,8 @@ static inline vfloat phong_power(vfloat a, vfloat shininess) {
     return power;
 }
 
-// Sets at->light. shine: cosine between the direction back to the ray's origin and the mirrored light. reach: the
-// ray's weight over the distance to the light.
+// Sets at->light. shine: cosine between the direction back to the ray's origin and the mirrored light. reach:
+// the ray's weight over the distance to the light.
 INLINE void add_phong(struct shading_packet *at, const struct surface *surface, vfloat shine,
                       vfloat reach, const struct tile_context *work) {
     COUNT(add_phong, call);
@@ -39,8 +39,8 @@ INLINE void add_phong(struct shading_packet *at, const struct surface *surface, 
                              v_splat(e[2]) * v_madd(base.z, at->facing, specular) * reach};
 }
 
-// Sets colour (ambient), lit, facing, to_light and light of a packet. axis: the normal if all hits are on one plane
-// (a kernel knows it), else NULL.
+// Sets colour (ambient), lit, facing, to_light and light of a packet. axis: the normal if all hits are on one
+// plane (a kernel knows it), else NULL.
 INLINE void light_surfaces(struct shading_packet *at, const struct surface *surface,
                            const float *axis, const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;
@@ -69,7 +69,8 @@ INLINE void light_surfaces(struct shading_packet *at, const struct surface *surf
     add_phong(at, surface, shine, weight * per, work);
 }
 
-// As light_surfaces() for camera rays: the vector to the light is derived from light_from_eye and kept unnormalised.
+// As light_surfaces() for camera rays: the vector to the light is derived from light_from_eye and kept
+// unnormalised.
 INLINE void primary_light(struct shading_packet *at, const struct surface *surface,
                           const struct tile_context *work) {
     const struct known_model *model = &KNOWN(work->scene)->model;

@@ -35,8 +35,8 @@ static inline vfloat inverse_root(vfloat a) {
 }
 
 #if LANES == 16
-// Returns 2·times/(√a·b) for normal a > 0 and b. One Newton step corrects both approximations. Multiplied by `times`
-// first, because 1/(√a·b) alone may be denormal.
+// Returns 2·times/(√a·b) for normal a > 0 and b. One Newton step corrects both approximations. Multiplied by
+// `times` first, because 1/(√a·b) alone may be denormal.
 static inline vfloat twice_over_root(vfloat times, vfloat a, vfloat b) {
     COUNT(twice_over_root, call);
     COUNT(twice_over_root, sixteen);

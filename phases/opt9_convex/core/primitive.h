@@ -1,5 +1,5 @@
-// The prepared scene (core/primitives.c) and one frame's job (core/render.c). No vectors here: the files that are
-// built for 8 and for 16 lanes share this header with the files that are built once.
+// The prepared scene (core/primitives.c) and one frame's job (core/render.c). No vectors here: the files that
+// are built for 8 and for 16 lanes share this header with the files that are built once.
 #ifndef OPT9_PRIMITIVE_H
 #define OPT9_PRIMITIVE_H
 
@@ -17,8 +17,9 @@ static inline void split(double a, float *hi, float *lo) {
     *lo = (float)(a - *hi);
 }
 
-// How a shape's distance is evaluated along a ray. POINT: at a point in the shape's frame. LINEAR: a plane that is
-// not repeated, whose distance is linear in t. POWER: a sphere wider than the bounds, by its power, quadratic in t.
+// How a shape's distance is evaluated along a ray. POINT: at a point in the shape's frame. LINEAR: a plane
+// that is not repeated, whose distance is linear in t. POWER: a sphere wider than the bounds, by its power,
+// quadratic in t.
 enum eval_kind { EVAL_POINT, EVAL_LINEAR, EVAL_POWER };
 
 // A shape in the form that the renderer evaluates. Lengths are in scene units.
@@ -40,17 +41,18 @@ struct primitive {
     bool convex;
     float box
         [3]; // repeated: half of a box that holds the shape, and the rounding of a walk through its cells
-    // Repeated shapes with the same frame and cells share a grid. `leader` is the first of them (the shape itself if
-    // it is not repeated), next_same_grid the next one (−1: none). The leader's box_of_grid holds them all.
+    // Repeated shapes with the same frame and cells share a grid. `leader` is the first of them (the shape
+    // itself if it is not repeated), next_same_grid the next one (−1: none). The leader's box_of_grid holds
+    // them all.
     int next_same_grid;
     bool follows_same_grid; // the shape is not the leader of its grid
     int leader;
     float box_of_grid[3]; // half size
-    // Material. share: the weight of the mirror ray. Below the cosine shine_from, the highlight is less than 1e-9 of
-    // the light.
+    // Material. share: the weight of the mirror ray. Below the cosine shine_from, the highlight is less than
+    // 1e-9 of the light.
     float color[3], share, shininess, shine_from;
-    // Position, rotation (linear plane: row[0] is its normal in world axes) and cells in double. A ray's origin is
-    // moved into the shape's frame with these and rounded once.
+    // Position, rotation (linear plane: row[0] is its normal in world axes) and cells in double. A ray's
+    // origin is moved into the shape's frame with these and rounded once.
     double centre[3], row[3][3], offset, wide_cell[3], wide_per_cell[3];
 };
 
@@ -58,14 +60,15 @@ struct primitive {
 struct primitive_extra {
     float position_lo[3]; // position − (float)position
     double radius_sq;     // EVAL_POWER
-    // With a BVH: the distance from the solid's position to the nearest other bounding sphere, and the solid's index
-    // among the leaves.
+    // With a BVH: the distance from the solid's position to the nearest other bounding sphere, and the
+    // solid's index among the leaves.
     float clearance;
     int bvh_rank;
 };
 
-// The part of a scene that a generated kernel has as constants (opt10_scene). A type of its own: what may vary between
-// runs of one kernel (max_steps, hit_distance) is no member, so reading it through KNOWN() does not compile.
+// The part of a scene that a generated kernel has as constants (opt10_scene). A type of its own: what may
+// vary between runs of one kernel (max_steps, hit_distance) is no member, so reading it through KNOWN() does
+// not compile.
 struct known_limits {
     double bounds_radius, normal_step, surface_offset;
     int max_bounces;
@@ -106,17 +109,18 @@ struct prepared {
     enum draw_path path; // set by phase_prepare, read by prepare_shapes
 };
 
-// Scenes with fewer shapes get no BVH (build_bvh() in core/primitives.c): two nodes are the least that can save a test.
+// Scenes with fewer shapes get no BVH (build_bvh() in core/primitives.c): two nodes are the least that can
+// save a test.
 enum { BVH_MIN_SHAPES = 2 * BVH_WIDTH };
 
-// Allocates the arrays for shape_count shapes. Precondition: *prepared is zeroed. Returns false if memory is short; the
-// caller frees `prepared` in either case.
+// Allocates the arrays for shape_count shapes. Precondition: *prepared is zeroed. Returns false if memory is
+// short; the caller frees `prepared` in either case.
 bool reserve_prepared(struct prepared *prepared, int shape_count);
 void free_prepared(struct prepared *prepared);
 // Sets everything but `cameras`. Precondition: reserve_prepared() returned true.
 void prepare_shapes(struct prepared *prepared, const struct model *model);
-// Sets prepared->cameras for a frame (hit/local_cameras.c). Returns whether closed forms can draw the frame; if not,
-// fallback/ marches it. sixteen: 16 lanes, else 8.
+// Sets prepared->cameras for a frame (hit/local_cameras.c). Returns whether closed forms can draw the frame;
+// if not, fallback/ marches it. sixteen: 16 lanes, else 8.
 bool set_local_cameras(const struct prepared *prepared, const struct view *view, bool sixteen);
 // Returns the height in pixels of the analytic tiles of a frame of this height.
 int tile_height(const struct prepared *prepared, int height);
@@ -126,8 +130,8 @@ struct local_camera {
     float at[3];     // the camera in the shape's frame; repeated: wrapped into the cell about 0
     float at_low[3]; // repeated: the low part of `at`
     float height;    // plane: of the camera above it
-    // Solid: its position in camera axes (right, up, forward). Plane: its normal in camera axes. Repeated: the world's
-    // origin minus the camera, in the shape's axes.
+    // Solid: its position in camera axes (right, up, forward). Plane: its normal in camera axes. Repeated:
+    // the world's origin minus the camera, in the shape's axes.
     float centre[3];
     float axis[3][3]; // repeated: the camera's right, up and forward in the shape's axes
 };
@@ -142,8 +146,8 @@ struct job {
     bool analytic;                      // draw by core/analytic_tile.c, else by fallback/march.c
 };
 
-// The entry points of core/tile.c for each lane width: bytes of a worker's memory, number of tiles, one tile, and
-// distances for tests.
+// The entry points of core/tile.c for each lane width: bytes of a worker's memory, number of tiles, one tile,
+// and distances for tests.
 #define KERNEL(width)                                                                              \
     size_t width##_scratch_size(const struct model *model);                                        \
     int width##_tiles(const struct job *job);                                                      \

@@ -1,13 +1,13 @@
-// Prepares a scene's shapes once (core/primitive.h): frames, sizes, bounds, whether closed forms can draw the scene,
-// which repeated shapes share a grid, and the BVH. No vectors here.
+// Prepares a scene's shapes once (core/primitive.h): frames, sizes, bounds, whether closed forms can draw the
+// scene, which repeated shapes share a grid, and the BVH. No vectors here.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/primitive.h"
 
-// Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on (y,z), (x,z)
-// and (x,y).
+// Sets the matrix of a rotation about x, then y, then z. Each turns (u, v) to (c·u − s·v, s·u + c·v), on
+// (y,z), (x,z) and (x,y).
 static void rotation_matrix(const double *degrees, double m[3][3]) {
     static const int pair[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     memcpy(m, (double[3][3]){{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, 9 * sizeof(double));
@@ -48,8 +48,9 @@ static void prepare_rows(struct primitive *p, const struct shape *shape, double 
     }
 }
 
-// Returns how the shape is evaluated. A sphere wider than the bounds is seen from within its radius, where the power is
-// more exact than a point. A smaller sphere is cheaper as a point, and more exact from afar. 1e15: its square is a float.
+// Returns how the shape is evaluated. A sphere wider than the bounds is seen from within its radius, where
+// the power is more exact than a point. A smaller sphere is cheaper as a point, and more exact from afar.
+// 1e15: its square is a float.
 static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
                                    const struct limits *limits) {
     if (repeated)
@@ -136,9 +137,9 @@ static double bounding_radius(const struct shape *shape) {
     }
 }
 
-// Returns whether closed forms can draw the copies of a repeated shape, and sets its box. It must lie in its cell and
-// be its own mirror image on the axes that repeat, or the wrapped distance jumps at a wall (PROOFS.md, 12.). A ray may
-// pass MAX_CELLS cells at most, because floats count them.
+// Returns whether closed forms can draw the copies of a repeated shape, and sets its box. It must lie in its
+// cell and be its own mirror image on the axes that repeat, or the wrapped distance jumps at a wall
+// (PROOFS.md, 12.). A ray may pass MAX_CELLS cells at most, because floats count them.
 enum { MAX_CELLS = 4096 };
 
 static bool fits_its_cells(const struct shape *shape, struct primitive *p,
@@ -189,8 +190,9 @@ static void prepare_solid(struct primitive *p, const struct shape *shape,
                        p->row[0][1] * p->centre[1] + p->row[0][2] * p->centre[2]);
 }
 
-// Returns the lit slope: the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps. Solves
-// strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 by bisection (PROOFS.md, 1.). Both terms rise with q.
+// Returns the lit slope: the least q such that a ray with h(t) ≥ q·t all along is lit, whatever its steps.
+// Solves strength·min(q, q·√(1 − (1+q)²/4)/(1 − q·(1+q)/2)) = 1 by bisection (PROOFS.md, 1.). Both terms rise
+// with q.
 static float lit_slope(double strength) {
     double low = 0, high = 1;
     for (int i = 0; i < 60; i++) {
@@ -201,8 +203,8 @@ static float lit_slope(double strength) {
     return (float)(high * (1 + 1e-5));
 }
 
-// Builds the BVH, or leaves it without levels. None with a Mandelbulb, whose shadow rays test every shape. None if
-// max_steps is below BVH_MIN_MAX_STEPS: batches of shadow rays do not count the steps of each ray.
+// Builds the BVH, or leaves it without levels. None with a Mandelbulb, whose shadow rays test every shape.
+// None if max_steps is below BVH_MIN_MAX_STEPS: batches of shadow rays do not count the steps of each ray.
 enum { BVH_MIN_MAX_STEPS = 256 };
 
 static void build_bvh(struct prepared *prepared) {

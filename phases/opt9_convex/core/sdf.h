@@ -1,12 +1,12 @@
-// Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron: I. Quilez,
-// "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and
-// P. Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez,
-// "mandelbulb" (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
+// Signed distances of as many points at once as there are lanes. Sphere, box, torus, capped cone, octahedron:
+// I. Quilez, "distance functions" (iquilezles.org/articles/distfunctions). Mandelbulb: D. White and P.
+// Nylander's power-8 map in its trigonometry-free form with the running derivative, I. Quilez, "mandelbulb"
+// (iquilezles.org/articles/mandelbulb); it is an estimate, not a bound.
 //
 // In float, a point at |p| = 20 is known to 1e-6, the scene's hit distance. So nothing is evaluated in world
 // coordinates. Each ray has an origin and a direction in the frame of each shape, and the march evaluates
-// origin + t·direction there, rounded once at the size of the shape. Branches that differ between lanes are evaluated
-// for all lanes and selected by mask.
+// origin + t·direction there, rounded once at the size of the shape. Branches that differ between lanes are
+// evaluated for all lanes and selected by mask.
 #ifndef OPT9_SDF_H
 #define OPT9_SDF_H
 
@@ -83,8 +83,8 @@ static inline vdouble v_double_wrapped(vdouble x, double cell, double per_cell) 
     return v_double_madd(turns, -cell, x);
 }
 
-// Returns one coordinate of a point in the shape's frame, computed in double. In float it would cancel: 5 units from a
-// turned box it errs by 5e-7, and in the 10,000th cell by 4e-3.
+// Returns one coordinate of a point in the shape's frame, computed in double. In float it would cancel: 5
+// units from a turned box it errs by 5e-7, and in the 10,000th cell by 4e-3.
 static inline vfloat coordinate(const struct primitive *s, struct vec_double from, int axis) {
     COUNT(coordinate, call);
     vdouble x = v_double_sub(v_double_dot(from, s->row[axis]), s->offset);
@@ -240,8 +240,8 @@ static inline vfloat sdf_octahedron(struct vec point, const struct primitive *s)
     return v_select(edges, edge, face);
 }
 
-// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their values (the paper's
-// Fig. 5).
+// The map in the form of phase opt2. Lanes that have escaped, or whose ray is done, keep their values (the
+// paper's Fig. 5).
 static inline vfloat sdf_mandelbulb(struct vec p, const struct primitive *s, vmask done) {
     COUNT(sdf_mandelbulb, call);
     vfloat x = p.x, y = p.y, z = p.z, m = vec_dot(p, p), dz = v_splat(1.5f);
@@ -318,8 +318,8 @@ distance_to_shape(const struct local_ray *a, vfloat t, const struct primitive *s
     return distance_at(p, s, done);
 }
 
-// Returns the distance to the nearest shape, and sets its index if `nearest` is not NULL (the first of equals). Lanes
-// of `done` may hold anything. Always inlined, so that the march keeps its state in registers.
+// Returns the distance to the nearest shape, and sets its index if `nearest` is not NULL (the first of
+// equals). Lanes of `done` may hold anything. Always inlined, so that the march keeps its state in registers.
 __attribute__((always_inline)) static inline vfloat sdf(const struct local_ray *local_rays,
                                                         vfloat t, const struct prepared *scene,
                                                         vmask done, vfloat *nearest) {

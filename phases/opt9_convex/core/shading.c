@@ -1,5 +1,5 @@
-// Shades a group of packets: normals in closed form, light (core/lighting.h), and the queues of shadow and mirror rays.
-// Scenes without secondary rays: hit/primary_hits.c.
+// Shades a group of packets: normals in closed form, light (core/lighting.h), and the queues of shadow and
+// mirror rays. Scenes without secondary rays: hit/primary_hits.c.
 #include "bulb/bulb_estimate.h"
 #include "bvh/bvh_lists.h"
 #include "core/lighting.h"
@@ -126,7 +126,8 @@ INLINE void graze(int i, vmask grazes, const struct surface_hit *hit, struct vec
     *light = vec_select(same, vec_scale(*light, lit), *light);
 }
 
-// Returns whether all hits of the packet are on the scene's first plane, from above. This is the most frequent case.
+// Returns whether all hits of the packet are on the scene's first plane, from above. This is the most
+// frequent case.
 INLINE bool all_on_plane(const struct shading_packet *at, const struct known_scene *scene) {
     COUNT(all_on_plane, call);
     if (scene->plane < 0)
@@ -173,8 +174,8 @@ static inline void light_stage(struct shading_packet *at, const struct tile_cont
         light_surfaces(at, &at->surface, NULL, work);
 }
 
-// Returns whether each shadow ray queries the BVH by itself (bvh_trivially_lit) in place of testing a list for the group.
-// With three levels that list is so long that testing it costs more than the queries.
+// Returns whether each shadow ray queries the BVH by itself (bvh_trivially_lit) in place of testing a list
+// for the group. With three levels that list is so long that testing it costs more than the queries.
 static inline bool queries_rays_singly(const struct prepared *scene) {
     return HAS_BVH(scene) && scene->model.shadows == SHADOWS_SOFT &&
            scene->bvh.levels == BVH_LEVELS;

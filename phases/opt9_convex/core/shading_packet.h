@@ -31,7 +31,8 @@ INLINE void take_hit(vmask met, vfloat t, struct vec local, const struct primiti
     hit->local = vec_select(met, local, hit->local);
 }
 
-// Sets no hit in any lane. Member by member: copying a struct whose mask was just written stalls on store forwarding.
+// Sets no hit in any lane. Member by member: copying a struct whose mask was just written stalls on store
+// forwarding.
 static inline void no_hit(struct surface_hit *hit) {
     hit->found = v_mask_none();
     hit->t = v_splat(INFINITY);
@@ -48,8 +49,8 @@ struct packet_ray {
         local; // scenes with repeated shapes: the start in the frame of the shape that it leaves
 };
 
-// A packet from its rays to its colour. A group of packets takes each stage together, because the operations of one
-// packet depend on each other and those of different packets do not.
+// A packet from its rays to its colour. A group of packets takes each stage together, because the operations
+// of one packet depend on each other and those of different packets do not.
 struct shading_packet {
     struct packet_ray ray;
     struct surface_hit hit;
@@ -69,8 +70,9 @@ static inline struct vec background(vfloat weight, const struct known_model *mod
                         weight * v_splat((float)b[2])};
 }
 
-// A packet of camera rays and its nearest hits so far. only: the shape that all its rays hit, −1: not known. In scenes
-// without secondary rays (needs_no_secondary()), hit.local is the normal in world axes, of either sign.
+// A packet of camera rays and its nearest hits so far. only: the shape that all its rays hit, −1: not known.
+// In scenes without secondary rays (needs_no_secondary()), hit.local is the normal in world axes, of either
+// sign.
 struct primary_hit {
     struct vec direction;
     vmask active;

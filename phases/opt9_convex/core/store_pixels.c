@@ -64,10 +64,10 @@ KERNEL_SHARED void store_colors(struct frame *frame, struct pixel_block block, c
         (struct vec){v_load(color), v_load(color + COLOR_ROOM), v_load(color + 2 * COLOR_ROOM)});
 }
 
-// Returns whether rows of the picture are whole cache lines. If so, stores bypass the caches, because the picture is
-// read only after the frame. Other threads see these stores in time: workers_run() ends with a lock, and x86
-// instructions with LOCK wait for write-combining buffers (Intel SDM vol. 3, "Buffering of Write Combining Memory
-// Locations"; AMD APM vol. 2). A fence per tile would cost all of the gain.
+// Returns whether rows of the picture are whole cache lines. If so, stores bypass the caches, because the
+// picture is read only after the frame. Other threads see these stores in time: workers_run() ends with a
+// lock, and x86 instructions with LOCK wait for write-combining buffers (Intel SDM vol. 3, "Buffering of
+// Write Combining Memory Locations"; AMD APM vol. 2). A fence per tile would cost all of the gain.
 static bool past_caches(const struct frame *frame) {
     return frame->width % 16 == 0 && (uintptr_t)frame->rgb % 64 == 0;
 }

@@ -1,5 +1,5 @@
-// The entry points for one lane width, and the tiles of frames that are marched: blocks of 4 × LANES/4 pixels, one ray
-// through the middle of each. Lanes outside the picture are masked.
+// The entry points for one lane width, and the tiles of frames that are marched: blocks of 4 × LANES/4
+// pixels, one ray through the middle of each. Lanes outside the picture are masked.
 #include <stdlib.h>
 
 #include "core/tile.h"
@@ -98,10 +98,12 @@ static int candidate_slots(const struct model *model) {
     return model->features.count[SHAPE_MANDELBULB] ? REFILLED_PACKETS : CANDIDATE_SLOTS;
 }
 
-// Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for marched ones.
+// Returns the bytes of a worker's memory: scratch for analytic tiles, or the rays in each shape's frame for
+// marched ones.
 size_t VARIANT(scratch_size)(const struct model *model) {
     size_t shapes = (size_t)model->shape_count, marching = shapes * sizeof(struct local_ray);
-    // With STEPWISE_PATH=bvh a smaller scene has a BVH: its reads behind the last shape need the room of BVH_MIN_SHAPES.
+    // With STEPWISE_PATH=bvh a smaller scene has a BVH: its reads behind the last shape need the room of
+    // BVH_MIN_SHAPES.
     size_t room = shapes > BVH_MIN_SHAPES ? shapes : BVH_MIN_SHAPES;
     size_t scratch = SCRATCH_SIZE(room, candidate_slots(model));
     return scratch > marching ? scratch : marching;

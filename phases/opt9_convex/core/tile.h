@@ -41,8 +41,9 @@ static inline void set_camera_ray(const struct tile *tile, struct vec direction,
     ray->local = (struct vec){zero, zero, zero};
 }
 
-// core/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape, normal and
-// evaluations; a block from worker_scratch.color; whole rows of a tile, if is_whole_lines(); a tile of background.
+// core/store_pixels.c: lanes of a block into one channel; a block as displayed; a block's depth, shape,
+// normal and evaluations; a block from worker_scratch.color; whole rows of a tile, if is_whole_lines(); a
+// tile of background.
 KERNEL_SHARED void store_plane(float *plane, int stride, const struct frame *frame,
                                struct pixel_block block, vfloat values);
 KERNEL_SHARED void display_block(const struct frame *frame, struct pixel_block block,
@@ -56,8 +57,8 @@ KERNEL_SHARED void store_rows(struct frame *frame, int left, int right, int top,
 KERNEL_SHARED void fill_background(struct frame *frame, int left, int right, int top, int bottom,
                                    const struct known_model *model);
 
-// hit/camera_rays.c: the hits of a whole tile in a scene with repeated shapes; the hits of a tile on Mandelbulbs, to
-// worker_scratch.met; and a row of packets with their hits, whose number is returned.
+// hit/camera_rays.c: the hits of a whole tile in a scene with repeated shapes; the hits of a tile on
+// Mandelbulbs, to worker_scratch.met; and a row of packets with their hits, whose number is returned.
 KERNEL_SHARED void repeated_tile(const struct tile *tile, const struct job *job,
                                  const struct worker_scratch *scratch, struct primary_hit *hits);
 KERNEL_SHARED void march_tile_bulbs(const struct tile *tile, const struct job *job,

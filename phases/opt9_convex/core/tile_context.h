@@ -25,7 +25,8 @@ enum {
     QUEUE_ROOM = QUEUE + 2 * LANES
 };
 
-// Packets marched in turns with a Mandelbulb. Shadow rays: as many in work, as many that leave, and one that is ready.
+// Packets marched in turns with a Mandelbulb. Shadow rays: as many in work, as many that leave, and one that
+// is ready.
 enum { INTERLEAVED = 3, REFILLED_PACKETS = 2 * INTERLEAVED + 1 };
 
 // Fields of a queued mirror ray. Its pixel gets `weight` times the colour that it sees.
@@ -53,8 +54,8 @@ enum shadow_field {
     S_FIELDS
 };
 
-// Fields of a queued ray through a Mandelbulb's bounding sphere, in its frame. The ray's origin is replaced by its
-// nearest point to the centre, which lies `before` ahead of the true origin.
+// Fields of a queued ray through a Mandelbulb's bounding sphere, in its frame. The ray's origin is replaced
+// by its nearest point to the centre, which lies `before` ahead of the true origin.
 enum bulb_field {
     B_ORIGIN,
     B_DIRECTION = 3,
@@ -86,7 +87,8 @@ struct worker_scratch {
     float color[3 * COLOR_ROOM]; // red, green and blue of the tile, block after block
     float mirror[M_FIELDS][QUEUE_ROOM], shadow[S_FIELDS][QUEUE_ROOM];
     float bulb[B_FIELDS][BULB_ROOM];
-    // Rays that wait for the march by polynomials (close) and for the march in floats (open): bulb/bulb_chebyshev.c.
+    // Rays that wait for the march by polynomials (close) and for the march in floats (open):
+    // bulb/bulb_chebyshev.c.
     float close[C_FIELDS][CLOSE_ROOM], open[B_LANE][BULB_ROOM];
     int close_first, close_count, open_count;
     // Hits on Mandelbulbs: distance (infinite: none), shape, and point in its frame.
@@ -104,8 +106,8 @@ struct worker_scratch {
     int batch_count;          // solids that a batch may enter; −1: more than there is room for
     int batch_shape[BATCH_CANDIDATES_ROOM];
     float batch_sphere[4][BATCH_CANDIDATES_ROOM]; // their bounding spheres: x, y, z, radius
-    // The BVH leaf that blocked the last ray, tested first in the next query: before a march (leaf) and during one
-    // (far). −1: none yet.
+    // The BVH leaf that blocked the last ray, tested first in the next query: before a march (leaf) and
+    // during one (far). −1: none yet.
     int leaf, far;
     unsigned long long marks[SCENE_MAX_SHAPES / 64];       // a set of shapes, a bit for each
     unsigned short order[2][QUEUE_ROOM], code[QUEUE_ROOM]; // sort keys of the queued shadow rays
@@ -142,7 +144,8 @@ static inline float float_max(float a, float b) { // fmaxf is a call
     return a > b ? a : b;
 }
 
-// Loads three fields of queued rays, from ray `first` on; and stores those of the lanes in m one behind the other.
+// Loads three fields of queued rays, from ray `first` on; and stores those of the lanes in m one behind the
+// other.
 static inline struct vec load_vec(float field[][QUEUE_ROOM], int first) {
     return (struct vec){v_load(&field[0][first]), v_load(&field[1][first]),
                         v_load(&field[2][first])};
@@ -194,8 +197,8 @@ static inline float lane_of(vfloat a, int lane) {
     return lanes[lane];
 }
 
-// A loop over the shapes that the lanes of a mask hit. left: the lanes whose shape has not been visited. An unrolled
-// loop visits every shape, whether a lane hit it or not.
+// A loop over the shapes that the lanes of a mask hit. left: the lanes whose shape has not been visited. An
+// unrolled loop visits every shape, whether a lane hit it or not.
 static inline bool hits_left(unsigned left, int k) {
     return UNROLLED_SHAPES ? k < UNROLLED_SHAPES : left != 0;
 }

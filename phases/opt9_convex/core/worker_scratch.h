@@ -5,8 +5,8 @@
 #include "core/tile_context.h"
 #include "shadow/shadow_rays.h"
 
-// CANDIDATE_SLOTS: packets of shadow rays with a candidate for every shape. With a BVH: one packet, and the active set
-// in the room of two.
+// CANDIDATE_SLOTS: packets of shadow rays with a candidate for every shape. With a BVH: one packet, and the
+// active set in the room of two.
 enum {
     CANDIDATE_SLOTS = PACKETS_IN_WORK > 3 ? PACKETS_IN_WORK : 3,
     SCRATCH_LISTS = 4 + GROUP + PACKETS_IN_WORK

@@ -39,8 +39,9 @@ static inline vmask reaches(vfloat distance, vfloat t, vfloat hit_distance) {
     return v_cmp_lt(distance, v_max(hit_distance, t * v_splat(0x1p-24f)));
 }
 
-// Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on scene0's
-// plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is the scene's choice.
+// Returns Newton's last step to the surface. Where a ray grazes, more than h is left to go: 33 times h on
+// scene0's plane at the horizon. Only for an h that rounding may leave: what a larger hit_distance leaves is
+// the scene's choice.
 static inline vfloat newton(vfloat h, vfloat slope, vfloat marched) {
     COUNT(newton, call);
     vmask rounding = v_cmp_lt(v_abs(h), marched * v_splat(0x1p-21f));
@@ -84,7 +85,8 @@ static inline void march(struct march_state *at, struct vec direction,
     *at = (struct march_state){at->origin, at->before, t, last, evals, done, found, at->steps};
 }
 
-// Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to another shape.
+// Sets the shape in which a ray of `deep` was when its march ended. The step back may bring it nearer to
+// another shape.
 __attribute__((noinline)) static void
 shape_inside(vmask deep, vfloat t, const struct trace_context *world, vfloat *shape) {
     ACTIVE(v_count(deep));
@@ -106,8 +108,9 @@ static int fewest(vfloat evals, vmask on) {
     return least;
 }
 
-// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a shape, `inside`.
-// Precondition: the hits are the origins of world->local_rays, and `near` describes their surroundings.
+// Completes hits at the end of a march: normal, shape and exact distance. deep: rays that started inside a
+// shape, `inside`. Precondition: the hits are the origins of world->local_rays, and `near` describes their
+// surroundings.
 __attribute__((always_inline)) static inline void
 finish_hits(const struct march_state *at, struct vec direction, vmask deep, vfloat inside,
             struct hit_surroundings near, const struct trace_context *world, struct hit *hit) {
@@ -133,9 +136,9 @@ finish_hits(const struct march_state *at, struct vec direction, vmask deep, vflo
     move_local_rays(more, scene, world->local_rays);
 }
 
-// Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a shape, not
-// at that of the distance marched. A hit further than twice the hit distance from its shape marches on from there: the
-// march erred, or its test was wider than the scene's.
+// Each hit becomes an origin in the frames of all shapes: there the distance is rounded at the size of a
+// shape, not at that of the distance marched. A hit further than twice the hit distance from its shape
+// marches on from there: the march erred, or its test was wider than the scene's.
 void ray_march(struct point origin, struct vec direction, vmask active,
                const struct trace_context *world, struct hit *hit) {
     COUNT(ray_march, call);

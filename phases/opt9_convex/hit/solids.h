@@ -1,9 +1,9 @@
-// Where rays enter solids, in closed form, and the normals there. A box and an octahedron are the intersections of
-// 3 and 4 pairs of parallel planes (T. L. Kay and J. T. Kajiya, "Ray tracing complex scenes", SIGGRAPH
-// 1986); sphere and cone are quadratics; the torus alone is marched.
+// Where rays enter solids, in closed form, and the normals there. A box and an octahedron are the
+// intersections of 3 and 4 pairs of parallel planes (T. L. Kay and J. T. Kajiya, "Ray tracing complex
+// scenes", SIGGRAPH 1986); sphere and cone are quadratics; the torus alone is marched.
 //
-// Every ray first moves along itself to its nearest point to the shape's position. The rest is then rounded at the size
-// of the shape and not at that of the distance to it.
+// Every ray first moves along itself to its nearest point to the shape's position. The rest is then rounded
+// at the size of the shape and not at that of the distance to it.
 #ifndef OPT9_SOLIDS_H
 #define OPT9_SOLIDS_H
 
@@ -25,8 +25,9 @@ static inline struct vec inverses_of(struct vec d) {
     return (struct vec){per * yz, of_x * z, of_x * y};
 }
 
-// Clips rays to the space between two planes at distance `half` from the origin. c: the rays' position across the planes;
-// per: the inverse of their direction's component. Rounding may make both ends equal, but `in` never exceeds `out`.
+// Clips rays to the space between two planes at distance `half` from the origin. c: the rays' position across
+// the planes; per: the inverse of their direction's component. Rounding may make both ends equal, but `in`
+// never exceeds `out`.
 INLINE void slab(vfloat c, vfloat per, float half, vfloat *in, vfloat *out) {
     vfloat middle = c * per, width = v_splat(half) * v_abs(per);
     *in = v_max(*in, v_splat(0.0f) - middle - width);
@@ -43,9 +44,10 @@ INLINE vmask enter_box(struct vec c, struct vec per, const struct primitive *s, 
     return v_cmp_ge(out, *t);
 }
 
-// Newton's steps, from where the ray enters the box with sharp edges. They solve square of the distance to the inner box =
-// square of the rounding. That is convex along a ray, so no step goes too far, and a ray that comes no nearer has missed.
-// A flat part is met without a step. away (may be NULL): from the inner box to the entry point.
+// Newton's steps, from where the ray enters the box with sharp edges. They solve square of the distance to
+// the inner box = square of the rounding. That is convex along a ray, so no step goes too far, and a ray that
+// comes no nearer has missed. A flat part is met without a step. away (may be NULL): from the inner box to
+// the entry point.
 INLINE vmask enter_rounded_box(struct vec c, struct vec d, struct vec per,
                                const struct primitive *s, vmask near, vfloat *t, struct vec *away) {
     COUNT(enter_rounded_box, call);
@@ -106,8 +108,8 @@ INLINE vmask enter_octahedron(struct vec c, struct vec d, const struct primitive
 
 #define CONE_OBLATE 16.0f // a cone this much wider than high
 
-// Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0. Along a ray that is A·t² + 2·B·t + C ≤ 0. The cone is
-// convex there, so a ray enters it once: through a cap, or at the root at which the quadratic falls.
+// Between the caps the cone is where x² + z² − (m + k·y)² ≤ 0. Along a ray that is A·t² + 2·B·t + C ≤ 0. The
+// cone is convex there, so a ray enters it once: through a cap, or at the root at which the quadratic falls.
 INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, vfloat *t) {
     COUNT(enter_cone, call);
     COUNT(enter_cone, scalar);
@@ -116,7 +118,8 @@ INLINE vmask enter_cone(struct vec c, struct vec d, const struct primitive *s, v
     if (oblate) {
         COUNT(enter_cone, oblate);
         COUNT(enter_cone, margin);
-        // A·t² and C are slope² times as large as their sum. They are small if t counts from a point between the caps.
+        // A·t² and C are slope² times as large as their sum. They are small if t counts from a point between
+        // the caps.
         ahead = v_min(v_max((zero - c.y) * inverse_of(d.y), v_splat(-s->bound)), v_splat(s->bound));
         c = vec_along(c, d, ahead);
     }
@@ -157,9 +160,10 @@ static inline struct vec shared_inverses(struct vec d, const struct vec *known) 
     return (struct vec){inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
 }
 
-// Returns which rays enter the shape, and sets `in`: how far from c. c: each ray's nearest point to the shape's position,
-// `before` from its origin. d: the direction; per: its inverses (boxes only; NULL: not known). near: rays that meet the
-// bounding sphere; half: half the length of the ray inside it (spheres and tori only). Not for planes.
+// Returns which rays enter the shape, and sets `in`: how far from c. c: each ray's nearest point to the
+// shape's position, `before` from its origin. d: the direction; per: its inverses (boxes only; NULL: not
+// known). near: rays that meet the bounding sphere; half: half the length of the ray inside it (spheres and
+// tori only). Not for planes.
 INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half,
                           const struct vec *per, const struct primitive *s, vmask near,
                           vfloat *in) {
@@ -181,9 +185,9 @@ INLINE vmask enter_nearby(struct vec c, struct vec d, vfloat before, vfloat half
     }
 }
 
-// Returns which rays enter the shape ahead of their origin. `o`, `d`: origin and direction in the shape's frame. t, point:
-// where the ray enters, on the surface up to rounding at the shape's size. `behind`: rays that entered a convex solid
-// behind their origin, which may be inside. Not for planes.
+// Returns which rays enter the shape ahead of their origin. `o`, `d`: origin and direction in the shape's
+// frame. t, point: where the ray enters, on the surface up to rounding at the shape's size. `behind`: rays
+// that entered a convex solid behind their origin, which may be inside. Not for planes.
 INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask active, vfloat *t,
                    struct vec *point, vmask *behind) {
     ACTIVE(v_count(active));
@@ -209,12 +213,12 @@ INLINE vmask enter(struct vec o, struct vec d, const struct primitive *s, vmask 
     return v_and(near, ahead);
 }
 
-// A rounding above this share of the bounding sphere: at a point on the surface, float knows its radius to 1e-3. One of
-// Newton's steps reduces that to 1e-6, without a root or a quotient.
+// A rounding above this share of the bounding sphere: at a point on the surface, float knows its radius to
+// 1e-3. One of Newton's steps reduces that to 1e-6, without a root or a quotient.
 #define ROUNDING_SHARE 0x1p-10f
 
-// Returns 1/length by one of Newton's steps from `per`, which is near to it. square: the squared length. Far from the
-// origin, float puts a point off the surface; the step keeps its normal at unit length.
+// Returns 1/length by one of Newton's steps from `per`, which is near to it. square: the squared length. Far
+// from the origin, float puts a point off the surface; the step keeps its normal at unit length.
 static inline vfloat per_length(vfloat square, float per) {
     return v_splat(per) * v_nmadd(square * v_splat(0.5f), v_splat(per * per), v_splat(1.5f));
 }

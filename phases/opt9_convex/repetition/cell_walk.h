@@ -128,9 +128,9 @@ KERNEL_INLINE void bound_copy_entry(int first, const struct cell_grid *grid,
                                     const struct bundle_walk *b, struct vec o,
                                     struct bundle_bounds *bounds);
 
-// repetition/copy_hit.c. hit_copy() intersects the rays `active` of a block with the copy seen from o + rest, without the
-// shapes of `away`, and returns the rays that hit it. hit_copy_by_all() does so for a copy that all rays of the block
-// are proved to hit, on one face or one sphere.
+// repetition/copy_hit.c. hit_copy() intersects the rays `active` of a block with the copy seen from o + rest,
+// without the shapes of `away`, and returns the rays that hit it. hit_copy_by_all() does so for a copy that
+// all rays of the block are proved to hit, on one face or one sphere.
 KERNEL_INLINE vmask hit_copy(int first, const struct cell_grid *grid, int block, struct vec o,
                              struct vec rest, unsigned away, vmask active);
 KERNEL_INLINE void hit_copy_by_all(int first, int shape, int axis, const struct cell_grid *grid,

@@ -15,10 +15,10 @@
 #define ACTIVE_LENGTH 0.7f
 
 // Tests which spheres come within `within` of the segment.
-static inline vmask near_stretch(struct vec centre, vfloat radius, const void *with) {
-    COUNT(near_stretch, call);
+static inline vmask near_segment(struct vec centre, vfloat radius, const void *with) {
+    COUNT(near_segment, call);
     const struct active_set *v = with;
-    struct vec off = offset_from_stretch(v, centre);
+    struct vec off = offset_from_segment(v, centre);
     vfloat r = v_splat(v->within) + radius;
     return v_cmp_lt(vec_dot(off, off), r * r);
 }
@@ -32,7 +32,7 @@ static void list_active(struct shadow_batch *batch, float slack, const struct pr
     around.start = (struct vec){v->start.x + v_splat(origin[0]), v->start.y + v_splat(origin[1]),
                                 v->start.z + v_splat(origin[2])};
     around.within = v->within * (1 + 1e-4f) + slack;
-    v->solids = bvh_list(&scene->bvh, near_stretch, &around, v->list);
+    v->solids = bvh_list(&scene->bvh, near_segment, &around, v->list);
     v->count = append_planes(scene, v->list, v->solids);
     for (int k = 0; k < v->count; k++) {
         COUNT(list_active, shape);
@@ -70,7 +70,7 @@ void set_active_set(struct shadow_batch *batch, const struct batch_packet *w, vf
         ACTIVE(LANES - v_count(each->march.done));
         COUNT(set_active_set, packet);
         struct vec at = vec_along(each->from, each->rays.to_light, each->march.t);
-        each->waits = v_cmp_ge(distance_from_stretch(v, at), v_splat(v->room));
+        each->waits = v_cmp_ge(distance_from_segment(v, at), v_splat(v->room));
     }
 }
 

@@ -5,8 +5,8 @@
 // A ray repeats its cone query once its slope has fallen below this share of the slope of the last query.
 #define REQUERY_SLOPE 0.75f
 
-// Prepares the cone query of one packet. Returns whether any ray needs one. A ray needs one when it has passed the last
-// blocker found, or when its least term allows a cone of smaller slope q.
+// Prepares the cone query of one packet. Returns whether any ray needs one. A ray needs one when it has
+// passed the last blocker found, or when its least term allows a cone of smaller slope q.
 static bool needs_cone_query(const struct batch_packet *w, struct cone_request *asking,
                              const struct tile_context *work) {
     const struct shadow_march *m = &w->march;
@@ -19,8 +19,9 @@ static bool needs_cone_query(const struct batch_packet *w, struct cone_request *
     vmask queried = v_andnot(m->done, v_cmp_ge(m->previous, q * m->from));
     queried = v_and(queried, v_or(v_cmp_ge(m->t, w->until),
                                   v_cmp_lt(q, w->query_slope * v_splat(REQUERY_SLOPE))));
-    // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the last step
-    // began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such bound.
+    // Along a ray from a convex solid, the solid's distance over t never falls. It was q or more where the
+    // last step began, so the query leaves the solid out. A ray without a step (`from` is 0) has no such
+    // bound.
     bool convex = w->solid >= 0 && work->scene->primitives[w->solid].convex;
     vfloat excluded = v_select(v_cmp_gt(m->from, v_splat(0.0f)),
                                v_splat(convex ? (float)w->solid : -1.0f), v_splat(-1.0f));
@@ -29,8 +30,8 @@ static bool needs_cone_query(const struct batch_packet *w, struct cone_request *
     return v_any(queried);
 }
 
-// The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so one query serves
-// all packets.
+// The rays of a batch start close together, on one solid or on planes. Mostly the same shapes block them, so
+// one query serves all packets.
 void query_ahead(struct shadow_batch *batch, int packets, const struct tile_context *work) {
     COUNT(query_ahead, call);
     struct cone_request asking[BATCH_PACKETS];
@@ -70,8 +71,8 @@ void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *
 // One field of all rays of a batch, and room to write a whole register behind the last.
 typedef float rows_of[BATCH_RAYS + LANES];
 
-// The fields that move with a ray stand in three runs in struct batch_packet. Each offset is where a run begins; shadow/shadow_batch.h
-// has their lengths.
+// The fields that move with a ray stand in three runs in struct batch_packet. Each offset is where a run
+// begins; shadow/shadow_batch.h has their lengths.
 enum { MARCH_AT = offsetof(struct batch_packet, march) + offsetof(struct shadow_march, t) };
 enum { RAYS_AT = offsetof(struct batch_packet, rays) + offsetof(struct shadow_rays, point) };
 enum { OWN_AT = offsetof(struct batch_packet, from) };

@@ -53,7 +53,8 @@ static bool renew_active_set(struct shadow_batch *batch, const struct tile_conte
     const struct shadow_march *m = &last->march;
     ACTIVE(LANES - v_count(m->done));
     COUNT(renew_active_set, last);
-    // Bounds the nearest distance: the ray's own shape is at t or nearer, and a distance grows no faster than t.
+    // Bounds the nearest distance: the ray's own shape is at t or nearer, and a distance grows no faster than
+    // t.
     vfloat h = v_min(m->t, m->previous + m->previous);
     set_active_set(batch, last, h, v_andnot(m->done, v_cmp_ge(v_splat(rear), m->t)), work);
     compact_packets(batch, work->scratch);
@@ -82,7 +83,7 @@ static bool active_step(struct shadow_batch *batch, vfloat strength, vfloat hit)
         COUNT(active_step, step);
         moves = true;
         // A ray waits if a shape outside the active set could be nearer.
-        struct vec off = offset_from_stretch(&batch->set, w->at);
+        struct vec off = offset_from_segment(&batch->set, w->at);
         vfloat room = v_splat(batch->set.within) - w->least;
         w->waits = v_or(w->waits, v_not(v_cmp_ge(room * v_abs(room), vec_dot(off, off))));
         vmask still = is_idle(w), done = m->done;
@@ -138,7 +139,8 @@ static void add_batch_light(int first, int end, struct worker_scratch *scratch) 
     }
 }
 
-// A bundle of rays: the ball in which they start, a direction to the light, and how far the others differ from it.
+// A bundle of rays: the ball in which they start, a direction to the light, and how far the others differ
+// from it.
 struct ray_bundle {
     float centre[3], to_light[3], radius, spread;
 };
@@ -212,8 +214,8 @@ static void cast_batch(int first, int end, const struct tile_context *work) {
         begin_batch_packet(&batch.packet[i], work);
     }
     leave_own_solid(&batch, strength, hit, work);
-    // Limits steps and active sets together. An active set in which no ray can step, as with a place that is NaN, counts
-    // too, so the loop ends.
+    // Limits steps and active sets together. An active set in which no ray can step, as with a place that is
+    // NaN, counts too, so the loop ends.
     long left = 2L * model->march.max_steps * BATCH_RAYS;
     for (; left > 0 && renew_active_set(&batch, work); left--)
         for (int steps = 1; left > 0 && active_step(&batch, strength, hit); left--, steps++)

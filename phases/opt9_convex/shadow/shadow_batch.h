@@ -66,16 +66,16 @@ struct shadow_batch {
 };
 
 // Returns the vector from the active set's segment to a point.
-static inline struct vec offset_from_stretch(const struct active_set *v, struct vec at) {
+static inline struct vec offset_from_segment(const struct active_set *v, struct vec at) {
     struct vec to = {at.x - v->start.x, at.y - v->start.y, at.z - v->start.z};
     vfloat along = v_min(v_max(vec_dot(to, v->along), v_splat(0.0f)), v_splat(v->length));
     return (struct vec){v_nmadd(along, v->along.x, to.x), v_nmadd(along, v->along.y, to.y),
                         v_nmadd(along, v->along.z, to.z)};
 }
 
-static inline vfloat distance_from_stretch(const struct active_set *v, struct vec at) {
-    COUNT(distance_from_stretch, call);
-    return vec_norm(offset_from_stretch(v, at));
+static inline vfloat distance_from_segment(const struct active_set *v, struct vec at) {
+    COUNT(distance_from_segment, call);
+    return vec_norm(offset_from_segment(v, at));
 }
 
 // Makes the active set ahead of one of the rays in `last` of packet w, whose nearest shape is at h or less.
@@ -108,8 +108,8 @@ static inline vmask is_idle(const struct batch_packet *w) {
 // Steps between two cone queries, in an active set or away from the rays' own solid.
 enum { CHECK_INTERVAL = 6 };
 
-// Sorts the queued rays into scratch->order[0]: rays from one solid follow one another in the BVH's order, and rays from
-// planes come last, in Morton order.
+// Sorts the queued rays into scratch->order[0]: rays from one solid follow one another in the BVH's order,
+// and rays from planes come last, in Morton order.
 void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *scene);
 
 // Returns where the batch ends that begins at place `first` of the sorted queue.
@@ -121,8 +121,8 @@ void query_ahead(struct shadow_batch *batch, int packets, const struct tile_cont
 // Writes the light that reaches the rays in `done` to the queue.
 void store_lit(const struct batch_packet *w, vmask done, struct worker_scratch *scratch);
 
-// Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait. Rays that have
-// ended are stored and left out. Returns whether any ray has moved.
+// Moves the rays into as few packets as hold them: first the rays that march, behind them the rays that wait.
+// Rays that have ended are stored and left out. Returns whether any ray has moved.
 bool compact_packets(struct shadow_batch *batch, struct worker_scratch *scratch);
 
 // Marches the rays from a solid, as long as no other shape can be nearer than that solid.

@@ -1,4 +1,5 @@
-// Tests that bound a shape's distance along a shadow ray: cones about the ray, planes, and convexity (PROOFS.md, 1. to 3.).
+// Tests that bound a shape's distance along a shadow ray: cones about the ray, planes, and convexity
+// (PROOFS.md, 1. to 3.).
 #ifndef OPT9_SHADOW_CONE_H
 #define OPT9_SHADOW_CONE_H
 
@@ -6,8 +7,9 @@
 #include "hit/solids.h"
 #include "shadow/shadow_rays.h"
 
-// A cone of slope q about a ray, against a sphere of radius R; v: from the ray's origin to the centre, l: the direction.
-// The cone meets the sphere where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses if |v − t·l| ≥ R + q·t for all t ≥ 0.
+// A cone of slope q about a ray, against a sphere of radius R; v: from the ray's origin to the centre, l: the
+// direction. The cone meets the sphere where a·t² − 2·b·t + c ≤ 0, a = 1 − q². It misses if |v − t·l| ≥ R +
+// q·t for all t ≥ 0.
 struct shadow_cone {
     vfloat along, b, c; // v·l, v·l + q·R, |v|² − R²
 };
@@ -25,8 +27,8 @@ INLINE vmask cone_misses(struct shadow_cone cone, float q) {
     return v_cmp_lt(b * b, v_splat(1.0f - q * q) * cone.c);
 }
 
-// Returns where the cone leaves the sphere. Precondition: it meets the sphere. A cone of slope 1 or more never leaves it
-// (strength 1 or less: a term may be below 1 anywhere).
+// Returns where the cone leaves the sphere. Precondition: it meets the sphere. A cone of slope 1 or more
+// never leaves it (strength 1 or less: a term may be below 1 anywhere).
 INLINE vfloat cone_exit(struct shadow_cone cone, float q) {
     COUNT(cone_exit, call);
     if (!(q < 1.0f))
@@ -44,8 +46,8 @@ INLINE struct vec to_centre(const struct primitive *s, struct vec p) {
                         v_splat(s->position[2]) - p.z};
 }
 
-// Returns the support of a solid in direction n of its frame: the maximum of p·n over its points p. length: |n|. Torus: of
-// its convex hull.
+// Returns the support of a solid in direction n of its frame: the maximum of p·n over its points p. length:
+// |n|. Torus: of its convex hull.
 INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s) {
     COUNT(support_of, call);
     switch (s->type) {
@@ -72,10 +74,10 @@ INLINE vfloat support_of(struct vec n, vfloat length, const struct primitive *s)
     }
 }
 
-// Returns the rays that leave, at slope q, a plane with the solid on its other side: then h(t) ≥ q·t (PROOFS.md, 2.). This
-// clears flat or slim solids whose bounding sphere the cone meets. The plane tilts away from the solid's position, by a
-// slope 2^-12 larger than q for rounding. If the ray passes through the position, `away` is rounding error; its length
-// makes `height` too small then, so the test fails safely.
+// Returns the rays that leave, at slope q, a plane with the solid on its other side: then h(t) ≥ q·t
+// (PROOFS.md, 2.). This clears flat or slim solids whose bounding sphere the cone meets. The plane tilts away
+// from the solid's position, by a slope 2^-12 larger than q for rounding. If the ray passes through the
+// position, `away` is rounding error; its length makes `height` too small then, so the test fails safely.
 INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *s, float q) {
     COUNT(plane_between, call);
     COUNT(plane_between, scalar);
@@ -93,20 +95,21 @@ INLINE vmask plane_between(struct vec to, struct vec l, const struct primitive *
                     support_of(turned(s, n), beside, s));
 }
 
-// Returns the slope of the cone that has to miss shape s. For a Mandelbulb it is 1: its estimate is no distance, so
-// the proof for smaller slopes (PROOFS.md, 1.) does not hold.
+// Returns the slope of the cone that has to miss shape s. For a Mandelbulb it is 1: its estimate is no
+// distance, so the proof for smaller slopes (PROOFS.md, 1.) does not hold.
 INLINE float lit_slope_for(const struct primitive *s, float q) {
     return s->type == SHAPE_MANDELBULB ? 1.0f : q;
 }
 
-// In surface_offsets: the least radius of curvature at which normal and curvature describe the surface over the first
-// two steps of a march (error 0.05 %). Edges count EDGE_FACTOR-fold: they need be 2 offsets away, more than two steps.
+// In surface_offsets: the least radius of curvature at which normal and curvature describe the surface over
+// the first two steps of a march (error 0.05 %). Edges count EDGE_FACTOR-fold: they need be 2 offsets away,
+// more than two steps.
 #define FLAT_OFFSETS 32.0f
 
 #define EDGE_FACTOR 16.0f
 
-// Returns the lesser of the radius of curvature and EDGE_FACTOR times the distance to the nearest edge, at a point on
-// the surface.
+// Returns the lesser of the radius of curvature and EDGE_FACTOR times the distance to the nearest edge, at a
+// point on the surface.
 INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
     COUNT(flat_radius, call);
     switch (s->type) {
@@ -136,9 +139,9 @@ INLINE vfloat flat_radius(struct vec p, const struct primitive *s) {
     }
 }
 
-// Returns the rays that their own shape s cannot darken after the second term (PROOFS.md, 3.). A convex solid lies below
-// its tangent plane, so its distance grows by at least `facing` per unit of t. A torus behaves so on its hull. Rays that
-// graze (facing below lit_slope) also need a surface that is flat over two steps.
+// Returns the rays that their own shape s cannot darken after the second term (PROOFS.md, 3.). A convex solid
+// lies below its tangent plane, so its distance grows by at least `facing` per unit of t. A torus behaves so
+// on its hull. Rays that graze (facing below lit_slope) also need a surface that is flat over two steps.
 INLINE vmask convex_from(const struct primitive *s, struct vec local, vfloat facing,
                          const struct known_scene *scene) {
     COUNT(convex_from, call);
@@ -169,9 +172,10 @@ INLINE vmask plane_clears(vfloat height, vfloat slope, float q, const struct kno
                       v_cmp_gt(v_madd(furthest, slope - v_splat(q), height), v_splat(0.0f))));
 }
 
-// Returns the cosine at which rays enter the solid at `at`, or 0 near an edge, where it does not predict the last steps.
-// With an edge at distance e, a step that starts outside the face ends e·sin/2 or more before it. So no step jumps from
-// there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above it; r->sharp has that bound.
+// Returns the cosine at which rays enter the solid at `at`, or 0 near an edge, where it does not predict the
+// last steps. With an edge at distance e, a step that starts outside the face ends e·sin/2 or more before it.
+// So no step jumps from there to within the hit distance if e·sin·cos·(1 − cos)/2 is well above it; r->sharp
+// has that bound.
 INLINE vfloat entry_cosine(struct vec at, struct vec d, const struct primitive *s,
                            const struct shadow_rays *r) {
     COUNT(entry_cosine, call);

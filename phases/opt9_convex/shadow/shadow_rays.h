@@ -12,7 +12,8 @@ struct tile_context;
 struct shadow_candidate {
     struct vec origin,
         direction; // in the shape's frame; linear plane: x is the height and its slope
-    // power: a sphere on which some of the rays start. Its distance comes from |p|² − radius² = constant + t·(t + slope).
+    // power: a sphere on which some of the rays start. Its distance comes from |p|² − radius² = constant +
+    // t·(t + slope).
     vfloat constant, slope;
     bool power;
     vfloat from;       // before this t another shape is nearer
@@ -58,8 +59,9 @@ _Static_assert(offsetof(struct shadow_march, constant) ==
 // With fewer max_steps every step is taken: no leap, and no ray is dark without a march.
 enum { LEAP_MIN_MAX_STEPS = 256 };
 
-// Soft shadows (shadow/shadow_cull.c): returns the rays of `active` that need no march. No other shape brings a term
-// below 1, and the ray's own shape can do so in the first two terms only (self_shadow()). Tests scratch->occluders.
+// Soft shadows (shadow/shadow_cull.c): returns the rays of `active` that need no march. No other shape brings
+// a term below 1, and the ray's own shape can do so in the first two terms only (self_shadow()). Tests
+// scratch->occluders.
 KERNEL_SHARED vmask trivially_lit(const struct vec *point, const struct vec *local,
                                   const struct vec *to_light, vfloat facing, vfloat shape,
                                   vmask active, const struct tile_context *work);
@@ -90,12 +92,13 @@ KERNEL_INLINE void set_candidate_ray(const struct shadow_rays *r, int i,
                                      struct shadow_candidate *candidate,
                                      const struct tile_context *work);
 
-// Sets the candidates of a packet, lists the shapes that can be the nearest before the rays' end, and finds end, leap
-// limit and first entry of the rays.
+// Sets the candidates of a packet, lists the shapes that can be the nearest before the rays' end, and finds
+// end, leap limit and first entry of the rays.
 KERNEL_SHARED void list_candidates(struct shadow_rays *r, struct shadow_candidate *candidates,
                                    struct shape_set *listed, const struct tile_context *work);
 
-// Starts a march: sets the first t, and ends rays that are dark by proof (PROOFS.md, 4.). With a BVH nothing is listed.
+// Starts a march: sets the first t, and ends rays that are dark by proof (PROOFS.md, 4.). With a BVH nothing
+// is listed.
 KERNEL_SHARED void begin_march(struct shadow_rays *r, struct shadow_candidate *candidates,
                                struct shape_set *listed, const struct tile_context *work,
                                struct shadow_march *m);

@@ -1,7 +1,8 @@
 // The order in which queued shadow rays are marched, and where each batch of them ends.
 #include "shadow/shadow_batch.h"
 
-// MORTON_BITS: of each coordinate, relative to the bounding box of all rays. PLANE_CODE marks a ray from a plane.
+// MORTON_BITS: of each coordinate, relative to the bounding box of all rays. PLANE_CODE marks a ray from a
+// plane.
 enum { MORTON_BITS = 5, PLANE_CODE = 1 << 15 };
 // A box narrower than this is one cell: otherwise the number of cells over the width may overflow a float.
 #define NO_WIDTH 1e-30f
@@ -26,7 +27,8 @@ static void sort_by(const unsigned short *code, int shift, int count, const unsi
         to[first[code[from[i]] >> shift & 255]++] = from[i];
 }
 
-// Sets the rays' codes to their places in Morton order (G. M. Morton, "A computer oriented geodetic data base", IBM 1966).
+// Sets the rays' codes to their places in Morton order (G. M. Morton, "A computer oriented geodetic data
+// base", IBM 1966).
 static void morton_codes(struct worker_scratch *scratch, int count) {
     for (int i = 0; i < count; i++)
         scratch->code[i] = 0;
@@ -61,8 +63,8 @@ void sort_shadow_rays(struct worker_scratch *scratch, const struct prepared *sce
     sort_by(scratch->code, 8, count, scratch->order[1], scratch->order[0]);
 }
 
-// A batch holds rays from one solid only, or rays from planes: walk.solid relies on it. Rays from one solid stay close
-// together. Among rays from two solids, some would wait wherever the others march.
+// A batch holds rays from one solid only, or rays from planes: walk.solid relies on it. Rays from one solid
+// stay close together. Among rays from two solids, some would wait wherever the others march.
 int batch_end(const struct worker_scratch *scratch, int first) {
     const unsigned short *order = scratch->order[0];
     int end = first + 1, most = int_min(scratch->shadows, first + BATCH_RAYS);

@@ -108,10 +108,10 @@ INLINE void misses_bulb(int i, const struct shadow_rays *r, const struct known_s
     *dark = v_and(*dark, v_cmp_lt(along * along, vec_dot(v, v) - v_splat(s->bound_sq)));
 }
 
-// Returns the rays that are dark without a march (PROOFS.md, 4.). The steps towards an entry at this cosine shrink
-// to 1 − cosine of the one before, so the last term is below strength·hit_distance/((1 − cosine)·t). Where that is
-// at most 1e-4, 0 is written. The ray must take its first step, at `offset`, enter within the bounds, and have the
-// steps to get there: e^-23 is 1e-10.
+// Returns the rays that are dark without a march (PROOFS.md, 4.). The steps towards an entry at this cosine
+// shrink to 1 − cosine of the one before, so the last term is below strength·hit_distance/((1 − cosine)·t).
+// Where that is at most 1e-4, 0 is written. The ray must take its first step, at `offset`, enter within the
+// bounds, and have the steps to get there: e^-23 is 1e-10.
 __attribute__((__always_inline__)) static inline vmask dark_by_proof(const struct shadow_rays *r,
                                                                      const struct shadow_march *m,
                                                                      vfloat offset, vfloat hit,

@@ -73,8 +73,8 @@ static bool solid_exit_step(struct batch_packet *w, struct solid_exit *l, vfloat
     return true;
 }
 
-// At most `steps` steps of each packet. The packets take turns, because a step depends on the root of the one before it.
-// Returns whether any packet took the last step. Rays that cannot go on wait.
+// At most `steps` steps of each packet. The packets take turns, because a step depends on the root of the one
+// before it. Returns whether any packet took the last step. Rays that cannot go on wait.
 static bool solid_exit_steps(struct shadow_batch *batch, int steps, bool begun, vfloat strength,
                              vfloat hit, const struct tile_context *work) {
     struct solid_exit packets[BATCH_PACKETS];
@@ -96,8 +96,8 @@ static bool solid_exit_steps(struct shadow_batch *batch, int steps, bool begun, 
     return open;
 }
 
-// In each packet, a few rays graze a round solid and take hundreds of steps to leave it. After CHECK_INTERVAL steps, a cone
-// query ends the rays that no shape can darken any more, and the rest move together.
+// In each packet, a few rays graze a round solid and take hundreds of steps to leave it. After CHECK_INTERVAL
+// steps, a cone query ends the rays that no shape can darken any more, and the rest move together.
 void leave_own_solid(struct shadow_batch *batch, vfloat strength, vfloat hit,
                      const struct tile_context *work) {
     int most = work->scene->model.march.max_steps;
