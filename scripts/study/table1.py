@@ -57,7 +57,8 @@ TERMS = {
         bvh_list_in_frustum bvh_list_in_window camera_hit camera_packet candidate_plane
         candidate_solid candidate_solid_from_plane cell_axis_of cone_exit
         draw_analytic_tile earliest_approach empty_bundle_bounds exit_distance limit_leap list_active
-        list_for_bundle max_bound may_be_hit may_be_nearest near_segment near_stretch repeated_tile set_active_set
+        list_for_bundle max_bound may_be_hit may_be_nearest near_segment near_stretch repeated_tile
+        set_active_set
         sphere_in_bundle_cone sphere_in_frustum sphere_in_window sphere_limits_leap sphere_met_by_ray
         support_of
     """,
