@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from study import images, run, stats
+from study import images, run, stats, store
 from study.cli import CANNOT_RUN, StudyError
 from study.registry import ROOT, Scene, Spec
 
@@ -180,6 +180,14 @@ def sentence(row: Row) -> str:
         f"program {theirs['value']:,.0f} ms, ratio {ratio['value']:.3f}{ends}; pictures as displayed {psnr} "
         f"apart, {100 * row['fraction_over_1_255']:.3g} % of the pixels by more than 1/255"
     )
+
+
+def held_beside(folder: Path) -> bool:
+    """Whether the run's baseline was timed beside the paper's program and was no slower (3 %)."""
+    if not (folder / FILE).exists():
+        return False
+    rows = [row for row in store.read_json(folder / FILE)["rows"] if row["phase"] == "baseline"]
+    return bool(rows) and all(row["ours_over_theirs"]["value"] <= 1.03 for row in rows)
 
 
 def folder_of(repository: str) -> Path:
