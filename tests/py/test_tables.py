@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pandas as pd
@@ -530,3 +531,18 @@ def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
     checked = {"phase": "baseline", "ours_over_theirs": {"value": 0.97}}
     (run / "original.json").write_text(json.dumps({"rows": [checked]}))
     assert "× [" in front_page.machines_block([data])
+
+
+PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))
+
+
+@pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
+def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
+    said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    assert set(said) == {"machine", "compiler", "time", "commit", "commands", "caveat"} and said["commands"]
+    data = analysis.load(folder, strict=False)
+    made = tables.make(data, ladder.rows(data))
+    assert {"ladder", "claims", "paper"} <= set(made)
+    assert (
+        not (folder / "tables").exists() and f"`{folder.name}`" in (folder.parent / "README.md").read_text()
+    )
