@@ -12,7 +12,7 @@ ARGS ?=
 # Ladder positions of the paper: phase0 is its baseline.
 LADDER := baseline opt1 opt2 opt3 opt4 opt5_threads opt6_wide opt7_tiles opt8_streams opt9_convex opt10_scene
 
-.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains systems
+.PHONY: help setup setup-test study demo test verify accuracy sweep flops roofline hotspots report new-phase format clean phases phase0 phase1 phase2 phase3 phase4 phase5 phase6 phase7 phase8 phase9 phase10 truth enclosures stability pareto functions scaling views frames breakeven drjit toolchains systems original
 
 help: ## this list
 	@sed -n "s/^\([a-z][^:=]*\):.*## \(.*\)/\1\t\2/p" Makefile | awk -F"\t" "{ split(\$$1, t, \" \"); printf \"  make %-10s %s\\n\", t[1], \$$2 }"
@@ -76,6 +76,9 @@ views: setup ## every rung against its parent on views it was not tuned on: medi
 
 frames: setup ## frames a second on every core, gamma and 8 bits included, against 60 and 30 (5 minutes)
 	@$(PY) scripts/run_study.py --part frames $(ARGS)
+
+original: setup ## the paper's own program, fetched and timed beside baseline to opt4 at 1280x720 (15 minutes)
+	@$(PY) scripts/original.py $(ARGS)
 
 breakeven: setup ## after how many frames compiling a scene's kernel has paid (opt10_scene; a minute and a half)
 	@$(PY) scripts/run_study.py --part breakeven $(ARGS)

@@ -14,7 +14,7 @@ from study.cli import StudyError
 from study.readme import between
 from study.registry import ROOT
 
-README, WHOLE = ROOT / "README.md", ROOT / "results" / "reference" / "goals.md"
+PAGE = ROOT / "results" / "reference" / "goals.md"
 BEGIN, END = "<!-- goals:begin -->", "<!-- goals:end -->"
 
 
@@ -23,45 +23,37 @@ def marked(text: str, table: str, note: str) -> str:
     return between(text, BEGIN, END, f"{table}\n{note}\n")
 
 
-def pages(found: Sequence[goals_page.Row], used: Mapping[str, str]) -> dict[Path, tuple[str, str]]:
-    """Page -> its table and the note below: README's verdicts, and the page that has all of it."""
-    short = show.markdown(show.table(goals_page.briefly(found), goals_page.brief_columns(list(used))))
-    whole = show.markdown(show.table(found, goals_page.columns(list(used))))
-    return {README: (short, goals_page.BRIEF_NOTE), WHOLE: (whole, note(used, found))}
-
-
-def note(used: Mapping[str, str], found: Sequence[goals_page.Row]) -> str:
-    """Below the table; `used`: machine → its runs; `found`: the table's rows."""
-    told = " ".join(filter(None, (goals_page.NOTE, goals_page.by_other_cycles(found))))
-    return f"{told} Runs: {'; '.join(f'{here}: {runs}' for here, runs in used.items())}."
+def page(found: Sequence[goals_page.Row], used: Mapping[str, str]) -> tuple[str, str]:
+    """The table, and the note below. `used`: machine → its runs."""
+    runs = "; ".join(f"{here}: {names}" for here, names in used.items())
+    return show.markdown(
+        show.table(found, goals_page.columns(list(used)))
+    ), f"{goals_page.NOTE} Runs: {runs}."
 
 
 def main() -> int:
     parser = cli.parser(__doc__)
     add = parser.add_argument
     add("runs", nargs="*", type=Path, metavar="RUN", help="folders of runs (all of results/reference)")
-    add(
-        "--readme", action="store_true", help="rewrite the tables of README.md and results/reference/goals.md"
-    )
+    add("--write", action="store_true", help="rewrite the table of results/reference/goals.md")
     args = parser.parse_args()
     folders = args.runs or sorted(p.parent for p in (ROOT / "results" / "reference").glob("*/context.json"))
     if not folders:
         raise StudyError(f"{ROOT / 'results' / 'reference'}: has no run; name one")
-    found, used = goals_page.rows([analysis.load(folder, strict=False) for folder in folders])
+    runs = [analysis.load(folder, strict=False) for folder in folders]
+    found, used = goals_page.rows(runs, checked=not args.runs)
     if not found:
         raise StudyError(f"{', '.join(map(str, folders))}: no figure that a goal is about; make sweep N=720")
-    if args.readme:
-        for page, block in pages(found, used).items():
-            try:
-                store.write_text(page, marked(page.read_text(encoding="utf-8"), *block))
-            except OSError as error:
-                raise StudyError(f"{page}: {error.strerror}") from None
-            print(page)
+    if args.write:
+        try:
+            store.write_text(PAGE, marked(PAGE.read_text(encoding="utf-8"), *page(found, used)))
+        except OSError as error:
+            raise StudyError(f"{PAGE}: {error.strerror}") from None
+        print(PAGE)
     elif args.json:
         cli.emit({"goals": found, "runs": used})
     else:
-        table, said = pages(found, used)[WHOLE]
-        print(f"{table}\n{said}")
+        print("\n".join(page(found, used)))
     return cli.OK
 
 

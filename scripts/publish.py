@@ -17,19 +17,18 @@ from study import cli  # first: it may start the script again with the venv's Py
 import numpy as np
 import OpenImageIO as oiio
 
-import tables
-from study import analysis, chapters, images, ladder, provenance, rods, store
+from study import analysis, chapters, images, machine, provenance, rods, store
 from study.cli import StudyError
 
 DESCRIPTION = """\
 Copies what the report of a run is made from to FOLDER: every JSON file at the top of the run (throttle.json
 without `all`, the thousands of settings that were tried and are in no table), counts.json, validation.json
-and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB, and the
-tables made from these copies, those over 60 kB left out. Then every chapter is read from the copies and
+and frames.jsonl packed, the pictures that chapters show, scaled down until each is under 300 kB. run.toml
+says the machine, the commit, the commands and a caveat. Then every chapter is read from the copies and
 must have the parts, figures and pictures that it has in the run; only then is there a FOLDER. A run that is
 being measured is refused; of one that was interrupted, a last line of frames.jsonl that was cut off is
 dropped."""
-PICTURE_BYTES, TABLE_BYTES = 300_000, 60_000
+PICTURE_BYTES = 300_000
 PACKED = ("counts.json", "validation.json")  # megabytes; what reads them takes both forms (store.stored)
 SMALLER = 0.85  # each time a picture is still too large
 
@@ -98,14 +97,13 @@ def copy_pictures(run: Path, folder: Path) -> list[str]:
     return names
 
 
-def make_tables(folder: Path) -> list[str]:
-    """tables/ of the copies; names of those that are too large to be kept."""
-    data = analysis.load(folder, strict=False)
-    tables.write(tables.make(data, ladder.rows(data)), folder / "tables")
-    large = sorted(file for file in (folder / "tables").iterdir() if file.stat().st_size > TABLE_BYTES)
-    for file in large:
-        file.unlink()
-    return [file.name for file in large]
+def about(folder: Path, commands: list[str], caveat: str) -> str:
+    """run.toml: what a reader must know of the run before its numbers."""
+    context = store.read_json(folder / "context.json") if (folder / "context.json").exists() else {}
+    said = {"machine": machine.name(context), "compiler": context.get("compiler") or "unknown"}
+    said |= {"time": context.get("time") or "unknown", "commit": ", ".join(provenance.commits(folder))}
+    said |= {"commands": commands, "caveat": caveat}
+    return "".join(f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in said.items())
 
 
 def shown(folder: Path) -> dict[str, Any]:
@@ -128,9 +126,8 @@ def check(run: Path, folder: Path) -> None:
         raise StudyError(f"{folder}: not as in the run: {', '.join(lost)}")
 
 
-def publish(run: Path, folder: Path) -> tuple[list[str], list[str]]:
-    """Makes `folder` whole or not at all: names of its pictures, and of tables that are too large for it.
-    Raises StudyError."""
+def publish(run: Path, folder: Path, commands: list[str], caveat: str) -> list[str]:
+    """Makes `folder` whole or not at all: names of its pictures. Raises StudyError."""
     beside = store.writable(folder.parent)
     try:
         # Of the same name, in a folder of its own beside it: renaming is one step.
@@ -139,12 +136,12 @@ def publish(run: Path, folder: Path) -> tuple[list[str], list[str]]:
             made.mkdir()
             copy_files(run, made)
             names = copy_pictures(run, made)
-            large = make_tables(made)
             check(run, made)
+            store.write_text(made / "run.toml", about(made, commands, caveat))
             os.rename(made, folder)
     except OSError as error:
         raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from None
-    return names, large
+    return names
 
 
 def commits_said(commits: dict[str, list[str]]) -> str:
@@ -161,22 +158,25 @@ def main() -> int:
     parser.add_argument(
         "folder", type=Path, metavar="FOLDER", help="new, e.g. results/reference/MACHINE-DATE"
     )
+    parser.add_argument(
+        "--command", nargs="+", default=[], metavar="TEXT", help="what made the run, for run.toml"
+    )
+    parser.add_argument("--caveat", default="", metavar="TEXT", help="what limits its numbers, for run.toml")
     args = parser.parse_args()
     run = store.Run.open(args.run)
     if args.folder.exists() and any(args.folder.iterdir()):
         raise StudyError(f"{args.folder}: is there already and not empty")
     folder = args.folder.absolute()
     with run.still():
-        names, large = publish(run.path, folder)
+        names = publish(run.path, folder, args.command, args.caveat)
     size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     commits = provenance.commits(folder)
-    said = {"folder": args.folder, "bytes": size, "pictures": names, "tables_left_out": large}
+    said = {"folder": args.folder, "bytes": size, "pictures": names}
     said |= {"commits": commits}
     if args.json:
         cli.emit(said)
     else:
         print(f"{args.folder}: {size / 1e6:.2f} MB; pictures {', '.join(names) or 'none'}")
-        print(f"tables over {TABLE_BYTES // 1000} kB, left out: {', '.join(large) or 'none'}")
         print(commits_said(commits))
     return cli.OK
 

@@ -11,14 +11,28 @@ from study import cli  # first: it may start the script again with the venv's Py
 # isort: split
 import pandas as pd
 
-from study import analysis, chapters, claims, columns, ladder, paper, provenance, show, store, systems
+from study import (
+    analysis,
+    chapters,
+    claims,
+    columns,
+    front_page,
+    ladder,
+    paper,
+    provenance,
+    show,
+    store,
+    systems,
+)
 from study.analysis import Data
 from study.cli import StudyError
 from study.readme import between
 from study.registry import ROOT
 
-README, SYSTEMS = ROOT / "README.md", ROOT / "results" / "reference" / "systems.md"
+REFERENCE = ROOT / "results" / "reference"
+README, SYSTEMS, MACHINES = ROOT / "README.md", REFERENCE / "systems.md", REFERENCE / "machines.md"
 BEGIN, END = "<!-- ladder:begin -->", "<!-- ladder:end -->"
+MACHINES_BEGIN, MACHINES_END = "<!-- machines:begin -->", "<!-- machines:end -->"
 SYSTEMS_BEGIN, SYSTEMS_END = "<!-- systems:begin -->", "<!-- systems:end -->"
 
 # Name of a file → its data and, for people, the Markdown text.
@@ -79,33 +93,16 @@ def machine_line(data: Data) -> str:
     return f"{provenance.place(context)}; {provenance.commit(context)}; {context.get('time') or ''}"
 
 
-def _ladder_of(path: Path) -> str:
-    """Where a run's whole ladder is; a link where it is published."""
-    file = (path / "tables" / "ladder.md").resolve()
-    if file.is_relative_to(SYSTEMS.parent):
-        return f"[ladder.md]({file.relative_to(ROOT)})"
-    return f"`{path.name}/tables/ladder.md`"
-
-
 def readme(text: str, data: Data, rows: pd.DataFrame) -> str:
     """README's text with the block between the markers made anew. Raises StudyError without markers."""
-    parts = []
-    for scene, group in ladder.ladders(rows).items():
-        records = group.to_dict("records")
-        title = f"**{scene}**, {records[0]['width']}×{records[0]['height']}\n"
-        parts += [title, show.markdown(show.table(records, columns.sized(columns.README, records)))]
-    at = columns.truth_height(rows.to_dict("records"))
-    truth = f", or to truth where the head says so: of pictures{at} (4×4: their means)" if at else ""
-    note = (
-        f"Measured on {machine_line(data)}. Median over process launches with its 95\u00a0% interval, of a "
-        "launch that of its timed frames (as many as stand beside: a long one is timed alone, unwarmed); "
-        "speed-ups are ratios of medians of one interleaved run on one thread. Errors are in linear RGB, "
-        f"against baseline{truth}. > {show.MOST_DB} dB: below a float's rounding. The paper's program: its "
-        "speed-up over its own baseline on another machine, and its PSNR of display values. Every column, "
-        f"with speed-ups over opt2 and errors of 4×4 means: {_ladder_of(data.path)}.\n"
-    )
-    block = "\n".join([*parts, note])
-    return between(text, BEGIN, END, block)
+    return between(text, BEGIN, END, front_page.ladder_block(data, rows))
+
+
+def machines(text: str) -> str:
+    """The page of machines with the block made anew from every published run of 1280×720, newest last."""
+    folders = sorted(file.parent for file in REFERENCE.glob("*-720p*/context.json"))
+    runs = [analysis.load(folder, strict=False) for folder in folders]
+    return between(text, MACHINES_BEGIN, MACHINES_END, front_page.machines_block(runs))
 
 
 def systems_page(text: str, data: Data) -> str:
@@ -137,6 +134,9 @@ def run() -> int:
     parser.add_argument(
         "--systems", action="store_true", help="rewrite the table of results/reference/systems.md"
     )
+    parser.add_argument(
+        "--machines", action="store_true", help="rewrite the tables of results/reference/machines.md"
+    )
     args = parser.parse_args()
     data = analysis.load(args.run)
     rows = ladder.rows(data, args.n)
@@ -146,6 +146,7 @@ def run() -> int:
     paths = write(made, args.out or data.path / "tables")
     rewritten = {README: lambda text: readme(text, data, rows)} if args.readme else {}
     rewritten |= {SYSTEMS: lambda text: systems_page(text, data)} if args.systems else {}
+    rewritten |= {MACHINES: machines} if args.machines else {}
     for page, made_anew in rewritten.items():
         try:
             store.write_text(page, made_anew(page.read_text(encoding="utf-8")))

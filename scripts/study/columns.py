@@ -127,17 +127,6 @@ LADDER = [
     Column("error below the picture", "|Δt| 99\u00a0%, scene units", plain("dt_p99", 2)),
     Column("error below the picture", "depth agrees", _fractal_depth),
 ]
-README = [
-    Column("", "phase", _phase),
-    Column("", "ms a frame [95\u00a0%]", lambda r: interval(r, "ms")),
-    Column("", "frames a launch", _frames),
-    Column("", "× baseline [95\u00a0%]", speedup("speedup", "speedup_base")),
-    Column("", "the paper's program (PSNR display)", rerun),
-    Column("", "PSNR to truth, dB", _truth_psnr("truth_psnr_db")),
-    Column("", "PSNR to baseline, dB", lambda r: psnr(r, "psnr_db")),
-    Column("", "pixels off > 1/255", lambda r: percent(r.get("fraction_over_1_255"))),
-    Column("", "tolerance", gate, gate_mark),
-]
 BESIDE = [
     Column("", "phase", _phase),
     Column("here, over baseline", "speed-up [95\u00a0%]", speedup("speedup", "speedup_base")),

@@ -61,6 +61,17 @@ def read_ppm(path: Path) -> np.ndarray:
     raise StudyError(f"{path}: not a whole binary PPM of 8 bits")
 
 
+def read_png(path: Path) -> np.ndarray:
+    """Height × width × 3 bytes of a PNG, without its alpha. Raises StudyError of another file."""
+    file = oiio.ImageInput.open(str(path))
+    if file is None:
+        raise StudyError(f"{path}: not a readable picture: {oiio.geterror().strip()}")
+    try:
+        return file.read_image("uint8")[:, :, :3]
+    finally:
+        file.close()
+
+
 def rgb(picture: Picture) -> np.ndarray:
     """Linear colour, height × width × 3."""
     return np.stack([picture[name] for name in "RGB"], axis=-1)

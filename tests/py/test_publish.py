@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -69,8 +70,8 @@ def made(tmp_path) -> Path:
     return run
 
 
-def publish(run: Path, folder: Path):
-    return started.run([sys.executable, str(ROOT / "scripts" / "publish.py"), str(run), str(folder)])
+def publish(run: Path, folder: Path, *more: str):
+    return started.run([sys.executable, str(ROOT / "scripts" / "publish.py"), str(run), str(folder), *more])
 
 
 def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
@@ -85,7 +86,8 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     content = json.loads((made / rods.FILE).read_text())
     content["context"] = {"git": {"commit": "f" * 40}, "time": "2026-01-01T00:00:00+00:00"}
     store.write_json(made / rods.FILE, content)
-    done = publish(made, folder)
+    told = ("--command", "make study", "make systems", "--caveat", 'a "busy" machine')
+    done = publish(made, folder, *told)
     assert done.returncode == 0, done.stderr
     assert "of 2 commits, which the note on the folder must say:" in done.stdout
     assert "\n  ffffffffff: rods\n" in done.stdout
@@ -110,7 +112,10 @@ def test_a_published_folder_makes_the_whole_chapter(made, tmp_path):
     assert found.keys() == {f"{module.PICTURES}.png" for module in modules}
     assert all(100_000 < size <= 300_000 for size in found.values()), "as large as fits"
     assert small.width / small.height == pytest.approx(1.6, rel=0.01) and small.nchannels == 3
-    assert all(file.stat().st_size <= 60_000 for file in (folder / "tables").iterdir())
+    assert not (folder / "tables").exists(), "they follow from the files"
+    said = tomllib.loads((folder / "run.toml").read_text())
+    assert said["commands"] == ["make study", "make systems"] and said["caveat"] == 'a "busy" machine'
+    assert said["commit"].endswith("ffffffffff")
     page = tmp_path / "page" / "index.html"
     done = started.run([sys.executable, str(ROOT / "scripts" / "report.py"), str(folder), "-o", str(page)])
     assert done.returncode == 0, done.stderr
@@ -140,7 +145,7 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
     import publish as script
 
     folder = tmp_path / "new" / "published"
-    for step in ("copy_files", "copy_pictures", "make_tables", "check"):
+    for step in ("copy_files", "copy_pictures", "about", "check"):
         for error in (script.StudyError("lost"), OSError(28, "No space left on device")):
             with monkeypatch.context() as patch:
 
@@ -149,10 +154,10 @@ def test_a_failure_leaves_nothing_and_the_next_try_goes_through(tmp_path, monkey
 
                 patch.setattr(script, step, fail)
                 with pytest.raises(script.StudyError, match=r"lost|No space left"):
-                    script.publish(FIXTURE, folder)
+                    script.publish(FIXTURE, folder, [], "")
             assert list(folder.parent.iterdir()) == []
     folder.mkdir()  # an empty one is made use of
-    script.publish(FIXTURE, folder)
+    script.publish(FIXTURE, folder, [], "")
     assert [path.name for path in folder.parent.iterdir()] == ["published"]
     assert (folder / "plan.json").exists() and folder.stat().st_mode & 0o777 == 0o777 & ~umask()
 

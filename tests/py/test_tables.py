@@ -7,6 +7,7 @@ import math
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +15,7 @@ import pytest
 import started
 
 import tables
-from study import analysis, claims, columns, ladder, paper, show, stats, summary
+from study import analysis, claims, columns, front_page, ladder, paper, show, stats, summary
 from study.cli import StudyError
 from study.verdicts import OPEN, PART
 
@@ -99,8 +100,6 @@ def test_how_many_frames_a_launch_stands_for_is_beside_its_time(run: Path) -> No
         cells = [line.split("|") for line in lines if "| baseline |" in line]
         assert any(" 1 (no warm-up) " in line for line in cells), name
         assert at is None or {line[at] for line in cells} == {" 1 (no warm-up) "}
-    text = tables.readme(f"{tables.BEGIN}\n{tables.END}", analysis.load(run), rows_of(run))
-    assert "| frames a launch |" in text and "| 1 (no warm-up) |" in text and f"| {len(mine)} |" in text
 
 
 def test_speedups_are_ratios_of_medians_over_both_bases(run: Path) -> None:
@@ -195,18 +194,17 @@ def test_the_error_of_another_size_says_so(run: Path) -> None:
 
 
 def test_the_size_of_pictures_held_against_truth_is_said_beside_the_time(run: Path) -> None:
-    """Of n = 64, where n = 180 was timed: in the heads of README and ladder, and in README's note."""
+    """Of n = 64, where n = 180 was timed: in the ladder's head and in README's note."""
     hits = dict.fromkeys(("false_hits_ppm", "false_misses_ppm", "wrong_shape_ppm", "dt_p99"), 0.0)
     psnr = {name: 54.5 for name in ("psnr_db", "psnr_ideal_db", "psnr_none_db")}
     truth = {"scene": "scene0", "phase": "opt4", "height": 64, "converged_only": False, **hits, **psnr}
     text = f"{tables.BEGIN}\n{tables.END}\n"
     before = tables.readme(text, analysis.load(run), rows_of(run))
-    assert "truth" not in before
+    assert "pictures not measured" in before
     (run / "accuracy.json").write_text(json.dumps({"schema": 1, "rows": [truth], "skipped": []}))
     data = analysis.load(run)
     made = tables.readme(text, data, ladder.rows(data))
-    assert "| PSNR to truth at n = 64, dB |" in made and "54.5" in made
-    assert "to truth where the head says so: of pictures at n = 64 (4×4: their means)" in made
+    assert "54.5" in made and "pictures at n = 64" in made
     assert "error to truth at n = 64: PSNR linear, dB" in tables.ladder_text(ladder.rows(data))
 
 
@@ -406,13 +404,12 @@ def test_bad_input_is_status_2_in_one_line(run: Path, tmp_path: Path) -> None:
 
 def test_readme_block_is_replaced_and_the_rest_kept(run: Path) -> None:
     data = analysis.load(run)
-    text = f"# Title\nbefore\n{tables.BEGIN}\nold\n{tables.END}\nafter\n"
+    text = f"# Title\nbefore\n{tables.BEGIN}\nlast week's\n{tables.END}\nafter\n"
     made = tables.readme(text, data, ladder.rows(data))
     assert made.startswith("# Title\nbefore\n") and made.endswith(f"{tables.END}\nafter\n")
-    assert "old" not in made
-    assert "**scene0**, 320×180" in made and "32.0× [" in made and "56.9" in made
-    assert "✗ OUTSIDE: psnr_db" in made
-    assert "with uncommitted changes" in made
+    assert "last week" not in made
+    assert "320×180, one thread" in made and "| 32.0× [" in made
+    assert "| [`opt4`](phases/opt4/NOTES.md) | Eight float rays at once |" in made
     assert tables.readme(made, data, ladder.rows(data)) == made
     with pytest.raises(StudyError, match="lacks the lines"):
         tables.readme("# no marks\n", data, ladder.rows(data))
@@ -507,3 +504,45 @@ def test_intervals_are_columns_of_their_own_in_csv(tmp_path):
     tables.write({"some": (rows, "text")}, tmp_path)
     assert (tmp_path / "some.csv").read_text() == "a,ms.value,ms.low\n1,2.5,2.0\n3,,\n"
     assert json.loads((tmp_path / "some.json").read_text())[0]["ms"] == {"value": 2.5, "low": 2}
+
+
+def test_the_papers_program_is_the_readmes_last_row(run: Path) -> None:
+    """Our baseline takes 200 ms a launch, the paper's 250 and its opt4 20: 0.8 and 10 times."""
+    base = {"phase": "baseline", "scene": "scene0", "n": 180, "psnr_display_db": None}
+    base |= {"ours_launches_ms": [200.0] * 6, "theirs_launches_ms": [250.0] * 6}
+    base |= {"ours_over_theirs": {"value": 0.8}}
+    rows = [base, base | {"phase": "opt4", "theirs_launches_ms": [20.0] * 6, "psnr_display_db": 31.7}]
+    (run / "original.json").write_text(json.dumps({"rows": rows}))
+    made = front_page.originals(run)
+    assert made[0][3:6] == ["250 [250, 250]", "0.8× [0.8, 0.8]", "identical to ours"]
+    assert made[1][3:6] == ["20 [20, 20]", "10× [10, 10]", "31.7 to ours, displayed"]
+    assert made[0][6:] == ["–"] * 3
+    block = front_page.ladder_block(analysis.load(run), rows_of(run))
+    assert block.index("the paper's baseline") < block.index("the paper's opt4") < block.index("320×180")
+
+
+def test_machines_have_ratios_only_beside_the_papers_program(run: Path) -> None:
+    data = analysis.load(run)
+    for row in (frames := [json.loads(line) for line in (run / "frames.jsonl").read_text().splitlines()]):
+        row |= {"height": 720, "width": 1280}
+    (run / "frames.jsonl").write_text("".join(json.dumps(row) + "\n" for row in frames))
+    data = analysis.load(run)
+    assert "×" not in front_page.machines_block([data])
+    checked = {"phase": "baseline", "ours_over_theirs": {"value": 0.97}}
+    (run / "original.json").write_text(json.dumps({"rows": [checked]}))
+    assert "× [" in front_page.machines_block([data])
+
+
+PUBLISHED = sorted(file.parent for file in (ROOT / "results" / "reference").glob("*/context.json"))
+
+
+@pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
+def test_a_published_run_says_what_made_it_and_has_tables(folder: Path) -> None:
+    said = tomllib.loads((folder / "run.toml").read_text(encoding="utf-8"))
+    assert set(said) == {"machine", "compiler", "time", "commit", "commands", "caveat"} and said["commands"]
+    data = analysis.load(folder, strict=False)
+    made = tables.make(data, ladder.rows(data))
+    assert {"ladder", "claims", "paper"} <= set(made)
+    assert (
+        not (folder / "tables").exists() and f"`{folder.name}`" in (folder.parent / "README.md").read_text()
+    )

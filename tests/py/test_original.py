@@ -1,0 +1,88 @@
+"""The paper's program beside ours: a toy repository in its place, whose times and picture are known."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from study import images, original, registry
+from study.cli import CANNOT_RUN, StudyError
+
+CONFIG = (
+    "#define REPETITIONS 4\n#define WARM_UP_REPETITIONS 0\n"
+    "#define START_H_RESOLUTION 100 // width\n#define END_H_RESOLUTION 2000   // width\n#define AA 1\n"
+)
+# Written in the paper's form: n, cycles of the one run, their mean.
+PROGRAM = """#!/bin/sh
+folder=../output/render/$2
+mkdir -p $folder && echo "n, Run 0, AVG" > $folder/measurements.csv
+echo "36, 2500000, 2500000" >> $folder/measurements.csv && cp ../picture.png $folder/out_36_64.png
+"""
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A repository whose program "draws" a black picture in 2.5 million cycles."""
+    made = tmp_path / "theirs"
+    (made / "build").mkdir(parents=True)
+    (made / "include").mkdir()
+    (made / "include" / "config.h").write_text(CONFIG)
+    (made / "build" / "makefile").write_text("raymarcher: ../program\n\tcp ../program raymarcher\n")
+    (made / "program").write_text(PROGRAM)
+    (made / "program").chmod(0o755)
+    images.write_png(made / "picture.png", np.zeros((36, 64, 3), np.uint8))
+    git = ["git", "-C", str(made), "-c", "user.name=t", "-c", "user.email=t@t"]
+    for command in (["init", "-q"], ["add", "-f", "."], ["commit", "-q", "-m", "toy"]):
+        subprocess.run([*git, *command], check=True)
+    head = subprocess.check_output([*git, "rev-parse", "HEAD"], text=True).strip()
+    monkeypatch.setattr(original, "COMMITS", {"opt4": head})
+    return made
+
+
+def test_toy_is_fetched_built_and_timed(toy: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "build" / "repository"
+    original.fetch(str(toy), kept)
+    program = original.build(kept, "opt4", 36)
+    config = (program.parents[1] / "include" / "config.h").read_text()
+    assert "#define START_H_RESOLUTION 36 //" in config and "#define REPETITIONS 1\n" in config
+    cycles, picture = original.launch(program, "scene0", 0, 10)
+    assert cycles == 2_500_000 and picture.shape == (36, 64, 3) and not picture.any()
+    settings = original.Settings(36, 2, 1)
+    row = original.measure({"opt4": program}, registry.find_scene("scene0"), "opt4", settings)
+    ours, theirs = (np.median(row[f"{who}_launches_ms"]) for who in ("ours", "theirs"))
+    assert row["ours_over_theirs"].value == pytest.approx(ours / theirs) and row["largest"] > 200
+    assert not row["ours_over_theirs"].sufficient
+
+
+def test_settings_that_are_missing_are_named() -> None:
+    with pytest.raises(StudyError, match="0 lines `#define REPETITIONS`"):
+        original.configured(CONFIG.replace("REPETITIONS 4", "REPEAT 4"), 36)
+
+
+def test_repository_that_cannot_be_had(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="--repository names a copy") as raised:
+        original.fetch(str(tmp_path / "none"), tmp_path / "build" / "repository")
+    assert raised.value.exit_status == CANNOT_RUN and not (tmp_path / "build" / "repository").exists()
+
+
+def test_program_that_fails_is_named(toy: Path, tmp_path: Path) -> None:
+    original.fetch(str(toy), tmp_path / "kept")
+    program = original.build(tmp_path / "kept", "opt4", 36)
+    program.write_text("#!/bin/sh\nexit 3\n")
+    with pytest.raises(StudyError, match="benchmark scene0: status 3, 0 pictures"):
+        original.launch(program, "scene0", 0)
+
+
+def test_difference_by_arithmetic() -> None:
+    """One pixel of 4 is 51 steps off in one channel of 3: PSNR is 10 log10(255² · 12 / 51²) = 24.77 dB."""
+    theirs, ours = np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)
+    ours[0, 1, 2] = 51
+    found = original.difference(theirs, ours)
+    assert found["psnr_display_db"] == pytest.approx(24.7712, abs=1e-3)
+    assert found["fraction_over_1_255"] == 0.25 and found["largest"] == 51
+    assert original.difference(ours, ours)["psnr_display_db"] is None
+    with pytest.raises(StudyError, match="cannot be compared"):
+        original.difference(theirs, ours[:1])
