@@ -171,7 +171,7 @@ void bvh_first_entry(struct shadow_rays *r, struct shadow_candidate *candidates,
     struct leap_query l = {
         r, v_and(v_and(r->on_plane, r->active), v_cmp_lt(r->facing, v_splat(0.99f))), scene};
     vmask flat = leaves_flat_face(r, scene);
-    ACTIVE(v_count(r->active)); // what was called has set its self
+    ACTIVE(v_count(r->active)); // the callee has set another value
     r->leap_limit = v_select(v_or(l.able, flat), r->leap_limit, v_splat(0.0f));
     r->on_plane = v_or(r->on_plane, flat); // they leap as rays from a plane do
     if (v_any(l.able))
