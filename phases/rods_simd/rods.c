@@ -4,7 +4,11 @@
 //
 // A rod in each lane, those of one size together: "some fancy SSE doing the children in parallel".
 #include "rods.h"
-#include "simd/point.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 
 // A packet of rods under way.
 struct flight {
@@ -70,10 +74,10 @@ static void set_out_rods(int first, int count, int left, int top, const struct s
     flight->linear = v_splat(2.0f) * vec_dot(eye.hi, flight->axis);
     flight->steps = flight->before = v_load(steps);
     flight->gone = v_mask_none();
-    approach_origins(eye, world->scene, &world->group.beam[k]);
-    approach_directions(flight->axis, world->scene, world->group.beam[k].approach);
-    world->group.t[k] = v_load(t);
-    world->group.live[k] =
+    approach_origins(eye, world->scene, &world->group->beam[k]);
+    approach_directions(flight->axis, world->scene, &world->group->beam[k]);
+    world->group->t[k] = v_load(t);
+    world->group->live[k] =
         v_cmp_lt_in(v_cmp_gt(v_load(there), v_splat(0.5f)), flight->steps, size->cap);
 }
 
@@ -135,7 +139,7 @@ static void land_rods(int first, int count, int across, int down, const struct s
 static void march_size(int left, int top, const struct size *size, const struct job *job,
                        struct point eye, struct trace_context *world, struct survey *survey) {
     COUNT(march_size, call);
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     const struct rod_list *rods = &survey->now;
     struct flight flight[GROUP];
     for (int first = 0; first < rods->count; first += GROUP * LANES) {

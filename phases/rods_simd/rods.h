@@ -2,9 +2,10 @@
 #ifndef RODS_H
 #define RODS_H
 
-#include "core/trace.h"
-#include "march/march_step.h"
-#include "simd/point.h"
+#include "simd/simd.h"
+
+struct job; // core/kernel.h
+struct trace_context;
 
 enum { TILE = 64, TILE_PIXELS = TILE * TILE }; // the largest rod
 

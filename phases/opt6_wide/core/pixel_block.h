@@ -3,8 +3,7 @@
 #define BLOCK_H
 
 #include "core/primitive.h"
-#include "simd/point.h"
-#include "simd/rgb.h"
+#include "simd/simd.h"
 
 enum { BLOCK_WIDTH = 4, BLOCK_HEIGHT = LANES / BLOCK_WIDTH };
 

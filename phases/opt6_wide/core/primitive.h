@@ -1,5 +1,4 @@
-// What core/render.c and core/primitives.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
+// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
 #ifndef PLACED_H
 #define PLACED_H
 
@@ -40,32 +39,20 @@ struct primitive {
     double centre[3], row[3][3], offset, radius_sq, wide_cell[3], wide_per_cell[3];
 };
 
+// Shapes by their index in the scene.
+struct shape_list {
+    int count, steady; // steady: how many of the shapes are
+    const int *shape;  // in the scene's order
+    const int *order;  // of evaluation: steady shapes first, then by type
+};
+
 struct prepared {
     struct model model;
     struct primitive *placed; // one per shape
-    int *order;               // of evaluation: steady shapes first, then by type
-    int steady_count;
+    struct shape_list all;
 };
 
-// core/primitives.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
-bool shapes_reserve(struct prepared *prepared, const struct model *model);
-void shapes_release(struct prepared *prepared);
-
-// One frame's work for all workers.
-struct job {
-    const struct prepared *prepared;
-    const struct view *view;
-    struct frame *frame;
-};
-
-#define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// Packets of rays that march together: a group.
+enum { GROUP = 4 };
 
 #endif

@@ -1,4 +1,4 @@
-// Frames and sizes of shapes, for core/primitives.c.
+// How shapes are prepared: core/primitives.c, and the frames and sizes it uses.
 #ifndef PLACE_H
 #define PLACE_H
 
@@ -6,6 +6,13 @@
 #include <string.h>
 
 #include "core/primitive.h"
+
+// Returns a shape in the form that the march needs. `index` is its number in the scene.
+struct primitive prepare_shape(int index, const struct shape *shape, const struct limits *limits);
+
+// Memory for as many shapes as the model has. Returns false if it is short. shapes_release() frees it in any case.
+bool shapes_reserve(struct prepared *prepared, const struct model *model);
+void shapes_release(struct prepared *prepared);
 
 // Rotation about x, then y, then z as one matrix: (u, v) turns to (c·u − s·v, s·u + c·v) on (y,z),
 // then (x,z), then (x,y).
@@ -51,8 +58,8 @@ static inline void prepare_rows(struct primitive *p, const struct shape *shape, 
 // Of a sphere wider than the bounds only a piece is seen, from nearer than its radius, so that its
 // power is as exact as a point would be, and much more so near the surface. Elsewhere a point is
 // cheaper, and from many radii away more exact. 1e15: its square is a float.
-static enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
-                                   const struct limits *limits) {
+static inline enum eval_kind eval_kind_of(const struct shape *shape, bool repeated,
+                                          const struct limits *limits) {
     if (repeated)
         return EVAL_POINT;
     if (shape->type == SHAPE_SPHERE && shape->sphere.radius >= limits->bounds_radius &&

@@ -6,8 +6,7 @@
 #define SHAPES_H
 
 #include "core/primitive.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "simd/simd.h"
 
 // Rays in the frame of one shape. EVAL_LINEAR: the distance is origin.x + t·direction.x. EVAL_POWER:
 // |p|² − radius² is power + t·(t + slope).
@@ -71,6 +70,14 @@ static inline vfloat power_at(struct vec_double from, double square) {
     return v_double_to_float(
         (vdouble){p.x.low * p.x.low + p.y.low * p.y.low + p.z.low * p.z.low - each,
                   p.x.high * p.x.high + p.y.high * p.y.high + p.z.high * p.z.high - each});
+}
+
+// Whether points are within the scene's bounds, known to a double.
+static inline vmask within(struct point place, const struct model *model) {
+    COUNT(within, call);
+    COUNT(within, scalar);
+    double radius = model->march.bounds_radius;
+    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
 }
 
 static inline vfloat sdf_sphere(struct vec p, const struct primitive *s) {

@@ -1,8 +1,10 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
 #include "core/trace.h"
-#include "simd/point.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 
@@ -44,8 +46,9 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     COUNT(draw_tile, call);
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
-    struct trace_context world = {.scene = job->prepared, .view = job->view};
-    init_packet_rays(&world.group, own, job->prepared->model.shape_count);
+    struct packet_group group;
+    struct trace_context world = {job->prepared, job->view, &group};
+    init_packet_rays(&group, own, job->prepared->model.shape_count);
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE_WIDTH,
         right = int_min(frame->width, left + TILE_WIDTH);
@@ -102,9 +105,9 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam->approach);
-        distance[i] = v_lane0(
-            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        approach_directions(nowhere, prepared, beam);
+        distance[i] =
+            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

@@ -2,7 +2,8 @@
 #ifndef MARCHING_H
 #define MARCHING_H
 
-#include "core/shape_distances.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
 // A ray leaves the bounds when |o + t·d|² > radius²: a polynomial in t, free of the point itself, and
 // known to a few 2^-24 of radius²: within 2^-20 the ray goes on, and its hit is asked by within().
@@ -20,12 +21,12 @@ static inline struct bounds_exit bounds_exit_of(struct point origin, struct vec 
                                 vec_dot(o, o) - v_splat(radius * radius * (1.0f + 0x1p-20f))};
 }
 
-static inline vmask within(struct point place, const struct model *model) {
-    COUNT(within, call);
-    COUNT(within, scalar);
-    double radius = model->march.bounds_radius;
-    return v_cmp_ge(v_splat(0.0f), power_at(vec_double_of(place), radius * radius));
-}
+// The state of a packet's shadow rays.
+struct shadow_state {
+    vfloat least_sq; // of the light so far: the root is taken once, of what is left in the end
+    vfloat twice_previous;
+    struct bounds_exit exit;
+};
 
 static inline vfloat outside_of_bounds(struct bounds_exit exit, vfloat t) { // > 0: outside
     return v_madd(t, t + exit.linear, exit.constant);

@@ -1,20 +1,23 @@
 // Normals of hits.
+#include "core/packet_group.h"
 #include "core/trace.h"
 #include "shading/gradients.h"
-#include "simd/point.h"
 
 // Of the whole scene, as in the other phases.
 static struct vec scene_difference(vmask live, float step, const struct prepared *scene,
-                                   const struct local_ray *approach) {
+                                   const struct packet_rays *beam) {
     ACTIVE(v_count(live));
     COUNT(scene_difference, call);
+    const struct shape_list *list = shapes_of(beam, scene);
     vfloat f[4];
     for (int axis = -1; axis < 3; axis++) {
         f[axis + 1] = v_splat(INFINITY);
-        for (int i = 0; i < scene->model.shape_count; i++) {
+        for (int n = 0; n < list->count; n++) {
             COUNT(scene_difference, shape);
-            f[axis + 1] = v_min(moved_distance(&scene->placed[i], &approach[i], live, step, axis),
-                                f[axis + 1]);
+            int i = list->shape[n];
+            f[axis + 1] =
+                v_min(moved_distance(&scene->placed[i], &beam->approach[i], live, step, axis),
+                      f[axis + 1]);
         }
     }
     return (struct vec){f[1] - f[0], f[2] - f[0], f[3] - f[0]};
@@ -26,7 +29,9 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
     COUNT(near_hit, call);
     COUNT(near_hit, scalar);
     vfloat least = v_splat(INFINITY), second = least, shape = v_splat(-1.0f);
-    for (int i = 0; i < scene->model.shape_count; i++) {
+    const struct shape_list *list = shapes_of(beam, scene);
+    for (int n = 0; n < list->count; n++) {
+        int i = list->shape[n];
         COUNT(near_hit, shape);
         const struct primitive *placed = &scene->placed[i];
         vfloat distance = moved_distance(placed, &beam->approach[i], found, 0, -1);
@@ -36,7 +41,7 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
         least = v_min(distance, least);
         if (placed->steady) {
             COUNT(near_hit, steady);
-            beam->wake[i * GROUP] = wake_bound_inside(distance, placed);
+            *wake_of(beam, i) = wake_bound_inside(distance, placed);
             beam->high = v_min(distance, beam->high);
         }
     }
@@ -48,11 +53,11 @@ struct hit_surroundings near_hit(vmask found, const struct prepared *scene,
 
 // `contact`: hits near another shape, whose difference is the scene's.
 static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
-                              const struct prepared *scene, const struct local_ray *approaches) {
+                              const struct prepared *scene, const struct packet_rays *beam) {
     ACTIVE(v_count(found));
     COUNT(gradient_of, call);
     const struct primitive *placed = &scene->placed[shape];
-    const struct local_ray *approach = &approaches[shape];
+    const struct local_ray *approach = &beam->approach[shape];
     vmask near = v_and(found, contact);
     struct vec p = moved_in(placed, approach, 0, -1);
     if (placed->way == EVAL_LINEAR) // it has a height alone
@@ -61,7 +66,7 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     if (placed->way != EVAL_LINEAR && v_any(v_andnot(contact, found)))
         rounded = difference(placed, approach, found, step);
     if (v_any(near))
-        rounded = vec_select(near, scene_difference(near, step, scene, approaches), rounded);
+        rounded = vec_select(near, scene_difference(near, step, scene, beam), rounded);
     ACTIVE(v_count(found)); // what was called has set its own
     switch (placed->type) {
     case SHAPE_SPHERE: break;
@@ -89,12 +94,10 @@ static struct vec gradient_of(int shape, vmask found, vmask contact, float step,
     return vec_select(edge, rounded, exact);
 }
 
-// Towards the side the ray comes from. Once for each shape that the packet hit. `slope`: how fast the
-// distance falls along the ray, by a closed form, which is of unit length; 1e30 where there is a
-// difference instead, which at an edge or through a thin plate is no slope to divide by.
-struct vec normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
-                     const struct prepared *scene, const struct local_ray *approach,
-                     vfloat *slope) {
+// The gradient is formed once for each shape that the packet hit. The slope is that of a closed form, which is of unit
+// length. Where a difference stands instead, it is no slope to divide by: at an edge, or through a thin plate.
+struct hit_normal normal_at(struct vec direction, vmask found, const struct hit_surroundings *near,
+                            const struct prepared *scene, const struct packet_rays *beam) {
     COUNT(normal_at, call);
     float id[LANES], step = (float)scene->model.march.normal_step;
     v_store(near->shape, id);
@@ -105,19 +108,20 @@ struct vec normal_at(struct vec direction, vmask found, const struct hit_surroun
         int i = (int)id[__builtin_ctz(rest)];
         vmask same = v_and(found, v_cmp_ge(v_splat(0.5f), v_abs(near->shape - v_splat((float)i))));
         gradient =
-            vec_select(same, gradient_of(i, same, near->contact, step, scene, approach), gradient);
+            vec_select(same, gradient_of(i, same, near->contact, step, scene, beam), gradient);
         rest &= ~v_mask_bits(same);
     }
     ACTIVE(v_count(found));
     vfloat length = vec_norm(gradient);
     vfloat along = vec_dot(direction, gradient);
-    *slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
-                      v_splat(1e30f));
+    vfloat slope = v_select(v_cmp_lt(v_abs(length - v_splat(1.0f)), v_splat(1e-4f)), v_abs(along),
+                            v_splat(1e30f));
     vmask away = v_cmp_gt(along, v_splat(0.0f));
     struct vec n = vec_scale(gradient, v_negate_where(away, v_splat(1.0f) / length));
     // No direction, as at a centre: towards the ray. 1e-18: its square is still a normal float.
     vmask clear = v_and(v_cmp_gt(length, v_splat(1e-18f)), v_cmp_lt(length, v_splat(1e18f)));
     n = vec_select(clear, n, vec_scale(direction, v_splat(-1.0f)));
-    return (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
-                        v_select_or_zero(found, n.z)};
+    n = (struct vec){v_select_or_zero(found, n.x), v_select_or_zero(found, n.y),
+                     v_select_or_zero(found, n.z)};
+    return (struct hit_normal){n, slope, away};
 }

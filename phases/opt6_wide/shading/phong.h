@@ -3,7 +3,6 @@
 #define PHONG_H
 
 #include "core/trace.h"
-#include "simd/pow.h"
 
 // Materials of hits, gathered.
 struct surfaces {

@@ -2,7 +2,12 @@
 #ifndef BOUNDS_H
 #define BOUNDS_H
 
-#include "cones/tile_cones.h"
+#include "cones/march_scratch.h"
+#include "core/packet_group.h"
+#include "core/shape_distances.h"
+
+// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
+#define FAR_TANGENT 2.48f
 
 // From a place on the way to the nearest from where the shape's own distance may say "hit".
 __attribute__((always_inline)) static inline vfloat lower_bound(const struct local_ray *a, vfloat t,
@@ -31,7 +36,7 @@ static inline float near_distance(const struct limits *limits) {
 }
 
 static inline struct packet_rays eye_rays(struct march_scratch *own, const struct prepared *scene) {
-    return (struct packet_rays){own->eye, scene->all, own->eye_wake, 1, v_splat(0.0f)};
+    return single_packet(own->eye, scene->all, own->eye_wake);
 }
 
 // Of the shapes of the scene the wanted ones, in both orders, written to `shapes`.

@@ -1,10 +1,10 @@
 // Bundles of secondary rays: see cones/tile_cones.h. All of them are within `radius` of an axis, in each of some intervals of
 // the way; an interval is a lane.
 #include "cones/distance_bounds.h"
-#include "simd/point.h"
-
-// From afar the Mandelbulb's estimate is r·ln(r)/3, which is above its tangent at e²: r less this.
-#define FAR_TANGENT 2.48f
+#include "cones/tile_cones.h"
+#include "core/local_rays.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 
 static vfloat most_lane(vmask active, vfloat a) {
     COUNT(most_lane, call);
@@ -197,9 +197,9 @@ void list_for_bundle(const struct ray_group *rays, const vfloat *length, enum li
     const struct prepared *scene = world->scene;
     struct shape_list list = scene->all;
     if (list.count > 1) {
-        struct ray_bundle b = bundle_of(rays, length, world->group.size, &scene->model);
+        struct ray_bundle b = bundle_of(rays, length, packets_in(world->group), &scene->model);
         list = list_by_intervals(&b, meant, scene, world->own, shapes);
     }
-    for (int k = 0; k < world->group.size; k++)
-        world->group.beam[k].list = list;
+    for (int k = 0; k < packets_in(world->group); k++)
+        world->group->beam[k].list = list;
 }

@@ -1,52 +1,14 @@
 // Cones: see cones/tile_cones.h. A cone's axis stands at t; its rays are within spread·t of it. All of them may go
 // on by d(axis) − spread·t, for the ball of radius d about the axis holds no surface. What float makes of a
 // distance is taken off it before it is believed.
+#include "cones/tile_cones.h"
 #include "cones/distance_bounds.h"
-#include "simd/point.h"
+#include "core/local_rays.h"
 
 enum { MAX_CONE_STEPS = 512 };
 
 // A cone meets a shape once the gap to it is below this part of the cone's radius.
 #define TOUCH_GAP 0.5f
-
-static size_t even_count(int shapes) { // so many that whole numbers behind masks are aligned
-    return ((size_t)shapes + 1) / 2 * 2;
-}
-
-static int max_packets(const struct model *model) {
-    for (int i = 0; i < model->shape_count; i++)
-        if (model->shapes[i].type == SHAPE_MANDELBULB)
-            return GROUP;
-    return SMALL_GROUP;
-}
-
-size_t march_scratch_size(const struct model *model) {
-    return even_count(model->shape_count) *
-           ((size_t)(max_packets(model) + 2) * (sizeof(struct local_ray) + sizeof(vfloat)) +
-            CONE_LEVELS * sizeof(vmask) + (6 + 2 * CONE_LEVELS) * sizeof(int) + sizeof(bool));
-}
-
-struct march_scratch march_scratch_of(void *memory, const struct model *model) {
-    size_t n = even_count(model->shape_count);
-    struct march_scratch own = {.packets = max_packets(model), .wake = memory};
-    size_t packets = (size_t)own.packets;
-    own.approach = (struct local_ray *)(own.wake + packets * n);
-    own.eye_wake = (vfloat *)(own.approach + packets * n);
-    own.eye = (struct local_ray *)(own.eye_wake + n);
-    own.distance = (vfloat *)(own.eye + n);
-    own.axis = (struct local_ray *)(own.distance + n);
-    own.met[0] = (vmask *)(own.axis + n);
-    for (int level = 1; level < CONE_LEVELS; level++)
-        own.met[level] = own.met[0] + level * n;
-    own.offered[0] = (int *)(own.met[0] + CONE_LEVELS * n);
-    for (int level = 1; level < CONE_LEVELS; level++)
-        own.offered[level] = own.offered[0] + 2 * level * n;
-    own.tile = own.offered[0] + 2 * CONE_LEVELS * n;
-    own.mirror = own.tile + 2 * n;
-    own.shadow = own.mirror + 2 * n;
-    own.wanted = (bool *)(own.shadow + 2 * n);
-    return own;
-}
 
 // One step of the cones: what they touch where they are, how far to the nearest of what they have not met
 // (`least`), how deep they are in what they have.
@@ -56,9 +18,8 @@ struct cone_step {
 };
 
 static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmask live,
-                                     struct shape_list offered, vmask *all_met,
-                                     const struct prepared *scene,
-                                     const struct march_scratch *own) {
+                                     struct shape_list offered, const struct prepared *scene,
+                                     struct march_scratch *own) {
     struct cone_step found = {v_mask_none(), v_splat(INFINITY), v_splat(INFINITY)};
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
@@ -68,7 +29,7 @@ static struct cone_step touch_shapes(vfloat t, vfloat radius, vfloat touch, vmas
         COUNT(march_cones, shape);
         vfloat d = lower_bound(&own->axis[i], t, placed);
         vmask here = v_cmp_lt_in(live, d, touch);
-        vmask met = all_met[i] = v_or(all_met[i], here);
+        vmask met = own->met[i] = v_or(own->met[i], here);
         found.touched = v_or(found.touched, here);
         found.least = v_min(v_select(met, v_splat(INFINITY), d), found.least);
         if (placed->trust != BOUND_LIPSCHITZ)
@@ -86,7 +47,7 @@ static void touch_all(vmask lanes, struct shape_list offered, vmask *met) {
 }
 
 static struct packet_rays axis_rays(struct march_scratch *own, struct shape_list list) {
-    return (struct packet_rays){own->axis, list, own->eye_wake, 1, v_splat(0.0f)};
+    return single_packet(own->axis, list, own->eye_wake);
 }
 
 void set_cone_origins(struct point eye, const struct prepared *scene, struct march_scratch *own) {
@@ -94,7 +55,7 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
     approach_origins(eye, scene, &beam);
 }
 
-void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
+void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
                  struct march_scratch *own) {
     ACTIVE(v_count(active));
@@ -110,26 +71,26 @@ void march_cones(struct point eye, vmask active, int level, struct shape_list of
     approach_directions(cones->axis, scene, &beam);
     // From outside of the bounds a ray's first step decides whether it goes on: nothing is known of it.
     vmask live = v_and(active, v_cmp_lt(from_centre, bounds * bounds * v_splat(1.0f - 0x1p-18f)));
-    vmask met = v_andnot(live, active), *each = own->met[level], at_camera = v_cmp_ge(zero, t);
+    vmask met = v_andnot(live, active), at_camera = v_cmp_ge(zero, t);
     for (int i = 0; i < scene->model.shape_count; i++)
-        each[i] = v_mask_none();
+        own->met[i] = v_mask_none();
     for (int n = 0; n < offered.count; n++) {
         int i = offered.shape[n];
-        each[i] = scene->placed[i].trust == BOUND_NONE ? active : v_andnot(live, active);
-        met = v_or(met, each[i]);
+        own->met[i] = scene->placed[i].trust == BOUND_NONE ? active : v_andnot(live, active);
+        met = v_or(met, own->met[i]);
     }
     for (int step = 0; step < MAX_CONE_STEPS && v_any(live); step++) {
         ACTIVE(v_count(live));
         COUNT(march_cones, step);
         vfloat radius = v_madd(cones->spread, t, v_madd(t, v_splat(0x1p-18f), close));
         vfloat touch = v_madd(gap, t, radius);
-        struct cone_step around = touch_shapes(t, radius, touch, live, offered, each, scene, own);
+        struct cone_step around = touch_shapes(t, radius, touch, live, offered, scene, own);
         vmask first = v_andnot(met, around.touched);
         cones->start = v_select(first, t, cones->start);
         met = v_or(met, around.touched);
         // A ray from within a shape is hit behind it, near to whatever is there.
         if (step == 0 && v_any(v_and(first, at_camera))) {
-            touch_all(v_and(first, at_camera), offered, each);
+            touch_all(v_and(first, at_camera), offered, own->met);
             live = v_andnot(v_and(first, at_camera), live);
         }
         // Each of its rays has been hit by now, or is out of the bounds.
@@ -143,7 +104,7 @@ void march_cones(struct point eye, vmask active, int level, struct shape_list of
     }
     if (v_any(live)) { // out of steps: known as far as they are
         cones->start = v_select(v_andnot(met, live), t, cones->start);
-        touch_all(live, offered, each);
+        touch_all(live, offered, own->met);
     }
     cones->start =
         v_select(v_cmp_lt(cones->start, v_splat(INFINITY)),
@@ -170,18 +131,18 @@ struct shape_list list_wanted_hits(const bool *wanted, const struct prepared *sc
     return list_wanted(wanted, scene, shapes);
 }
 
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
-                                    struct march_scratch *own) {
+struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
+                                    struct march_scratch *own, int *shapes) {
     for (int i = 0; i < scene->model.shape_count; i++)
-        own->wanted[i] = (v_mask_bits(own->met[level][i]) & some) != 0;
-    return list_wanted(own->wanted, scene, own->offered[level]);
+        own->wanted[i] = (v_mask_bits(met[i]) & some) != 0;
+    return list_wanted(own->wanted, scene, shapes);
 }
 
 struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
                                float *start) {
     COUNT(list_of_cone, call);
     for (int i = 0; i < scene->model.shape_count; i++) {
-        own->wanted[i] = v_mask_bits(own->met[0][i]) >> lane & 1;
+        own->wanted[i] = v_mask_bits(own->met[i]) >> lane & 1;
         if (own->wanted[i] && scene->placed[i].trust == BOUND_BALL)
             *start = 0.0f;
     }

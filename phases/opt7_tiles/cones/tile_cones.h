@@ -4,29 +4,12 @@
 #ifndef TILES_H
 #define TILES_H
 
-#include "core/trace.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
-// Of cones, each over a square of pixels: of a level above the lowest, 0, it has four below it.
-enum { CONE_LEVELS = 2 };
-
-// A worker's memory, of the size that march_scratch_size() says.
-struct march_scratch {
-    int packets;  // of the largest group: GROUP where a Mandelbulb is, else SMALL_GROUP
-    vfloat *wake; // of the rays being marched: for each shape as many as a group may have packets
-    struct local_ray *approach;
-    vfloat *eye_wake; // of cones and bundles
-    struct local_ray *eye;
-    vfloat *distance;            // at the ends of a bundle's intervals
-    struct local_ray *axis;      // of cones
-    vmask *met[CONE_LEVELS];     // lanes whose cone can meet the shape
-    int *offered[CONE_LEVELS];   // what the cones of a level can meet: a list for the next one
-    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
-    bool *wanted;                // of each shape, on the way to a list
-};
-
-size_t march_scratch_size(const struct model *model);
-struct march_scratch march_scratch_of(void *memory, const struct model *model);
+struct march_scratch; // cones/march_scratch.h
+struct ray_group;
+struct trace_context; // core/trace_context.h
 
 // A cone of pixels in each lane: |dir − axis| ≤ spread for each of its rays.
 struct cone_packet {
@@ -40,12 +23,12 @@ void set_cone_origins(struct point eye, const struct prepared *scene, struct mar
 // From `start`, where the wider cones end that hold them, among what those have met. Fills start and own->met: what
 // a ray of the cone can hit between start and the bounds, and what is so near to such a place that the normal there
 // asks for it.
-void march_cones(struct point eye, vmask active, int level, struct shape_list offered,
+void march_cones(struct point eye, vmask active, struct shape_list offered,
                  struct cone_packet *cones, const struct prepared *scene,
                  struct march_scratch *own);
 // What some of the cones have met; `some`: bits of their lanes.
-struct shape_list list_for_children(unsigned some, int level, const struct prepared *scene,
-                                    struct march_scratch *own);
+struct shape_list list_for_children(unsigned some, const vmask *met, const struct prepared *scene,
+                                    struct march_scratch *own, int *shapes);
 // Where a Mandelbulb is on it, `start` is the camera.
 struct shape_list list_of_cone(int lane, const struct prepared *scene, struct march_scratch *own,
                                float *start);

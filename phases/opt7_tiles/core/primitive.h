@@ -1,5 +1,4 @@
-// What core/render.c and core/primitives.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
+// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
 #ifndef PLACED_H
 #define PLACED_H
 
@@ -28,8 +27,8 @@ struct primitive {
     enum eval_kind way;
     enum shape_type type;
     bool turned, repeated;
-    bool steady; // its distance changes no faster than the place: see sdf()
-    float slack; // by which sdf() mistrusts it, where the place is within the shape
+    bool steady; // its distance changes no faster than the place: see scene_distances()
+    float slack; // by which scene_distances() mistrusts it, where the place is within the shape
     enum bound_kind trust;
     float error; // what float makes of its distance, for its size
     float index; // in the scene
@@ -49,9 +48,9 @@ struct primitive {
 
 // Shapes by their index in the scene.
 struct shape_list {
-    int count, steady;
-    const int *shape; // in the scene's order
-    const int *order; // of evaluation: steady shapes first, then by type
+    int count, steady; // steady: how many of the shapes are
+    const int *shape;  // in the scene's order
+    const int *order;  // of evaluation: steady shapes first, then by type
 };
 
 struct prepared {
@@ -60,25 +59,8 @@ struct prepared {
     struct shape_list all;
 };
 
-// core/primitives.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
-bool shapes_reserve(struct prepared *prepared, const struct model *model);
-void shapes_release(struct prepared *prepared);
-
-// One frame's work for all workers.
-struct job {
-    const struct prepared *prepared;
-    const struct view *view;
-    struct frame *frame;
-};
-
-#define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// Packets of rays that march together: the most in a group. Where there is no Mandelbulb, SMALL_GROUP is enough: more
+// packets would share longer lists of shapes.
+enum { GROUP = 16, SMALL_GROUP = 4 };
 
 #endif

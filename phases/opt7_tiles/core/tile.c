@@ -1,8 +1,13 @@
 // The pixels of a tile: blocks of neighbours on both axes, four wide, one ray through the middle of each; what
 // of a block lies outside the picture is masked, so any size will do.
+#include "cones/march_scratch.h"
+#include "cones/pixel_cones.h"
 #include "cones/tile_cones.h"
 #include "core/camera_rays.h"
-#include "simd/point.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 
@@ -44,10 +49,6 @@ static int tiles_across(const struct frame *frame) {
     return (frame->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-struct pixel_rect { // of pixels, what of it is in the picture
-    int left, top, right, bottom;
-};
-
 // Cones that march together: a square of PATCH << level pixels for each lane.
 struct cone_area {
     int left, top, level;
@@ -72,52 +73,6 @@ static int parent_lane(int quarter, int lane) {
     int column = quarter % 2 * PATCHES_ACROSS + lane % PATCHES_ACROSS;
     int row = quarter / 2 * PATCHES_DOWN + lane / PATCHES_ACROSS;
     return row / 2 * PATCHES_ACROSS + column / 2;
-}
-
-static struct vec unit(struct vec v) {
-    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
-}
-
-// Through the middles of the corner pixels: no ray between is further from the axis, since a circle about the
-// axis is an ellipse in the picture, and what is between two of its points is within.
-static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
-    COUNT(cones_around, call);
-    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (int i = 0; i < 4; i++) {
-        corner[i] =
-            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], v_splat(1.0f));
-    }
-    struct cone_packet cones = {.axis = unit(sum)};
-    vfloat most = v_splat(0.0f);
-    for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
-        most = v_max(most, vec_dot(apart, apart));
-    }
-    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
-    return cones;
-}
-
-// A cone for each square of the area; which of them there are.
-static vmask get_cones(struct cone_area area, const struct job *job, struct cone_packet *cones) {
-    COUNT(get_cones, call);
-    const struct frame *frame = job->frame;
-    double per_height = job->view->tan_half_fov / frame->height;
-    float edge[4][LANES], there[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_cones, scalar);
-        struct pixel_rect p = rect_of_lane(area, lane, frame);
-        there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
-        edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
-        edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
-        edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
-        edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
-    }
-    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
-    ACTIVE(LANES);
-    *cones = cones_around(x, y, job->view);
-    return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
 static struct pixel_block block_in_rect(const struct pixel_rect *patch, int number) {
@@ -151,7 +106,7 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
     int blocks = patches * BLOCKS;
     for (int first = 0; first < blocks; first += size) {
         struct shaded seen[GROUP];
-        group_size(&world->group, size);
+        set_group_size(world->group, size);
         for (int k = 0; k < size; k++) {
             active[k] = v_mask_none();
             if (first + k >= blocks)
@@ -163,7 +118,7 @@ static void render_patches(const struct pixel_rect *patch, int patches, int size
             COUNT(render_patches, packet);
             origins[k] = origin;
             direction[k] = get_direction(block, job->frame, job->view);
-            world->group.beam[k].list = list;
+            world->group->beam[k].list = list;
         }
         trace(&rays, 0, world, seen);
         for (int k = 0; k < size && first + k < blocks; k++) {
@@ -223,10 +178,14 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
                       struct point origin, const struct job *job, struct trace_context *world) {
     COUNT(draw_area, call);
     struct cone_packet cones;
-    vmask there = get_cones(area, job, &cones);
+    struct pixel_rect square[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        square[lane] = rect_of_lane(area, lane, job->frame);
+    vmask there = get_cones(square, job, &cones);
     cones.start = v_load(start.lane);
-    march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), area.level, offered,
-                &cones, world->scene, world->own);
+    world->own->met = world->own->levels[area.level];
+    march_cones(origin, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), offered, &cones,
+                world->scene, world->own);
     v_store(cones.start, start.lane);
     if (area.level == 0) {
         draw_lanes(area, there, start, origin, job, world);
@@ -239,7 +198,9 @@ static void draw_area(struct cone_area area, struct cone_starts start, struct sh
             below.lane[lane] = start.lane[parent_lane(quarter, lane)];
             above |= 1u << parent_lane(quarter, lane);
         }
-        struct shape_list met = list_for_children(above, area.level, world->scene, world->own);
+        struct shape_list met =
+            list_for_children(above, world->own->levels[area.level], world->scene, world->own,
+                              world->own->offered[area.level]);
         draw_area(child_area(area, quarter), below, met, origin, job, world);
     }
 }
@@ -250,8 +211,9 @@ static void draw_tile(const struct job *job, int tile, void *memory) {
     struct point origin = point_from_doubles(job->view->position);
     const struct prepared *scene = job->prepared;
     struct march_scratch own = march_scratch_of(memory, &scene->model);
-    struct trace_context world = {.scene = scene, .view = job->view, .own = &own};
-    init_packet_rays(&world.group, &own, scene->model.shape_count);
+    struct packet_group group;
+    struct trace_context world = {scene, job->view, &group, &own};
+    init_packet_rays(&group, &own, scene->model.shape_count);
     ACTIVE(LANES);
     set_cone_origins(origin, scene, &own);
     struct cone_area whole = {tile % tiles_across(job->frame) * TILE_WIDTH,
@@ -278,8 +240,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct march_scratch parts = march_scratch_of(own, &prepared->model);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, 1, v_splat(0.0f)},
-                       *beam = &all;
+    struct packet_rays all = single_packet(parts.approach, prepared->all, parts.wake), *beam = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);

@@ -6,8 +6,7 @@
 #define BULB_H
 
 #include "core/numerics.h"
-#include "core/sdf.h"
-#include "simd/pow.h"
+#include "core/primitive.h"
 
 // A point's orbit. The derivative is slope·√product, the product of all m before: its recursion, 8·m³·√m·that + 1,
 // becomes 8·m³·slope + 1/√product, whose root is that of the small summand alone: 11 bits will do, but in the first two

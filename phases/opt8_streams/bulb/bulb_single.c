@@ -4,8 +4,15 @@
 // Where a march ends hangs on the last digits of its steps: t is two floats, and near the surface bulb/bulb_chebyshev.h tells them.
 // Packets by turns, whose lanes are filled again from the rays that wait as soon as enough of them have ended.
 #include "bulb/bulb_chebyshev.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "bulb/bulb_estimate.h"
+#include "core/ray_queues.h"
+#include "core/shape_distances.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
+
+#include <string.h>
+
+enum { REFILL_BULB_SINGLE = LANES * LANES / 32 }; // ended lanes
 
 struct bulb_lanes {
     vfloat field[B_LANE];

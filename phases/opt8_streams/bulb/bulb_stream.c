@@ -1,7 +1,10 @@
 // Camera rays that may meet a Mandelbulb: all of a tile's in one stream (shadow/lane_refill.h), before its patches are shaded.
 #include "cones/distance_bounds.h"
+#include "core/local_rays.h"
+#include "core/ray_queues.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
 #include "shadow/lane_refill.h"
-#include "simd/point.h"
 
 // Of rays of unit length those that come near the ball of one; what float makes of |v|² − (v·d)² is 2^-20 of it at most.
 // `out`: where the last of the balls is behind them.
@@ -49,7 +52,7 @@ void queue_camera_rays(struct vec direction, vmask active, int slot, struct trac
     v_store(direction.z, &scratch->gaze[2][slot]);
 }
 
-bool next_camera_packet(struct ray_stream *stream, int number, struct trace_context *world) {
+static bool next_camera_packet(struct ray_stream *stream, int number, struct trace_context *world) {
     struct worker_scratch *scratch = world->scratch;
     int slot = scratch->camera_slot[number];
     struct vec direction = {v_load(&scratch->gaze[0][slot]), v_load(&scratch->gaze[1][slot]),
@@ -69,8 +72,8 @@ bool next_camera_packet(struct ray_stream *stream, int number, struct trace_cont
 }
 
 // For resume_march().
-void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
-                        struct worker_scratch *scratch) {
+static void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                               struct worker_scratch *scratch) {
     float values[MARCH_FIELDS][LANES], ray[LANES];
     v_store(t, values[MARCH_T]);
     v_store(v_select_or_zero(pool->found, pool->last), values[MARCH_LAST_STEP]);
@@ -88,7 +91,7 @@ void finish_camera_rays(const struct refilled_packet *pool, vmask ended, vfloat 
 // How many lanes are still at work.
 static inline int camera_stream_step(struct refilled_packet *pool, int k, vfloat cap,
                                      struct trace_context *world) {
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     vmask live = group->live[k];
     ACTIVE(v_count(live));
     COUNT(camera_stream_step, call);
@@ -110,9 +113,11 @@ static inline int camera_stream_step(struct refilled_packet *pool, int k, vfloat
 }
 
 void march_camera_stream(struct trace_context *world) {
-    struct packet_group *group = &world->group;
-    struct ray_stream stream;
-    stream_begin(&stream, world->scratch->camera_packets, false, world);
+    struct packet_group *group = world->group;
+    struct ray_stream stream = {.count = world->scratch->camera_packets,
+                                .next_packet = next_camera_packet,
+                                .finish_rays = finish_camera_rays};
+    stream_begin(&stream, world);
     vfloat cap = v_splat((float)step_cap(&world->scene->model));
     for (int live; (live = refill_lanes(&stream, world)) > 0;) {
         struct sole_shape alone = {.shape = -1}; // rays that are filled in bring wakes of their own

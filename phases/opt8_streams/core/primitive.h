@@ -1,5 +1,4 @@
-// What core/render.c and core/primitives.c prepare, and what it calls of the kernels, which are built for 8 and for 16 lanes: no
-// lanes in here.
+// The scene in the form that the march needs, prepared by core/primitives.c and core/update.c. No lanes in here.
 #ifndef PLACED_H
 #define PLACED_H
 
@@ -28,8 +27,8 @@ struct primitive {
     enum eval_kind way;
     enum shape_type type;
     bool turned, repeated;
-    bool steady; // its distance changes no faster than the place: see sdf()
-    float slack; // by which sdf() mistrusts it, where the place is within the shape
+    bool steady; // its distance changes no faster than the place: see scene_distances()
+    float slack; // by which scene_distances() mistrusts it, where the place is within the shape
     enum bound_kind trust;
     float error; // what float makes of its distance, for its size
     float index; // in the scene
@@ -56,9 +55,9 @@ struct primitive {
 
 // Shapes by their index in the scene.
 struct shape_list {
-    int count, steady;
-    const int *shape; // in the scene's order
-    const int *order; // of evaluation: steady shapes first, then by type
+    int count, steady; // steady: how many of the shapes are
+    const int *shape;  // in the scene's order
+    const int *order;  // of evaluation: steady shapes first, then by type
 };
 
 // Rays that end further from the surface end where the lengths of their steps say: bulb/bulb_single.c tells those to 2⁻¹³ only.
@@ -72,28 +71,19 @@ struct prepared {
     bool
         lone; // one, not repeated and within the bounds, with a plane at most, met to BULB_SINGLE_HIT: bulb/bulb_single.c
     bool told;       // every shape has such a sphere, or is a plane: shadow cones say something
-    float lit_slope; // see there in core/render.c
+    float lit_slope; // see core/update.c
 };
 
-// core/primitives.c: memory for as many shapes as the model has. False when it is short; either way shapes_release() frees it.
-bool shapes_reserve(struct prepared *prepared, const struct model *model);
-void shapes_release(struct prepared *prepared);
+// Returns the first shape of a type, or NULL.
+static inline const struct primitive *single_shape(enum shape_type type,
+                                                   const struct prepared *scene) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        if (scene->placed[i].type == type)
+            return &scene->placed[i];
+    return NULL;
+}
 
-// One frame's work for all workers.
-struct job {
-    const struct prepared *prepared;
-    const struct view *view;
-    struct frame *frame;
-};
-
-#define KERNEL(width)                                                                              \
-    size_t width##_own_size(const struct model *model);                                            \
-    int width##_tiles(const struct frame *frame);                                                  \
-    void width##_tile(const struct job *job, int tile, void *own);                                 \
-    bool width##_distances(const struct prepared *prepared, size_t count, const double *points,    \
-                           double *distance, int *nearest);
-KERNEL(lanes8)
-KERNEL(lanes16)
-#undef KERNEL
+// Packets of rays that march together: a group.
+enum { GROUP = 4 };
 
 #endif

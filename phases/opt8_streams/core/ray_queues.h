@@ -5,10 +5,13 @@
 #ifndef STREAMS_H
 #define STREAMS_H
 
-#include "cones/tile_cones.h"
-#include "core/pixel_block.h"
-#include "simd/permute.h"
-#include "simd/point.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
+
+struct hit;           // core/trace.h
+struct lighting;      // core/trace.h
+struct packet_rays;   // core/packet_group.h
+struct trace_context; // core/trace_context.h
 
 enum {
     PATCH = 8, // pixels on each side
@@ -91,12 +94,6 @@ struct worker_scratch {
         occluder_count; // shapes that can come between the group in work and the light, and how many
 };
 
-struct lighting {
-    struct vec to_light; // of unit length
-    vfloat distance, facing;
-    vmask lit;
-};
-
 // A packet of camera rays that wait for march_camera_stream(); slot: the pixel of its first lane.
 void queue_camera_rays(struct vec direction, vmask active, int slot, struct trace_context *world);
 void march_camera_stream(struct trace_context *world);
@@ -111,7 +108,7 @@ void cast_streams(struct trace_context *world); // where there is a Mandelbulb
 void follow_mirrors(struct trace_context *world);
 
 // Which shapes can come between the group's hits and the light.
-void list_occluders(const struct hit hit[GROUP], const struct lighting light[GROUP],
+void list_occluders(const struct hit *hit, const struct lighting *light,
                     struct trace_context *world);
 // Shadow rays that need no march: of soft ones those on which no shape but their own can bring a term of the estimator
 // below 1, and their own neither, but for the first two, since it bulges. Of hard ones those that come near nothing.

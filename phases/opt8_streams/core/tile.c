@@ -4,10 +4,15 @@
 // One worker draws a strip of tiles. Cones march first, one in each lane: those of the strip's squares, which are two by
 // two patches. Then, tile by tile, those of the patches. A patch is a group of packets (two of eight lanes). 32 pixels
 // of a row are whole cache lines of every plane if the picture's width is a multiple of 32.
+#include "cones/distance_bounds.h"
+#include "cones/tile_cones.h"
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
 #include "core/pixel_rects.h"
 #include "core/ray_queues.h"
-#include "simd/point.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -51,54 +56,6 @@ static void store_hit(struct frame *frame, struct pixel_block block, vfloat star
         store_plane(frame->planes[0], 1, frame, block, start);
         store_plane(frame->planes[1], 1, frame, block, v_splat((float)shapes));
     }
-}
-
-static struct vec unit(struct vec v) {
-    return vec_scale(v, v_splat(1.0f) / vec_norm(v));
-}
-
-// Returns a cone in each lane that holds the rays of a rectangle of pixels. It is made from the rays through the middles
-// of the corner pixels. No other ray is further from the axis: a circle around the axis is an ellipse in the picture,
-// which is convex.
-static struct cone_packet cones_around(vfloat x[2], vfloat y[2], const struct view *view) {
-    COUNT(cones_around, call);
-    struct vec corner[4], sum = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
-    for (int i = 0; i < 4; i++) {
-        corner[i] =
-            vec_along(vec_from_doubles(view->forward), vec_from_doubles(view->right), x[i & 1]);
-        corner[i] = unit(vec_along(corner[i], vec_from_doubles(view->up), y[i >> 1]));
-        sum = vec_along(sum, corner[i], v_splat(1.0f));
-    }
-    struct cone_packet cones = {.axis = unit(sum)};
-    vfloat most = v_splat(0.0f);
-    for (int i = 0; i < 4; i++) {
-        struct vec apart = vec_along(corner[i], cones.axis, v_splat(-1.0f));
-        most = v_max(most, vec_dot(apart, apart));
-    }
-    cones.spread = v_madd(v_sqrt(most), v_splat(1.0f + 0x1p-16f), v_splat(0x1p-20f));
-    return cones;
-}
-
-// Sets a cone for each rectangle. Returns which rectangles hold a pixel of the picture.
-static vmask get_cones(const struct pixel_rect patches[LANES], const struct job *job,
-                       struct cone_packet *cones) {
-    COUNT(get_cones, call);
-    const struct frame *frame = job->frame;
-    double per_height = job->view->tan_half_fov / frame->height;
-    float edge[4][LANES], there[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        COUNT(get_cones, scalar);
-        struct pixel_rect p = patches[lane];
-        there[lane] = p.left < p.right && p.top < p.bottom ? 1.0f : 0.0f;
-        edge[0][lane] = (float)((2.0 * p.left + 1.0 - frame->width) * per_height);
-        edge[1][lane] = (float)((2.0 * p.right - 1.0 - frame->width) * per_height);
-        edge[2][lane] = (float)((frame->height - 1.0 - 2.0 * p.top) * per_height);
-        edge[3][lane] = (float)((frame->height + 1.0 - 2.0 * p.bottom) * per_height);
-    }
-    vfloat x[2] = {v_load(edge[0]), v_load(edge[1])}, y[2] = {v_load(edge[2]), v_load(edge[3])};
-    ACTIVE(LANES);
-    *cones = cones_around(x, y, job->view);
-    return v_cmp_gt(v_load(there), v_splat(0.5f));
 }
 
 // Draws a patch whose rays hit nothing.
@@ -149,6 +106,14 @@ static void queue_patch(const struct pixel_rect *patch, int at, const struct job
     }
 }
 
+// Returns the shapes of the last list_of_cone(), without the Mandelbulbs.
+static struct shape_list list_without_bulbs(const struct prepared *scene,
+                                            struct march_scratch *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = own->wanted[i] && scene->placed[i].trust != BOUND_BALL;
+    return list_wanted(own->wanted, scene, own->tile);
+}
+
 // Marches and shades the camera rays of a patch. Colours go into the worker's scratch memory, from pixel `at` on.
 static void render_patch(const struct pixel_rect *patch, float start, struct shape_list list,
                          int at, const struct job *job, struct trace_context *world) {
@@ -170,7 +135,7 @@ static void render_patch(const struct pixel_rect *patch, float start, struct sha
             rays.weight[k] = v_splat(1.0f);
             rays.pixel[k] = v_iota() + v_splat((float)(at + k * LANES));
             rays.bounce[k] = v_splat(0.0f);
-            world->group.beam[k].list = list;
+            world->group->beam[k].list = list;
         }
         rays.marched = marched ? at : -1;
         trace(&rays, world, color, hit);
@@ -246,7 +211,8 @@ static void begin_tile(struct tile_in_work *drawn, int column, const struct tile
     }
     vmask there = get_cones(patches, job, &cones);
     cones.start = v_load(drawn->start);
-    struct shape_list met = list_for_children(above, squares->met, scene, world->own);
+    struct shape_list met =
+        list_for_children(above, squares->met, scene, world->own, world->own->offered);
     world->own->met = drawn->met;
     march_cones(world->eye, v_cmp_lt_in(there, cones.start, v_splat(INFINITY)), met, &cones, scene,
                 world->own);
@@ -312,11 +278,12 @@ static void draw_strip(const struct job *job, int strip, void *memory) {
         (struct worker_scratch *)((char *)memory + scratch_offset(shapes));
     scratch->occluders = (int *)((char *)scratch + whole_lines(sizeof *scratch));
     scratch->mirrors = scratch->shadows = scratch->camera_packets = scratch->single_count = 0;
+    struct packet_group group;
     struct trace_context world = {
-        .scene = scene, .view = job->view, .own = &own, .scratch = scratch};
+        .scene = scene, .view = job->view, .group = &group, .own = &own, .scratch = scratch};
     world.eye = point_from_doubles(job->view->position);
     world.lone = scene->lone && within_bounds(job->view, &scene->model);
-    init_packet_rays(&world.group, &own, shapes);
+    init_packet_rays(&group, &own, shapes);
     struct tile_in_work drawn[STRIP_TILES], squares;
     int first = strip % across * STRIP_TILES, row = strip / across * tiles_across(job->frame);
     vmask *met = own.met;
@@ -361,8 +328,7 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     if (!own)
         return false;
     struct march_scratch parts = march_scratch_of(own, prepared->model.shape_count);
-    struct packet_rays all = {parts.approach, prepared->all, parts.wake, v_splat(0.0f)},
-                       *beam = &all;
+    struct packet_rays all = single_packet(parts.approach, prepared->all, parts.wake), *beam = &all;
     struct vec nowhere = {v_splat(0.0f), v_splat(0.0f), v_splat(0.0f)};
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);

@@ -1,5 +1,9 @@
 // The march of rays that can hit nothing but a plane. Along the plane's normal the distance is linear in t, so a step
 // is one multiply-add, and several steps can go without a test between them.
+#include "core/packet_group.h"
+#include "core/sdf.h"
+#include "core/shape_distances.h"
+#include "march/march_single.h"
 #include "march/march_state.h"
 
 // A packet of rays, by their distance from the plane: `origin` at t = 0, and `direction` per unit of t.
@@ -63,8 +67,8 @@ static bool step_unchecked(struct plane_ray line[GROUP], vfloat hit_distance) {
 
 // The packets march abreast: the operations of each depend on each other, so the processor works on the others
 // meanwhile.
-void march_to_plane(struct march_state packets[GROUP], int shape, int next,
-                    struct packet_group *group, const struct model *model) {
+void march_to_plane(struct march_state *packets, int shape, int next, struct packet_group *group,
+                    const struct model *model) {
     COUNT(march_to_plane, call);
     vfloat hit_distance = v_splat((float)model->march.hit_distance);
     struct plane_ray line[GROUP];

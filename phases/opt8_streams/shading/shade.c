@@ -1,9 +1,12 @@
 // What a hit looks like: normal, light (B. T. Phong, "Illumination for computer generated
 // pictures", CACM 18 (1975)), fog; and what has to wait for a shadow or a mirror ray.
+#include "cones/march_scratch.h"
+#include "cones/tile_cones.h"
+#include "core/packet_group.h"
 #include "core/ray_queues.h"
-#include "simd/permute.h"
-#include "simd/point.h"
-#include "simd/pow.h"
+#include "core/shape_distances.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 
 // Materials of hits.
 struct surface {
@@ -190,14 +193,14 @@ static struct vec color_of(const struct ray_group *rays, int k, const struct hit
     return color;
 }
 
-void trace(const struct ray_group *rays, struct trace_context *world, struct vec color[GROUP],
-           struct hit hit[GROUP]) {
+void trace(const struct ray_group *rays, struct trace_context *world, struct vec *color,
+           struct hit *hit) {
     COUNT(trace, call);
     if (world->scratch->shadows > QUEUE - GROUP_RAYS) {
-        struct shape_list list = world->group.beam[0].list;
+        struct shape_list list = world->group->beam[0].list;
         cast_shadows(world);
         for (int k = 0; k < GROUP; k++)
-            world->group.beam[k].list = list;
+            world->group->beam[k].list = list;
     }
     struct lighting light[GROUP];
     vmask lit = v_mask_none();
@@ -213,7 +216,7 @@ void trace(const struct ray_group *rays, struct trace_context *world, struct vec
         list_occluders(hit, light, world);
     for (int k = 0; k < GROUP; k++)
         if (v_any(rays->active[k]))
-            color[k] = color_of(rays, k, &hit[k], &light[k], &world->group.beam[k], world);
+            color[k] = color_of(rays, k, &hit[k], &light[k], &world->group->beam[k], world);
 }
 
 // The last of the rays that wait first: what they see may make more of them.

@@ -4,8 +4,12 @@
 // out is further than what is returned.
 #include "bulb/bulb_estimate.h"
 #include "cones/distance_bounds.h"
+#include "core/local_rays.h"
+#include "core/ray_queues.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 #include "shadow/lane_refill.h"
-#include "simd/point.h"
 
 struct ray_segment {
     vfloat from, to; // from > to: none
@@ -91,7 +95,7 @@ static void begin_segment(struct segment_walk *walk, int k, int first, bool befo
                           struct shape_list others, struct trace_context *world) {
     COUNT(begin_segment, call);
     struct worker_scratch *scratch = world->scratch;
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     struct packet_rays *beam = &group->beam[k];
     struct point origin;
     struct vec to_light;
@@ -126,7 +130,7 @@ static void begin_segment(struct segment_walk *walk, int k, int first, bool befo
 // False after the packet's last step.
 static inline bool step_among_others(struct segment_walk *walk, int k, float strength_sq,
                                      vfloat cap, struct trace_context *world) {
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     const struct model *model = &world->scene->model;
     vmask live = group->live[k];
     ACTIVE(v_count(live));
@@ -159,7 +163,7 @@ static inline void plane_distances(struct packet_group *group, const struct prim
 static void march_among_others(int first, bool before, struct shape_list others,
                                struct trace_context *world) {
     COUNT(march_among_others, call);
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     struct worker_scratch *scratch = world->scratch;
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
@@ -198,7 +202,7 @@ static void march_among_others(int first, bool before, struct shape_list others,
 }
 
 // One packet of those that have come to the stretch, to go lane by lane.
-bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_context *world) {
+static bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_context *world) {
     struct worker_scratch *scratch = world->scratch;
     int first = number * LANES;
     struct point origin;
@@ -225,8 +229,8 @@ bool next_shadow_packet(struct ray_stream *stream, int number, struct trace_cont
     return true;
 }
 
-void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
-                        struct worker_scratch *scratch) {
+static void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat t,
+                               struct worker_scratch *scratch) {
     COUNT(finish_shadow_rays, call);
     float values[SEGMENT_END][LANES], ray[LANES];
     v_store(t, values[SEGMENT_T]);
@@ -246,7 +250,7 @@ void finish_shadow_rays(const struct refilled_packet *pool, vmask ended, vfloat 
 // How many lanes are still at work.
 static inline int shadow_stream_step(struct refilled_packet *pool, int k, float strength_sq,
                                      vfloat cap, struct trace_context *world) {
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     const struct model *model = &world->scene->model;
     ACTIVE(v_count(group->live[k]));
     COUNT(shadow_stream_step, call);
@@ -288,11 +292,13 @@ static inline void single_bulb_distances(struct packet_group *group, const struc
 
 static void march_segments(struct trace_context *world) {
     COUNT(march_segments, call);
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     const struct model *model = &world->scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
-    struct ray_stream stream;
-    stream_begin(&stream, (world->scratch->shadows + LANES - 1) / LANES, true, world);
+    struct ray_stream stream = {.count = (world->scratch->shadows + LANES - 1) / LANES,
+                                .next_packet = next_shadow_packet,
+                                .finish_rays = finish_shadow_rays};
+    stream_begin(&stream, world);
     vfloat cap = v_splat((float)step_cap(model));
     const struct primitive *bulb = single_shape(SHAPE_MANDELBULB, world->scene);
     const struct primitive *plane = single_shape(SHAPE_PLANE, world->scene);
@@ -323,6 +329,14 @@ static void begin_segments(struct trace_context *world) {
         v_store(v_splat(1e14f), &scratch->leg[SEGMENT_TWICE][first]);
         v_store(v_splat(0.0f), &scratch->leg[SEGMENT_EVALS][first]);
     }
+}
+
+// Returns all shapes without the Mandelbulbs.
+static struct shape_list list_other_shapes(const struct prepared *scene,
+                                           struct march_scratch *own) {
+    for (int i = 0; i < scene->model.shape_count; i++)
+        own->wanted[i] = scene->placed[i].trust != BOUND_BALL;
+    return list_wanted(own->wanted, scene, own->shadow);
 }
 
 void cast_streams(struct trace_context *world) {

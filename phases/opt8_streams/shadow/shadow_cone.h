@@ -2,7 +2,8 @@
 #ifndef CONE_H
 #define CONE_H
 
-#include "core/ray_queues.h"
+#include "core/primitive.h"
+#include "simd/simd.h"
 
 // Cones of slope q about the ray that miss a sphere: |v − t·l| ≥ R + q·t for all t ≥ 0.
 struct shadow_cone {

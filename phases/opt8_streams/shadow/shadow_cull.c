@@ -1,7 +1,11 @@
 // Shadow rays that need no march. The soft shadow is the paper's: the least of strength·√(h² − y²)/(t − y) over the
 // steps of a march by the distance h to the whole scene, y = h²/(2·previous h). It depends on the steps, so a shape
 // that only touches the march changes it; but of most rays it can be told without one. PROOFS.md has the proofs.
-#include "core/numerics.h"
+#include "core/packet_group.h"
+#include "core/ray_queues.h"
+#include "core/shape_distances.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
 #include "shadow/shadow_cone.h"
 
 // The group's hits lie in this ball, and their rays to the light go as `to_light`, but for `spread` at the most.
@@ -9,7 +13,7 @@ struct light_bundle {
     float centre[3], radius, to_light[3], spread;
 };
 
-static bool light_bundle_of(const struct hit hit[GROUP], const struct lighting light[GROUP],
+static bool light_bundle_of(const struct hit *hit, const struct lighting *light,
                             const struct view *view, struct light_bundle *ball) {
     COUNT(light_bundle_of, call);
     COUNT(light_bundle_of, scalar);
@@ -64,7 +68,7 @@ static bool bundle_misses(const struct light_bundle *ball, const struct primitiv
     return lean * lean * (1 + 1e-4f) < (1 - q * q) * need;
 }
 
-void list_occluders(const struct hit hit[GROUP], const struct lighting light[GROUP],
+void list_occluders(const struct hit *hit, const struct lighting *light,
                     struct trace_context *world) {
     COUNT(list_occluders, call);
     const struct prepared *scene = world->scene;

@@ -1,7 +1,11 @@
 // Shadow rays that wait, in packets: see core/ray_queues.h. Each of them marches until its last ray is done.
-#include "shadow/soft_shadow.h"
-#include "cones/distance_bounds.h"
-#include "simd/point.h"
+#include "cones/march_scratch.h"
+#include "cones/tile_cones.h"
+#include "core/local_rays.h"
+#include "core/ray_queues.h"
+#include "core/sdf.h"
+#include "core/trace_context.h"
+#include "shading/shadow_step.h"
 
 static void load_shadow_group(struct ray_group *rays, vfloat length[GROUP], int first,
                               struct worker_scratch *scratch) {
@@ -25,7 +29,7 @@ static void shadow(const struct ray_group *rays, const vfloat length[GROUP],
     const struct prepared *scene = world->scene;
     const struct model *model = &scene->model;
     float strength = (float)model->shadow_strength, strength_sq = strength * strength;
-    struct packet_group *group = &world->group;
+    struct packet_group *group = world->group;
     bool soft = model->shadows == SHADOWS_SOFT;
     struct shadow_state shades[GROUP];
     list_for_bundle(rays, soft ? NULL : length, soft ? LIST_NEAREST : LIST_HIT, world,

@@ -3,7 +3,8 @@
 #include <stdalign.h>
 #include <stdlib.h>
 
-#include "core/primitive.h"
+#include "core/kernel.h"
+#include "core/primitives.h"
 #include "driver/variant.h"
 #include "workers/workers.h"
 

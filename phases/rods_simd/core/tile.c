@@ -2,8 +2,12 @@
 // blocks of neighbours on both axes, four wide, one ray through the middle of each; what of a block lies outside the
 // picture is masked, so any size will do.
 #include "core/camera_rays.h"
+#include "core/kernel.h"
+#include "core/local_rays.h"
+#include "core/trace.h"
+#include "core/trace_context.h"
+#include "march/march_step.h"
 #include "rods.h"
-#include "simd/point.h"
 
 #include <stdlib.h>
 
@@ -111,8 +115,8 @@ static void draw_block(struct pixel_block block, struct point origin, struct beg
     rays->origin[k] = origin;
     rays->direction[k] = get_direction(block, job->frame, job->view);
     rays->active[k] = active;
-    rays->start[k] = v_select_or_zero(active, began.start);
-    rays->cap = settings->finish > 0 ? int_min(cap, settings->finish) : cap;
+    world->start[k] = v_select_or_zero(active, began.start);
+    world->cap[k] = settings->finish > 0 ? int_min(cap, settings->finish) : cap;
     waiting->block[k] = block;
     waiting->began[k] = began;
     if (waiting->count == GROUP)
@@ -124,8 +128,9 @@ static void draw_tile(const struct job *job, int tile, void *own) {
     COUNT(draw_tile, scalar);
     struct frame *frame = job->frame;
     const struct model *model = &job->prepared->model;
-    struct trace_context world = {.scene = job->prepared, .view = job->view};
-    struct survey *survey = init_packet_rays(&world.group, own, model->shape_count);
+    struct packet_group group;
+    struct trace_context world = {.scene = job->prepared, .view = job->view, .group = &group};
+    struct survey *survey = init_packet_rays(&group, own, model->shape_count);
     struct point origin = point_from_doubles(job->view->position);
     int left = tile % tiles_across(frame) * TILE, right = int_min(frame->width, left + TILE);
     int top = tile / tiles_across(frame) * TILE, bottom = int_min(frame->height, top + TILE);
@@ -178,9 +183,9 @@ bool VARIANT(distances)(const struct prepared *prepared, size_t count, const dou
     for (size_t i = 0; i < count; i++) {
         vfloat shape = v_splat(-1.0f);
         approach_origins(point_from_doubles(points + 3 * i), prepared, beam);
-        approach_directions(nowhere, prepared, beam->approach);
-        distance[i] = v_lane0(
-            nearest_shape_at(beam->approach, v_splat(0.0f), prepared, v_mask_all(), &shape));
+        approach_directions(nowhere, prepared, beam);
+        distance[i] =
+            v_lane0(nearest_shape_at(beam, v_splat(0.0f), prepared, v_mask_all(), &shape));
         nearest[i] = (int)v_lane0(shape);
     }
     free(own);

@@ -1,4 +1,4 @@
-// The shapes as the march wants them, anew whenever the scene has moved.
+// The scene in the form that the march needs, prepared anew whenever it has moved.
 #include "core/primitives.h"
 
 #include <stdlib.h>
@@ -12,6 +12,15 @@ static enum bound_kind bound_kind_of(const struct shape *shape, bool repeated) {
     if (repeated && (shape->type == SHAPE_PLANE || shape->type == SHAPE_CONE))
         return BOUND_NONE;
     return shape->type == SHAPE_MANDELBULB ? BOUND_BALL : BOUND_LIPSCHITZ;
+}
+
+// Sets what bounds a shape's distance.
+static void prepare_bounds(struct primitive *p, const struct shape *shape,
+                           const struct limits *limits) {
+    if (p->type == SHAPE_MANDELBULB)
+        p->a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
+    p->trust = bound_kind_of(shape, p->repeated);
+    p->error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p->a) : 1.0f);
 }
 
 // A sphere about the shape's position that holds it. 1e-5: what is rounded must not cut it.
@@ -76,63 +85,6 @@ static void prepare_cone(struct primitive *p, float q, bool soft) {
     p->wide = 1 - p->slope_lit * p->slope_lit;
 }
 
-static struct primitive prepare_shape(int index, const struct shape *shape,
-                                      const struct limits *limits) {
-    struct primitive p = {.type = shape->type, .index = (float)index};
-    double turn[3][3];
-    rotation_matrix(shape->rotation_degrees, turn);
-    for (int i = 0; i < 3; i++) {
-        split(shape->position[i], &p.position[i], &p.position_lo[i]);
-        to_floats(turn[i], p.turn[i]);
-        p.turned = p.turned || shape->rotation_degrees[i] != 0.0;
-        p.repeated = p.repeated || shape->repeat[i] > 0.0;
-        p.cell[i] = (float)shape->repeat[i];
-        p.wide_cell[i] = shape->repeat[i];
-        p.wide_per_cell[i] = shape->repeat[i] > 0.0 ? 1.0 / shape->repeat[i] : 0.0;
-        p.per_cell[i] = (float)p.wide_per_cell[i];
-    }
-    p.way = eval_kind_of(shape, p.repeated, limits);
-    prepare_rows(&p, shape, turn);
-    switch (shape->type) {
-    case SHAPE_SPHERE: p.a = (float)shape->sphere.radius; break;
-    case SHAPE_BOX: to_floats(shape->box.half_size, p.size); break;
-    case SHAPE_ROUNDED_BOX:
-        to_floats(shape->box.half_size, p.size);
-        p.a = (float)shape->box.rounding;
-        break;
-    case SHAPE_TORUS:
-        p.a = (float)shape->torus.major_radius;
-        p.b = (float)shape->torus.minor_radius;
-        break;
-    case SHAPE_CONE: {
-        double across = shape->cone.top_radius - shape->cone.bottom_radius;
-        double up = 2.0 * shape->cone.half_height;
-        p.a = (float)shape->cone.bottom_radius;
-        p.b = (float)shape->cone.top_radius;
-        p.c = (float)shape->cone.half_height;
-        p.slope[0] = (float)across;
-        p.slope[1] = (float)up;
-        p.per_slope_sq = (float)(1.0 / (across * across + up * up));
-        break;
-    }
-    case SHAPE_OCTAHEDRON: p.a = (float)shape->octahedron.radius; break;
-    case SHAPE_PLANE:
-        to_floats(shape->plane.normal, p.size);
-        p.a = (float)shape->plane.offset;
-        break;
-    default:
-        p.a = BALL_RADIUS + 2.0f * (float)limits->hit_distance;
-        p.bailout = (float)shape->mandelbulb.bailout;
-        p.iterations = shape->mandelbulb.iterations;
-        break;
-    }
-    p.steady = !p.repeated && p.type != SHAPE_MANDELBULB;
-    p.trust = bound_kind_of(shape, p.repeated);
-    p.error = 0x1p-18f * fmaxf(extent_of(shape), shape->type == SHAPE_PLANE ? fabsf(p.a) : 1.0f);
-    p.slack = 0x1p-18f * extent_of(shape);
-    return p;
-}
-
 static bool is_single_bulb(const struct prepared *prepared) {
     const struct model *model = &prepared->model;
     int planes = 0;
@@ -165,6 +117,7 @@ bool phase_update(struct prepared *prepared, const struct model *model) {
     for (int i = 0; i < model->shape_count; i++) {
         struct primitive *p = &prepared->placed[i];
         *p = prepare_shape(i, &model->shapes[i], &model->march);
+        prepare_bounds(p, &model->shapes[i], &model->march);
         prepare_solid(p, &model->shapes[i], model);
         prepare_cone(p, prepared->lit_slope, model->shadows != SHADOWS_HARD);
         prepared->told = prepared->told && !p->repeated && p->way != EVAL_POWER;

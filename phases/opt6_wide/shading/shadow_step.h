@@ -1,14 +1,9 @@
-// A step of a shadow ray: of whole packets (shadow/soft_shadow.c), and of lanes that are filled again (shadow/ray_segment.c).
-#ifndef UMBRA_H
-#define UMBRA_H
+// One step of a packet of shadow rays, soft and hard.
+#ifndef SHADOW_STEP_H
+#define SHADOW_STEP_H
 
-#include "core/ray_queues.h"
-
-struct shadow_state {
-    vfloat least_sq; // of the light so far: the root is taken once, of what is left in the end
-    vfloat twice_previous;
-    struct bounds_exit exit;
-};
+#include "core/packet_group.h"
+#include "march/march_step.h"
 
 // The rays that are still under way, after some have ended.
 __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
@@ -19,8 +14,8 @@ __attribute__((noinline, unused)) static bool end_shadow_rays(int k, vmask live,
 }
 
 // Improved soft shadow: I. Quilez, "soft shadows in raymarched SDFs" (iquilezles.org/articles/
-// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Which rays are still under way after
-// this step: of those that are not, the shade stays as it is.
+// rmshadows), after S. Aaltonen's GDC 2018 talk. Runs past the light to the bounds. Returns the rays that are still
+// under way after this step. The state of the others stays as it is.
 static inline vmask soft_step(struct shadow_state *ray, int k, float strength_sq,
                               struct packet_group *group, const struct model *model) {
     vmask live = group->live[k];

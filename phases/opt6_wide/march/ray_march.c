@@ -1,0 +1,114 @@
+// From rays to hits: marches a group of packets, and places each hit on its surface.
+#include "core/local_rays.h"
+#include "core/packet_group.h"
+#include "march/march_state.h"
+
+// The shape that a ray was in when its march ended: the step back may have brought it nearer to another.
+__attribute__((noinline)) static void shape_inside(vmask deep, vfloat t,
+                                                   const struct prepared *scene,
+                                                   const struct packet_rays *beam, vfloat *shape) {
+    ACTIVE(v_count(deep));
+    COUNT(shape_inside, call);
+    vfloat inside = v_splat(-1.0f);
+    nearest_shape_at(beam, t, scene, deep, &inside);
+    *shape = v_select(deep, inside, *shape);
+}
+
+// Each hit becomes an origin, in the frames of all shapes: there the distance is exact to the size of
+// a shape, not of the way to it. A hit that is still further than twice the hit distance, because
+// the march erred or its test was wider than the scene's, marches on from there: whether there is one.
+static bool land_hits(struct march_state *at, vmask settled, struct vec direction,
+                      const struct prepared *scene, struct packet_rays *beam, vmask *live) {
+    ACTIVE(v_count(at->found));
+    COUNT(land_hits, call);
+    if (!v_any(at->found))
+        return false;
+    COUNT(land_hits, point);
+    COUNT(land_hits, scalar);
+    float twice = 2.0f * (float)scene->model.march.hit_distance;
+    vmask sunk = v_and(v_andnot(settled, at->found), v_cmp_lt(at->last, v_splat(-twice)));
+    if (v_any(sunk))
+        shape_inside(sunk, at->t, scene, beam, &at->inside);
+    at->deep = v_or(at->deep, sunk);
+    // What has settled stays as it is to the bit, whatever its neighbours do.
+    at->origin =
+        point_select(settled, at->origin, point_at(at->origin, direction, at->t, at->last));
+    approach_origins(at->origin, scene, beam);
+    at->near = near_hit(at->found, scene, beam);
+    vmask off = v_and(
+        at->found, v_andnot(v_or(at->deep, settled), v_cmp_gt(at->near.distance, v_splat(twice))));
+    if (!v_any(off))
+        return false;
+    ACTIVE(v_count(off));
+    COUNT(land_hits, on);
+    // From where it surely was before that surface, be it as thin as an ulp of t.
+    vfloat back = v_select_or_zero(off, at->t * v_splat(-0x1p-22f));
+    at->origin.lo = vec_along(at->origin.lo, direction, back);
+    at->before = v_select(off, at->before + (at->t + (at->last + back)), at->before);
+    approach_origins(at->origin, scene, beam);
+    approach_directions(direction, scene, beam);
+    at->found = v_andnot(off, at->found);
+    *live = v_cmp_lt_in(off, at->evals, v_splat((float)march_cap(at, &scene->model)));
+    return v_any(*live);
+}
+
+static struct hit finish_hit(struct march_state *at, struct vec direction,
+                             const struct prepared *scene, struct packet_rays *beam) {
+    COUNT(finish_hit, call);
+    struct hit hit = {.found = at->found, .shape = v_splat(-1.0f), .evals = at->evals};
+    if (!v_any(at->found))
+        return hit;
+    vfloat way = at->before + at->t;
+    vmask unmoved = v_cmp_ge(v_splat(0.0f), way); // hits wherever it starts
+    hit.found = v_and(hit.found, v_or(within(at->origin, &scene->model), unmoved));
+    struct hit_surroundings near = at->near;
+    if (v_any(at->deep)) {
+        COUNT(finish_hit, deep);
+        vmask other = v_cmp_ge(v_abs(near.shape - at->inside), v_splat(0.5f));
+        near.contact = v_or(near.contact, v_and(at->deep, other));
+        near.shape = v_select(at->deep, at->inside, near.shape);
+    }
+    struct hit_normal at_hit = normal_at(direction, hit.found, &near, scene, beam);
+    hit.normal = at_hit.normal;
+    ACTIVE(v_count(hit.found));
+    COUNT(finish_hit, end);
+    hit.shape = v_select(hit.found, near.shape, hit.shape);
+    vfloat more = v_zero_where(at->deep, newton(near.distance, at_hit.slope, way));
+    hit.t = at->before + (at->t + (at->last + more));
+    hit.point = at->origin;
+    hit.point.lo = vec_along(hit.point.lo, direction, more);
+    approach_moved(more, scene, beam);
+    return hit;
+}
+
+void ray_march(const struct ray_group *rays, struct trace_context *world, struct hit *hit) {
+    COUNT(ray_march, call);
+    const struct prepared *scene = world->scene;
+    struct packet_group *group = world->group;
+    struct march_state packets[GROUP];
+    unsigned going = 0;
+    for (int k = 0; k < packets_in(group); k++) {
+        ACTIVE(v_count(rays->active[k]));
+        packets[k] = march_state_of(rays, k, world);
+        group->live[k] = rays->active[k];
+        if (!v_any(rays->active[k]))
+            continue;
+        going |= 1u << k;
+        approach_origins(rays->origin[k], scene, &group->beam[k]);
+        approach_directions(rays->direction[k], scene, &group->beam[k]);
+    }
+    while (going) {
+        vmask settled[GROUP];
+        for (int k = 0; k < packets_in(group); k++)
+            settled[k] = packets[k].found;
+        march(packets, rays, world);
+        for (int k = 0; k < packets_in(group); k++)
+            if (going >> k & 1 && !land_hits(&packets[k], settled[k], rays->direction[k], scene,
+                                             &group->beam[k], &group->live[k]))
+                going &= ~(1u << k);
+    }
+    for (int k = 0; k < packets_in(group); k++) {
+        ACTIVE(v_count(packets[k].found));
+        hit[k] = finish_hit(&packets[k], rays->direction[k], scene, &group->beam[k]);
+    }
+}

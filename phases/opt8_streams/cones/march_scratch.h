@@ -1,0 +1,27 @@
+// A worker's memory: where rays are in the frames of all shapes, and lists of shapes.
+#ifndef MARCH_SCRATCH_H
+#define MARCH_SCRATCH_H
+
+#include "core/primitive.h"
+#include "simd/simd.h"
+
+struct local_ray; // core/shape_distances.h
+
+// A worker's memory, of the size that march_scratch_size() says.
+struct march_scratch {
+    vfloat *wake; // GROUP for each shape, as the next: of the rays being marched
+    struct local_ray *approach;
+    vfloat *eye_wake; // of cones and bundles
+    struct local_ray *eye;
+    vfloat *distance;            // at the ends of a bundle's intervals
+    struct local_ray *axis;      // of cones
+    vmask *met;                  // lanes whose cone can meet the shape
+    int *offered;                // a list of what wider cones have met
+    int *tile, *mirror, *shadow; // lists: in the scene's order, and behind it in that of evaluation
+    bool *wanted;                // of each shape, on the way to a list
+};
+
+size_t march_scratch_size(int shapes);
+struct march_scratch march_scratch_of(void *memory, int shapes);
+
+#endif
